@@ -34,7 +34,6 @@ import numpy as np
 from clear_mot import ClearMot, Truth
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
@@ -42,7 +41,7 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.offline import recording_results
 from tsepm_ros.tools.replay.recording import RecordedMotion, Recording, read_recording
 from tsepm_ros.tools.terminal import text_table, with_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.scan import wrap
 from tsepm_ros.tracker.tracks import TrackArrays
 

@@ -6,13 +6,13 @@
 - vessels: starts and tracks of a vessel at 3 m/s with 3 to 8 highlights a ping along its hull;
 - pool: swimmers held around a fast imaging sonar, by their echoes and the false detections;
 - box: the largest likelihood ratio over the pings of the paper's box, uniform and lumpy, and
-  whether the tracks of the first `--tracked` pings are those of `plots` off to the bit;
+  whether the tracks are those of `plots` off to the bit;
 - time: of the grouping, by the number of detections.
 
     python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
                                         [--sensor given|unknown]
     python benchmarks/plots.py pool [--runs 20] [--pings 240] [--swimmers 5] [--enter 0]
-    python benchmarks/plots.py box [--pings 100000] [--tracked 2000]
+    python benchmarks/plots.py box [--pings 2000]
 """
 
 from __future__ import annotations
@@ -33,16 +33,12 @@ from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Pool, Swimmers, box
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent, grouped, plots_of
-from tsepm_ros.tracker.clutter.seen_extent import Extent, SeenExtent
-from tsepm_ros.tracker.multi_detection import DetectionSpacing
-from tsepm_ros.tracker.plot_extraction import LIKELIHOOD_RATIO
+from tsepm_ros.tracker.multi_detection import LOG_RATIO
 from tsepm_ros.tracker.scan import Scan
 
 MAX_SPEED = 5.0
 POOL_SPEED = 3.0
 """Of the method in the pool, m/s."""
-REACH = 120.0
-"""Of a target between two pings of the paper's box, at the default maximum speed, m."""
 KINDS = ("uniform", "smooth", "rough", "blocks")
 
 
@@ -102,10 +98,8 @@ def run(
 
 
 def mean_nees(runs: list[Run]) -> str:
-    """Mean NEES of the targets' first starts, those from when plots are on, with its interval."""
-    values = [
-        start.nees for one in runs for start in one.after_on()[:1] if math.isfinite(start.nees)
-    ]
+    """Mean NEES of the targets' first starts, with its interval."""
+    values = [start.nees for one in runs for start in one.starts[:1] if math.isfinite(start.nees)]
     if len(values) < 2:
         return "-"
     half = 1.96 * np.std(values, ddof=1) / math.sqrt(len(values))
@@ -118,8 +112,8 @@ def first(one: Run, target: int = 0) -> float:
 
 
 def lateness(one: Run, single: Run) -> float:
-    """Pings by which a target is started later than with one echo, and than plots are on."""
-    return first(one) - max(first(single), one.on)
+    """Pings by which a target is started later than with one echo."""
+    return first(one) - first(single)
 
 
 def swimmers(options: argparse.Namespace) -> None:
@@ -271,32 +265,21 @@ def pool(options: argparse.Namespace) -> None:
 def paper_box(options: argparse.Namespace) -> None:
     """Print the largest likelihood ratios, and whether tracks are the same to the bit."""
     for kind in options.kinds:
-        spacing, largest, spent = DetectionSpacing(SensorModel()), -math.inf, 0.0
-        seen = SeenExtent(Extent.of(SensorModel()))
-        for scan in box(kind, options.pings, options.seed):
-            begin = time.perf_counter()
-            spacing.observe(scan.range, scan.azimuth, reach=REACH, seen=seen.region)
-            spent += time.perf_counter() - begin
-            seen.update(scan.range, scan.azimuth, np.ones(len(scan)))
-            largest = max(largest, spacing.log_ratio)
-        print(
-            f"{kind}: {options.pings} pings, largest log likelihood ratio {largest:.2f}, that of "
-            f"plots {math.log(LIKELIHOOD_RATIO):.2f}; {1e3 * spent / options.pings:.2f} ms a ping",
-            flush=True,
-        )
         off, auto = (
             make_initiator("score", sensor=SensorModel(), clutter_density="estimated", plots=mode)
             for mode in ("off", "auto")
         )
-        same, tracks = True, 0
-        for scan in box(kind, options.tracked, options.seed + 1):
+        same, tracks, largest = True, 0, 0.0
+        for scan in box(kind, options.pings, options.seed + 1):
             one, other = off.process(scan), auto.process(scan)
             tracks += len(one)
             same &= one.hits == other.hits and one.state.tobytes() == other.state.tobytes()
             same &= off.current.covariance.tobytes() == auto.current.covariance.tobytes()
             same &= off.statistics == auto.statistics
+            largest = max(largest, auto.plots.log_ratio)
         print(
-            f"{kind}: {options.tracked} pings, {tracks} tracks, auto is off to the bit: {same}",
+            f"{kind}: {options.pings} pings, {tracks} tracks, auto is off to the bit: {same}; "
+            f"largest log likelihood ratio {largest:.2f}, that of plots {LOG_RATIO:.2f}",
             flush=True,
         )
 
@@ -345,10 +328,9 @@ def main() -> None:
     parser.add_argument("--pings", type=int)
     parser.add_argument("--swimmers", type=int, default=5, help="in the pool")
     parser.add_argument("--enter", type=int, default=0, help="ping at which they do")
-    parser.add_argument("--tracked", type=int, default=2000)
     parser.add_argument("--kinds", nargs="+", default=KINDS)
     options = parser.parse_args()
-    options.pings = options.pings or {"box": 100_000, "pool": 240}.get(options.job, 40)
+    options.pings = options.pings or {"box": 2000, "pool": 240}.get(options.job, 40)
     jobs[options.job](options)
 
 

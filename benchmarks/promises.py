@@ -28,21 +28,18 @@ import fixed_threads
 import numpy as np
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.tools.commands.arguments import add_runs, workers_of
 from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.design_case import Case
-from tsepm_ros.tools.design.prediction import false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.design.prediction import Case, false_tracks_per_hour, target_statistics
 from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.evaluation.operating_curve import Comparison
-from tsepm_ros.tools.evaluation.performance import Evaluated, Plan, evaluate
+from tsepm_ros.tools.evaluation.performance import Comparison, Evaluated, Plan, evaluate
 from tsepm_ros.tools.evaluation.result_files import add_result, code_key, printed, write_table
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
 Rows = Iterator[Sequence[str]]
 """A header, then the rows of a table."""
@@ -139,7 +136,7 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
         for degrees in (1, 3):
             azimuth = math.radians(degrees)
             box = scene("box", options.warm_up, clutter_density=density, azimuth_std=azimuth)
-            points = [score_at(1), score_at(10), score_at(10, limit_speed=False)]
+            points = [score_at(1), score_at(10), score_at(10, limit_speed="off")]
             [result] = evaluated(box, points, runs, options)
             for point, measures in zip(result.points, result.measures, strict=True):
                 cells = [measures.text(name, interval="detection" not in name) for name in shown]

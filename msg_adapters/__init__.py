@@ -7,20 +7,17 @@ are imported only to build a message, so reading needs no ROS.
 from msg_adapters import (  # noqa: F401 - each registers its types
     laser_scan_detections,
     marine_acoustic_detections,
-    radar_detections,
-    vision_detections,
+    object_detections,
 )
-from msg_adapters.detection_types import (
+from msg_adapters.diagnostics import diagnostics
+from msg_adapters.nav_messages import odometry_message, read_land, read_own_ship, track_odometry
+from msg_adapters.ping import (
+    Ping,
     message_class,
     read_detections,
     supported_types,
     write_detections,
 )
-from msg_adapters.diagnostics import diagnostics
-from msg_adapters.errors import MessageError
-from msg_adapters.land_grid import read_land
-from msg_adapters.odometry import odometry_message, read_own_ship, track_odometry
-from msg_adapters.ping import Ping
 from msg_adapters.point_cloud import (
     PlacedDetections,
     placed_detections_cloud,
@@ -29,7 +26,14 @@ from msg_adapters.point_cloud import (
     write_cloud,
 )
 from msg_adapters.point_cloud_detections import detections_cloud
-from msg_adapters.stamps import make_header, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
+from msg_adapters.stamps import (
+    MessageError,
+    make_header,
+    ns_to_seconds,
+    ns_to_time,
+    seconds_to_ns,
+    time_to_ns,
+)
 from msg_adapters.track_cloud import (
     TRACK_DTYPE,
     read_track_cloud,

@@ -13,9 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msg_adapters.detection_fields import intensity_feature, turn_about_z
-from msg_adapters.detection_types import register, register_writer
-from msg_adapters.ping import Ping, ReadingOptions, good_detections
+from msg_adapters.ping import (
+    Ping,
+    ReadingOptions,
+    good_detections,
+    intensity_feature,
+    register,
+    register_writer,
+    turn_about_z,
+)
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clustering import goes_on

@@ -11,11 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msg_adapters.detection_fields import fitted, intensity_feature
-from msg_adapters.detection_types import register, register_writer
-from msg_adapters.errors import MessageError
-from msg_adapters.ping import SOUND_SPEED, Ping, ReadingOptions, good_detections
-from msg_adapters.stamps import time_to_ns
+from msg_adapters.ping import (
+    SOUND_SPEED,
+    Ping,
+    ReadingOptions,
+    fitted,
+    good_detections,
+    intensity_feature,
+    register,
+    register_writer,
+)
+from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.tracker.scan import Scan
 
@@ -128,10 +134,9 @@ def read_sonar_ranges(message: SonarRanges, options: ReadingOptions) -> Ping:
 def _number_of_beams(**arrays: Any) -> int:
     """Return the number of beams of the arrays that give ranges and directions."""
     lengths = {name: len(values) for name, values in arrays.items()}
-    if any(lengths.values()):
-        for name, length in lengths.items():
-            if not length:
-                raise MessageError("missing_field", f"{name} is empty: the beams have no position")
+    missing = [name for name, length in lengths.items() if not length]
+    if missing and any(lengths.values()):
+        raise MessageError("missing_field", f"{missing[0]} is empty: the beams have no position")
     return max(lengths.values())
 
 

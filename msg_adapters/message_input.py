@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from msg_adapters import (
@@ -73,23 +74,23 @@ class MessageInput:
 
     def take_own_ship(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        try:
-            sample = read_own_ship(message, self._session.fixed_frame)
-        except MessageError as error:
-            self._session.drop("own_ship_invalid", f"own-ship data dropped: {error}")
-            return
-        self._session.add_own_ship(sample)
+        with self._dropping("own-ship data", reason="own_ship_invalid"):
+            self._session.add_own_ship(read_own_ship(message, self._session.fixed_frame))
 
     def take_tracked(self, message: Any) -> None:
         """Take a downstream tracker's report, a cloud in the layout of tracks."""
-        try:
+        with self._dropping("tracked targets", prefix="tracked_"):
             self._session.add_tracked(tracker_report(message))
-        except MessageError as error:
-            self._session.drop(f"tracked_{error.reason}", f"tracked targets dropped: {error}")
 
     def take_land(self, message: Any) -> None:
         """Take a nav_msgs/OccupancyGrid."""
-        try:
+        with self._dropping("land"):
             self._session.add_land(read_land(message), message.header.frame_id)
+
+    @contextmanager
+    def _dropping(self, subject: str, reason: str = "", prefix: str = "") -> Iterator[None]:
+        """Drop and count an unusable message, by its error's reason if no other is given."""
+        try:
+            yield
         except MessageError as error:
-            self._session.drop(error.reason, f"land dropped: {error}")
+            self._session.drop(reason or prefix + error.reason, f"{subject} dropped: {error}")

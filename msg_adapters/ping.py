@@ -1,26 +1,39 @@
-"""What adapters read from a detection message, and the options for it.
+"""Detection messages: their registry, what is read from them, and what several types share.
 
-Options for reading detection messages: properties that a message does not contain.
+An adapter is a function of a message and :class:`ReadingOptions` that returns a :class:`Ping`: the
+good detections, with its drops and assumptions. It is registered under the message's type name, as
+is a writer that converts a scan to that message, for simulations::
 
-The good detections of a message, with its drops and assumptions.
+    @register("sensor_msgs/msg/LaserScan")
+    def read_laser_scan(scan, options): ...
+
+    @register_writer("sensor_msgs/msg/LaserScan")
+    def write_laser_scan(header, scan, sound_speed): ...
+
+Units, angles and lengths of the arrays in messages are converted by functions at the end.
 """
 
 from __future__ import annotations
 
+import importlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.stamps import ns_to_seconds
+from msg_adapters.stamps import MessageError, ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.own_ship.attitude import stated_axes
+from tsepm_ros.own_ship.attitude import AXES, stated_axes, without_suffix
 from tsepm_ros.own_ship.registration import MessageFacts, SensorScan
+from tsepm_ros.session.drop_reasons import NUMBERS
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, arc_of, wrap
 from tsepm_ros.tracker.sensor import SensorModel
+
+if TYPE_CHECKING:
+    from std_msgs.msg import Header
 
 BEARING_REFERENCES = ("bow", "north")
 """Reference directions of a `bearing`, which is positive clockwise."""
@@ -181,27 +194,34 @@ def good_detections(
         with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
             slant = range if height is None else np.hypot(range, height)
             time_offset = slant / options.sound_speed
+    arrays = {
+        "range": range,
+        "azimuth": azimuth,
+        "range_std": range_std,
+        "azimuth_std": azimuth_std,
+        "time_offset": time_offset,
+        "transmit_offset": transmit_offset,
+    }
+    given = {name: values for name, values in arrays.items() if values is not None}
+    common = {
+        f"{name}_{fault}": _IS_FAULT[fault](name, values)
+        for name, values in given.items()
+        for fault in NUMBERS[name][1]
+    }
     kept = np.ones(len(range), bool)
-    no_return = _left_out((nothing or {}).items(), kept)
-    common = _faults(range, azimuth, range_std, azimuth_std, time_offset, transmit_offset)
-    dropped = _left_out(chain((faults or {}).items(), common), kept)
-
-    def selected(values: FloatArray) -> FloatArray:
-        return np.asarray(values, np.float64)[
-            kept
-        ]  # always a copy, independent of the message's buffer
-
-    def selected_or_none(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else selected(values)
-
+    no_return = _left_out(nothing or {}, kept)
+    dropped = _left_out({**(faults or {}), **common}, kept)
+    # Copies, independent of the message's buffer.
+    own = {name: np.asarray(values, np.float64)[kept] for name, values in given.items()}
+    transmitted, number = own.pop("transmit_offset", None), len(range)
+    beyond_turn = int(np.count_nonzero(np.abs(own["azimuth"]) > MAX_TURN))
+    own["azimuth"] = wrap(own["azimuth"])
     scan = Scan.trusted(
+        **dict.fromkeys(("range_std", "azimuth_std", "time_offset")) | own,
         stamp=ns_to_seconds(stamp_ns),
-        range=selected(range),
-        azimuth=wrap(selected(azimuth)),
-        range_std=selected_or_none(range_std),
-        azimuth_std=selected_or_none(azimuth_std),
-        time_offset=selected_or_none(time_offset),
-        features={name: selected(values) for name, values in (features or {}).items()},
+        features={
+            name: np.asarray(values, np.float64)[kept] for name, values in (features or {}).items()
+        },
         group=None if group is None else group[kept],
     )
     sensor_scan = SensorScan(
@@ -209,24 +229,19 @@ def good_detections(
         frame_id=frame_id.lstrip("/"),  # as tf2
         north_referenced=north_referenced,
         stamp_ns=stamp_ns,
-        transmit_offset=selected_or_none(transmit_offset),
-        height=selected_or_none(height),
+        transmit_offset=transmitted,
+        height=None if height is None else height[kept],
         axes=axes or stated_axes(frame_id),
         beams=beams or arc_of(azimuth),
-        facts=MessageFacts(
-            beyond_turn=int(np.count_nonzero(np.abs(azimuth[kept]) > MAX_TURN)),
-            rays=len(range),
-            no_return=no_return,
-            states=states or {},
-        ),
+        facts=MessageFacts(beyond_turn, number, no_return, states or {}),
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
 
 
-def _left_out(causes: Iterable[tuple[str, BoolArray]], kept: BoolArray) -> dict[str, int]:
+def _left_out(causes: Mapping[str, BoolArray], kept: BoolArray) -> dict[str, int]:
     """Remove elements from those that are kept, and return their numbers by the first cause."""
     numbers: dict[str, int] = {}
-    for cause, bad in causes:
+    for cause, bad in causes.items():
         count = int(np.count_nonzero(bad & kept))
         if count:
             numbers[cause] = count
@@ -234,26 +249,265 @@ def _left_out(causes: Iterable[tuple[str, BoolArray]], kept: BoolArray) -> dict[
     return numbers
 
 
-def _faults(
-    range: FloatArray,
-    azimuth: FloatArray,
-    range_std: FloatArray | None,
-    azimuth_std: FloatArray | None,
-    time_offset: FloatArray | None,
-    transmit_offset: FloatArray | None,
-) -> Iterator[tuple[str, BoolArray]]:
-    """Yield each reason and the detections to which it applies."""
-    yield "range_not_finite", ~np.isfinite(range)
-    yield "range_not_positive", range <= 0
-    yield "range_too_small", range < MIN_MAGNITUDE["range"]
-    yield "range_too_large", range > MAX_MAGNITUDE["range"]
-    yield "azimuth_not_finite", ~np.isfinite(azimuth)
-    for name, deviation in (("range_std", range_std), ("azimuth_std", azimuth_std)):
-        if deviation is not None:
-            yield f"{name}_not_positive", ~(np.isfinite(deviation) & (deviation > 0))
-            yield f"{name}_too_small", deviation < MIN_MAGNITUDE[name]
-            yield f"{name}_too_large", deviation > MAX_MAGNITUDE[name]
-    for name, offset in (("time_offset", time_offset), ("transmit_offset", transmit_offset)):
-        if offset is not None:
-            yield f"{name}_not_finite", ~np.isfinite(offset)
-            yield f"{name}_too_large", np.abs(offset) > MAX_MAGNITUDE["time_offset"]
+_LARGEST = {**MAX_MAGNITUDE, "transmit_offset": MAX_MAGNITUDE["time_offset"]}
+_IS_FAULT: Mapping[str, Callable[[str, FloatArray], BoolArray]] = {
+    "not_finite": lambda name, values: ~np.isfinite(values),
+    "not_positive": lambda name, values: ~(np.isfinite(values) & (values > 0.0)),
+    "too_small": lambda name, values: values < MIN_MAGNITUDE[name],
+    "too_large": lambda name, values: np.abs(values) > _LARGEST[name],
+}
+"""Whether values of a quantity, by its name, have a fault of `drop_reasons.NUMBERS`."""
+
+
+Adapter = Callable[[Any, ReadingOptions], Ping]
+Writer = Callable[["Header", Scan, float], Any]
+
+adapters: dict[str, Adapter] = {}
+"""Every adapter, by the message type that it reads."""
+_writers: dict[str, Writer] = {}
+
+
+def register(type_name: str) -> Callable[[Adapter], Adapter]:
+    """Register the decorated adapter for a message type.
+
+    Parameters
+    ----------
+    type_name : str
+        ROS name of the type, for example ``sensor_msgs/msg/PointCloud2``.
+    """
+
+    def decorate(adapter: Adapter) -> Adapter:
+        adapters[type_name] = adapter
+        return adapter
+
+    return decorate
+
+
+def register_writer(type_name: str) -> Callable[[Writer], Writer]:
+    """Register the decorated function as the writer of a message type."""
+
+    def decorate(writer: Writer) -> Writer:
+        _writers[type_name] = writer
+        return writer
+
+    return decorate
+
+
+def supported_types() -> tuple[str, ...]:
+    """Return the sorted names of the message types that `read_detections` supports."""
+    return tuple(sorted(adapters))
+
+
+def read_detections(
+    message: Any,
+    *,
+    bearing_reference: str = "bow",
+    sound_speed: float = 0.0,
+    sensor: SensorModel | None = None,
+) -> Ping:
+    """Read a detection message of any supported type.
+
+    Bad detections are left out and counted; an unusable message is an error.
+
+    Parameters
+    ----------
+    message : ROS message
+        Of one of `supported_types`. Only its attributes are used, so messages of a bag library are
+        possible if their ``__msgtype__`` is the name of the type.
+    bearing_reference : {"bow", "north"}, optional
+        Reference direction of a field `bearing`, which is positive clockwise. An azimuth is always
+        counter-clockwise from the sensor's x axis.
+    sound_speed : float, optional
+        m/s. If it is not 0 and a message has no times, the ping is assumed to leave at the stamp:
+        `time_offset` is range / sound_speed. It also applies to messages with an unset field for
+        the sound speed; for these, 0 means SOUND_SPEED.
+    sensor : SensorModel, optional
+        Its range errors, by which the rays of one object in a `LaserScan` differ.
+
+    Returns
+    -------
+    Ping
+
+    Raises
+    ------
+    MessageError
+        If the type is not supported or the message is malformed.
+    ValueError
+        If an option has a value that is not allowed.
+    """
+    options = ReadingOptions(bearing_reference, sound_speed, sensor)
+    name = _type_name(message)
+    adapter = _adapter(name)
+    try:
+        return adapter(message, options)
+    except AttributeError as error:  # the installed package has another version of the type
+        raise MessageError(
+            "missing_field",
+            f"this {name} does not have the fields of the supported version: {error}",
+        ) from error
+
+
+def write_detections(type_name: str, header: Header, scan: Scan, *, sound_speed: float) -> Any:
+    """Make a message of any supported type, like a sonar driver.
+
+    Data without a field in the type is left out: see the writer of its module.
+
+    Parameters
+    ----------
+    type_name : str
+        One of `supported_types`.
+    header : std_msgs.msg.Header
+        Stamp of the scan and the sensor's frame.
+    scan : Scan
+        Its ranges, azimuths and features are written; the stamp is that of the header.
+    sound_speed : float
+        m/s; 0: the echoes arrive without delay.
+
+    Returns
+    -------
+    ROS message
+
+    Raises
+    ------
+    MessageError
+        If the type is not supported, or its package is not installed.
+    ValueError
+        If the type needs a travel time and the sound speed is 0.
+    """
+    message_class(type_name)
+    return _writers[type_name](header, scan, sound_speed)
+
+
+def message_class(type_name: str) -> type:
+    """Import the class of a supported message type.
+
+    Parameters
+    ----------
+    type_name : str
+        One of `supported_types`.
+
+    Raises
+    ------
+    MessageError
+        If the type is not supported, or its package is not installed.
+    """
+    _adapter(type_name)
+    package, _, name = type_name.split("/")
+    try:
+        message_type: type = getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise MessageError(
+            "package_not_installed",
+            f"message type {type_name!r} needs the package {package!r}, which is not installed "
+            f"or too old ({error})",
+        ) from error
+    return message_type
+
+
+def _type_name(message: Any) -> str:
+    kind = type(message)
+    declared: str | None = getattr(kind, "__msgtype__", None)
+    return declared or f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+
+
+def _adapter(type_name: str) -> Adapter:
+    try:
+        return adapters[type_name]
+    except KeyError:
+        raise MessageError(
+            "unknown_type",
+            f"message type {type_name!r} is not supported; supported types are "
+            f"{', '.join(supported_types())}",
+        ) from None
+
+
+def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:
+    """Values of an optional array of a message, one for each of its n detections.
+
+    Parameters
+    ----------
+    name : str
+        Name of the field.
+    values : (0,), (1,) or (n,) or (0, k), (1, k) or (n, k) array_like
+        No value, one value for all detections, or one value per detection.
+    n : int
+        Number of detections.
+
+    Returns
+    -------
+    (n,) or (n, k) ndarray or None
+        None if there are no values.
+
+    Raises
+    ------
+    MessageError
+        If there is another number of values.
+    """
+    array = np.asarray(values, np.float64)
+    if len(array) == 0:
+        return None
+    if len(array) not in (1, n):
+        raise MessageError("wrong_length", f"{name} has {len(array)} values for {n} detections")
+    return np.broadcast_to(array, (n, *array.shape[1:]))
+
+
+def intensity_feature(
+    values: Sequence[float], n: int
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """The optional feature `intensity` of n detections.
+
+    Parameters
+    ----------
+    values : (0,), (1,) or (n,) array_like
+        As for `fitted`.
+    n : int
+        Number of detections.
+
+    Returns
+    -------
+    features : dict of str to (n,) ndarray
+        Empty if there are no values, or another number of values.
+    assumptions : tuple of str
+        A sentence if there is another number of values.
+    """
+    try:
+        intensity = fitted("intensities", values, n)
+    except MessageError:
+        return {}, ("the numbers of intensities and detections differ: intensities are not used",)
+    return ({} if intensity is None else {"intensity": intensity}), ()
+
+
+def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
+    """Return the azimuth from the bow, or from east for bearings from north."""
+    return np.pi / 2 - bearing if reference == "north" else -bearing
+
+
+def along_axes(frame_id: str, *position: FloatArray) -> tuple[FloatArray, ...]:
+    """Return ahead, port and up of positions x, y, z in a frame whose name may state its axes."""
+    columns = AXES[stated_axes(frame_id)].T
+    rows = np.abs(columns).argmax(axis=1)
+    return tuple(column[row] * position[row] for column, row in zip(columns, rows, strict=True))
+
+
+def turn_about_z(frame_id: str) -> float:
+    """Return the sign, seen from above, of angles about z in a frame whose name may state its axes.
+
+    Raises
+    ------
+    MessageError
+        If z is ahead by the name: angles about it are not horizontal.
+    """
+    axes = stated_axes(frame_id)
+    if axes == "optical":
+        raise MessageError(
+            "frame_axes",
+            f"frame {frame_id!r} has z ahead by its name, and angles about z are not horizontal: "
+            f"use a frame with z up, such as {without_suffix(frame_id)!r}",
+        )
+    return -1.0 if axes == "down" else 1.0
+
+
+def in_plane(slant_range: FloatArray, elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return range and height of detections at elevations (rad) above the sensor's x-y plane."""
+    with np.errstate(invalid="ignore"):  # dropped as range_not_finite or elevation_not_finite
+        return slant_range * np.cos(elevation), slant_range * np.sin(elevation)

@@ -20,7 +20,7 @@ the sensor's features        FLOAT32  the measured fields of `tsepm_ros.tracker.
 from __future__ import annotations
 
 import array
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.errors import MessageError
+from msg_adapters.stamps import MessageError
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tracker.scan import FEATURES
 
@@ -82,22 +82,17 @@ def read_fields(
         is not inside the point; if the rows are shorter than their points, or the data than the
         rows.
     """
-    by_name: dict[str, list[PointField]] = {}
-    for one in cloud.fields:
-        by_name.setdefault(one.name, []).append(one)
-    fields = [_field(by_name, name) for name in dict.fromkeys(names)]
-    formats = [_format(one, integers) for one in fields]
+    fields = _fields(cloud, names, integers)
     if cloud.height * cloud.width == 0:
-        return {one.name: np.empty(0) for one in fields}
+        return {one.name: np.empty(0) for one, _ in fields}
     if not fields:
         return {}
-    _check_offsets(cloud, fields, formats)
-    _check_size(cloud)
+    _check_sizes(cloud, fields)
     order = ">" if cloud.is_bigendian else "<"
     layout = {
-        "names": [field.name for field in fields],
-        "formats": [order + form for form in formats],
-        "offsets": [field.offset for field in fields],
+        "names": [field.name for field, _ in fields],
+        "formats": [order + form for _, form in fields],
+        "offsets": [field.offset for field, _ in fields],
         "itemsize": cloud.point_step,
     }
     points: NDArray[Any] = np.ndarray(
@@ -109,68 +104,86 @@ def read_fields(
     )
     with np.errstate(invalid="ignore"):  # a signalling NaN is read as a NaN
         return {
-            field.name: points[field.name].astype(np.float64, order="C").ravel() for field in fields
+            field.name: points[field.name].astype(np.float64, order="C").ravel()
+            for field, _ in fields
         }
 
 
-def _field(by_name: Mapping[str, Sequence[PointField]], name: str) -> PointField:
-    """Return the only field of a name."""
-    fields = by_name.get(name, ())
-    if not fields:
-        available = ", ".join(name for name, some in by_name.items() for _ in some) or "no fields"
-        raise MessageError("missing_field", f"field {name!r} is missing; the cloud has {available}")
-    if len(fields) > 1:
-        raise MessageError("duplicate_field", f"field {name!r} occurs {len(fields)} times")
-    return fields[0]
-
-
-def _format(field: PointField, integers: Collection[str]) -> str:
-    """Return the NumPy format of a field, without byte order."""
-    datatype, form = _DATATYPES.get(field.datatype, (f"number {field.datatype}", ""))
-    allowed = "fiu" if field.name in integers else "f"
-    if not form.startswith(tuple(allowed)):
-        raise MessageError(
-            "wrong_datatype",
-            f"field {field.name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
+def _fields(
+    cloud: PointCloud2, names: Iterable[str], integers: Collection[str]
+) -> list[tuple[PointField, str]]:
+    """The only field of each name, and its NumPy format without byte order."""
+    available = ", ".join(one.name for one in cloud.fields) or "no fields"
+    found = {name: [one for one in cloud.fields if one.name == name] for name in names}
+    _refuse(
+        fault
+        for name, some in found.items()
+        for fault in (
+            ("missing_field", not some, f"field {name!r} is missing; the cloud has {available}"),
+            ("duplicate_field", len(some) > 1, f"field {name!r} occurs {len(some)} times"),
         )
-    if field.count != 1:
-        raise MessageError(
-            "wrong_count", f"field {field.name!r} must have the count 1; it has {field.count}"
-        )
-    return form
-
-
-def _check_offsets(cloud: PointCloud2, fields: list[PointField], formats: list[str]) -> None:
-    """Check that the fields lie inside the point and do not overlap."""
-    spans = sorted(
-        (field.offset, field.offset + int(form[1]), field.name)
-        for field, form in zip(fields, formats, strict=True)
     )
-    for _, end, name in spans:
-        if end > cloud.point_step:
-            raise MessageError(
-                "bad_offset",
-                f"field {name!r} ends at byte {end}, beyond point_step = {cloud.point_step}",
-            )
-    for (_, end, name), (start, _, following) in pairwise(spans):
-        if start < end:
-            raise MessageError("bad_offset", f"fields {name!r} and {following!r} overlap")
+    fields = [
+        (one, *_DATATYPES.get(one.datatype, (f"number {one.datatype}", "")))
+        for (one,) in found.values()
+    ]
+    _refuse(
+        fault
+        for one, datatype, form in fields
+        for fault in (
+            (
+                "wrong_datatype",
+                not form.startswith(tuple("fiu" if one.name in integers else "f")),
+                f"field {one.name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
+            ),
+            (
+                "wrong_count",
+                one.count != 1,
+                f"field {one.name!r} must have the count 1; it has {one.count}",
+            ),
+        )
+    )
+    return [(one, form) for one, _, form in fields]
 
 
-def _check_size(cloud: PointCloud2) -> None:
-    """Check that the rows contain their points, and the data the rows."""
-    if cloud.row_step < cloud.width * cloud.point_step:
-        raise MessageError(
-            "bad_row_step",
-            f"row_step = {cloud.row_step} is less than width * point_step = "
-            f"{cloud.width * cloud.point_step}",
-        )
-    if len(cloud.data) < cloud.height * cloud.row_step:
-        raise MessageError(
-            "short_data",
-            f"data has {len(cloud.data)} bytes, less than height * row_step = "
-            f"{cloud.height * cloud.row_step}",
-        )
+def _check_sizes(cloud: PointCloud2, fields: list[tuple[PointField, str]]) -> None:
+    """Check that fields lie in the point and do not overlap, and rows and data hold the points."""
+    spans = sorted((one.offset, one.offset + int(form[1]), one.name) for one, form in fields)
+    row, size = cloud.width * cloud.point_step, cloud.height * cloud.row_step
+    beyond = f"beyond point_step = {cloud.point_step}"
+    _refuse(
+        [
+            *(
+                (
+                    "bad_offset",
+                    end > cloud.point_step,
+                    f"field {name!r} ends at byte {end}, {beyond}",
+                )
+                for _, end, name in spans
+            ),
+            *(
+                ("bad_offset", start < end, f"fields {name!r} and {following!r} overlap")
+                for (_, end, name), (start, _, following) in pairwise(spans)
+            ),
+            (
+                "bad_row_step",
+                cloud.row_step < row,
+                f"row_step = {cloud.row_step} is less than width * point_step = {row}",
+            ),
+            (
+                "short_data",
+                len(cloud.data) < size,
+                f"data has {len(cloud.data)} bytes, less than height * row_step = {size}",
+            ),
+        ]
+    )
+
+
+def _refuse(faults: Iterable[tuple[str, bool, str]]) -> None:
+    """Raise the first fault that applies: reason, whether it does, and sentence."""
+    for reason, applies, sentence in faults:
+        if applies:
+            raise MessageError(reason, sentence)
 
 
 def write_cloud(header: Header, points: NDArray[Any]) -> PointCloud2:

@@ -20,12 +20,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msg_adapters.detection_fields import along_axes, azimuth_of_bearing, in_plane
-from msg_adapters.detection_types import register, register_writer
-from msg_adapters.errors import MessageError
-from msg_adapters.ping import Ping, ReadingOptions, good_detections
+from msg_adapters.ping import (
+    Ping,
+    ReadingOptions,
+    along_axes,
+    azimuth_of_bearing,
+    good_detections,
+    in_plane,
+    register,
+    register_writer,
+)
 from msg_adapters.point_cloud import read_fields, write_cloud
-from msg_adapters.stamps import time_to_ns
+from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.tracker.scan import FEATURES, Scan
@@ -128,7 +134,7 @@ def detections_of_fields(
     position = _position_fields(set(values))
     first, second = position
     axes = stated_axes(frame_id)
-    height, faults = values.get("z"), {}
+    height, faults, travel = values.get("z"), {}, values.get("two_way_travel_time")
     if position == ("x", "y"):
         if axes == "optical" and height is None:
             raise MessageError("missing_field", f"frame {frame_id!r} has z ahead: 'z' is needed")
@@ -157,15 +163,9 @@ def detections_of_fields(
         north_referenced="bearing" in position and options.bearing_reference == "north",
         range_std=values.get("range_std"),
         azimuth_std=values.get("azimuth_std"),
-        time_offset=_time_offset(values),
+        time_offset=values.get("time_offset", None if travel is None else 0.5 * travel),
         assumptions=assumptions,
     )
-
-
-def _time_offset(values: Mapping[str, FloatArray]) -> FloatArray | None:
-    """Time after the stamp for which positions are valid, s; None if unknown."""
-    travel = values.get("two_way_travel_time")
-    return values.get("time_offset", None if travel is None else 0.5 * travel)
 
 
 def _position_fields(available: set[str]) -> tuple[str, str]:

@@ -1,4 +1,6 @@
-"""Stamps and headers: builtin_interfaces/Time, integer nanoseconds and seconds.
+"""What all messages have: stamps and headers; and the error for those that cannot be used.
+
+Stamps are builtin_interfaces/Time, integer nanoseconds and seconds.
 
 Integer nanoseconds are exact. Seconds since 1970 in a float64 are not: they resolve 0.24 us.
 """
@@ -6,9 +8,9 @@ Integer nanoseconds are exact. Seconds since 1970 in a float64 are not: they res
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
-
-from msg_adapters.errors import MessageError
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
@@ -16,6 +18,45 @@ if TYPE_CHECKING:
 
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+class MessageError(ValueError):
+    """A message that cannot be used as a whole.
+
+    Parameters
+    ----------
+    reason : str
+        Reason for counting. Every adapter may raise ``unknown_type``,
+        ``package_not_installed``, ``missing_field``, ``stamp_invalid`` and ``frame_axes``; messages
+        of arrays ``wrong_length``;
+        clouds ``duplicate_field``, ``wrong_datatype``, ``wrong_count``, ``bad_offset``,
+        ``bad_row_step`` and ``short_data``;
+        clouds of tracks ``bad_id`` too;
+        odometry ``not_finite``, ``zero_quaternion`` and ``undefined_heading``.
+    sentence : str
+        Message for the log; it names the field.
+
+    Attributes
+    ----------
+    reason : str
+    """
+
+    def __init__(self, reason: str, sentence: str) -> None:
+        super().__init__(reason, sentence)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return str(self.args[1])
+
+
+@contextmanager
+def refusing(reason: str, subject: str = "") -> Iterator[None]:
+    """Turn a ValueError into a MessageError whose sentence begins with its subject."""
+    try:
+        yield
+    except ValueError as error:
+        raise MessageError(reason, f"{subject} {error}".lstrip()) from None
 
 
 def time_to_ns(time: Time) -> int:

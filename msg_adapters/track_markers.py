@@ -128,16 +128,9 @@ def track_markers(
         for namespace in NAMESPACES
     ]
     if afresh:
-        markers = [_marker(header, "", 0, "DELETEALL")]
+        markers = [_marker(header, action="DELETEALL")]
     for track in tracks:
-        sigma = confidence_ellipse(track.position_covariance)[0] / ELLIPSE_SCALE
-        size = max(minimum_size, sigma, _THICKNESS)
-        markers += (
-            _position(header, track, size, color),
-            _velocity(header, track, size, lead_time, color),
-            _ellipse(header, track, size, color),
-            _label(header, track, size, sigma, color),
-        )
+        markers += _shapes(header, track, minimum_size, lead_time, color)
     return MarkerArray(markers=markers)
 
 
@@ -173,7 +166,7 @@ def potential_track_markers(
     from std_msgs.msg import ColorRGBA
     from visualization_msgs.msg import MarkerArray
 
-    markers = [_marker(header, "", 0, "DELETEALL")]
+    markers = [_marker(header, action="DELETEALL")]
     arrays = TrackArrays.of(tracks)
     drawn, nearness = drawn_candidates(arrays)
     if not len(drawn):
@@ -186,17 +179,13 @@ def potential_track_markers(
     begin = arrays.state[:, 0::2]
     ends = np.stack([begin, begin + lead_time * arrays.state[:, 1::2]], axis=1)
     points = [[Point(x=x, y=y) for x, y in line] for line in ends.tolist()]
-    positions = _marker(header, "position", 0, "ADD")
-    positions.type = positions.POINTS
-    positions.scale.x = positions.scale.y = max(minimum_size, _THICKNESS)
+    size = max(minimum_size, _THICKNESS)
+    positions = _marker(header, "position", kind="POINTS", scale=(size, size, 0.0), opacity=1.0)
     positions.points, positions.colors = [line[0] for line in points], colors
-    velocities = _marker(header, "velocity", 0, "ADD")
-    velocities.type = velocities.LINE_LIST
-    velocities.scale.x = _POTENTIAL_LINE * positions.scale.x
+    width = _POTENTIAL_LINE * size
+    velocities = _marker(header, "velocity", kind="LINE_LIST", scale=(width, 0.0, 0.0), opacity=1.0)
     velocities.points = [point for line in points for point in line]
     velocities.colors = [color for color in colors for _ in range(2)]
-    for marker in (positions, velocities):
-        marker.color.a = 1.0
     return MarkerArray(markers=[*markers, positions, velocities])
 
 
@@ -224,7 +213,7 @@ def clear_markers(header: Header) -> MarkerArray:
     """Build the message that removes every marker of the topic."""
     from visualization_msgs.msg import MarkerArray
 
-    return MarkerArray(markers=[_marker(header, "", 0, "DELETEALL")])
+    return MarkerArray(markers=[_marker(header, action="DELETEALL")])
 
 
 def confidence_ellipse(covariance: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -270,86 +259,70 @@ def ellipses(covariance: FloatArray) -> FloatArray:
     return np.column_stack([ELLIPSE_SCALE * np.sqrt(variances), angle])
 
 
-def _marker(header: Header, namespace: str, track_id: int, action: str) -> Marker:
+def _marker(
+    header: Header,
+    namespace: str = "",
+    number: int = 0,
+    action: str = "ADD",
+    *,
+    kind: str = "ARROW",
+    scale: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    color: Color = (0.0, 0.0, 0.0),
+    opacity: float = 0.0,
+    place: Sequence[float] | FloatArray = (0.0, 0.0),
+) -> Marker:
     from visualization_msgs.msg import Marker
 
     # Ids of markers are signed and those of tracks unsigned: the upper half becomes negative.
-    signed_id = (track_id + 2**31) % 2**32 - 2**31
-    return Marker(header=header, ns=namespace, id=signed_id, action=getattr(Marker, action))
-
-
-def _shape(
-    header: Header,
-    namespace: str,
-    track: ConfirmedTrack,
-    kind: str,
-    scale: tuple[float, float, float],
-    color: Color,
-) -> Marker:
-    marker = _marker(header, namespace, track.track_id, "ADD")
-    marker.type = getattr(marker, kind)
+    signed_id = (number + 2**31) % 2**32 - 2**31
+    marker = Marker(header=header, ns=namespace, id=signed_id, action=getattr(Marker, action))
+    marker.type = getattr(Marker, kind)
     marker.scale.x, marker.scale.y, marker.scale.z = scale
     marker.color.r, marker.color.g, marker.color.b = color
-    marker.color.a = _COASTING_OPACITY if track.time_since_hit > 0.0 else 1.0
+    marker.color.a = opacity
+    marker.pose.position.x, marker.pose.position.y = (float(value) for value in place)
     return marker
 
 
-def _place(marker: Marker, track: ConfirmedTrack, ahead: float = 0.0) -> Marker:
-    """Put a marker at the track's position, shifted by `ahead` m along the y axis."""
-    x, y = track.position
-    marker.pose.position.x, marker.pose.position.y = float(x), float(y) + ahead
-    return marker
-
-
-def _position(header: Header, track: ConfirmedTrack, size: float, color: Color) -> Marker:
-    shape = _shape(header, "position", track, "SPHERE", (size, size, size), color)
-    return _place(shape, track)
-
-
-def _velocity(
-    header: Header, track: ConfirmedTrack, size: float, lead_time: float, color: Color
-) -> Marker:
+def _shapes(
+    header: Header, track: ConfirmedTrack, minimum_size: float, lead_time: float, color: Color
+) -> list[Marker]:
+    """Position, velocity, ellipse and label of a track."""
     from geometry_msgs.msg import Point
 
+    major, minor, angle = confidence_ellipse(track.position_covariance)
+    sigma, coasting = major / ELLIPSE_SCALE, track.time_since_hit > 0.0
+    size = max(minimum_size, sigma, _THICKNESS)
+    height, dash = _LABEL_HEIGHT * size, _DASH_WIDTH * size
+    opacity = _COASTING_OPACITY if coasting else 1.0
+    own: dict[str, Any] = {"number": track.track_id, "color": color, "opacity": opacity}
+    place, (x, y) = track.position, track.position.tolist()
+    sphere = _marker(header, "position", kind="SPHERE", scale=(size,) * 3, place=place, **own)
     # Scale of an arrow between two points: diameters of shaft and head, length of the head.
-    scale = (0.3 * size, 0.8 * size, size)
-    marker = _shape(header, "velocity", track, "ARROW", scale, color)
-    ends = (track.position, track.position + lead_time * track.velocity)
-    marker.points = [Point(x=float(x), y=float(y)) for x, y in ends]
-    return marker
-
-
-def _ellipse(header: Header, track: ConfirmedTrack, size: float, color: Color) -> Marker:
-    from geometry_msgs.msg import Point
-
-    semi_major, semi_minor, angle = confidence_ellipse(track.position_covariance)
-    if track.time_since_hit > 0.0:  # every second segment, along the ellipse
-        marker = _shape(
-            header, "ellipse", track, "LINE_LIST", (_DASH_WIDTH * size, 0.0, 0.0), color
-        )
-        marker.points = [
-            Point(x=semi_major * math.cos(turn), y=semi_minor * math.sin(turn))
+    arrow = _marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
+    ends = np.array([place, place + lead_time * track.velocity]).tolist()
+    arrow.points = [Point(x=x, y=y) for x, y in ends]
+    if coasting:  # every second segment, along the ellipse
+        scale = (dash, 0.0, 0.0)
+        ellipse = _marker(header, "ellipse", kind="LINE_LIST", scale=scale, place=place, **own)
+        ellipse.points = [
+            Point(x=major * math.cos(turn), y=minor * math.sin(turn))
             for turn in np.linspace(0.0, math.tau, 2 * _DASHES, endpoint=False).tolist()
         ]
     else:
-        scale = (max(2 * semi_major, _THICKNESS), max(2 * semi_minor, _THICKNESS), _THICKNESS)
-        marker = _shape(header, "ellipse", track, "CYLINDER", scale, color)
-        marker.color.a = _ELLIPSE_OPACITY
-    marker.pose.orientation.z, marker.pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
-    return _place(marker, track)
-
-
-def _label(
-    header: Header, track: ConfirmedTrack, size: float, sigma: float, color: Color
-) -> Marker:
-    height = _LABEL_HEIGHT * size
-    marker = _shape(header, "label", track, "TEXT_VIEW_FACING", (0.0, 0.0, height), color)
+        own["opacity"] = _ELLIPSE_OPACITY
+        scale = (max(2 * major, _THICKNESS), max(2 * minor, _THICKNESS), _THICKNESS)
+        ellipse = _marker(header, "ellipse", kind="CYLINDER", scale=scale, place=place, **own)
+    turned = ellipse.pose.orientation
+    turned.z, turned.w = math.sin(angle / 2), math.cos(angle / 2)
+    own |= {"opacity": opacity, "scale": (0.0, 0.0, height), "place": (x, y + height)}
+    label = _marker(header, "label", kind="TEXT_VIEW_FACING", **own)
     # ASCII only: RViz's font has no Greek letters.
     speed = math.hypot(*track.velocity)
-    marker.text = f"{track.track_id}: {_digits(speed, 1)} m/s, sigma {_digits(sigma, 0)} m"
+    label.text = f"{track.track_id}: {_digits(speed, 1)} m/s, sigma {_digits(sigma, 0)} m"
     if track.revision:
-        marker.text += f", revision {track.revision}"
-    return _place(marker, track, ahead=height)
+        label.text += f", revision {track.revision}"
+    return [sphere, arrow, ellipse, label]
 
 
 def _digits(value: float, decimals: int) -> str:
@@ -392,7 +365,6 @@ def truth_markers(header: Header, truth: list[ConfirmedTrack], reach: float = 0.
 
 FIXED_ECHO_COLOR = 0.95, 0.75, 0.2
 """Red, green and blue: unlike tracks, potential tracks and truth."""
-_FIXED_ECHO_THICKNESS = 0.01  # m; RViz refuses a scale of 0
 MAX_LABELS = 500
 """Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
 
@@ -418,33 +390,23 @@ def fixed_echo_markers(
     visualization_msgs.msg.MarkerArray
     """
     from geometry_msgs.msg import Point
-    from visualization_msgs.msg import Marker, MarkerArray
+    from visualization_msgs.msg import MarkerArray
 
-    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    markers = [_marker(header, action="DELETEALL")]
     arrays = TrackArrays.of(echoes)
     if not len(arrays):
         return MarkerArray(markers=markers)  # RViz rejects a marker without points
-    cubes = _fixed_echo_marker(header, "position", Marker.CUBE_LIST)
+    own: dict[str, Any] = {"color": FIXED_ECHO_COLOR, "opacity": 1.0}
     sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
-    size = max(minimum_size, float(np.median(sigma)), _FIXED_ECHO_THICKNESS)
-    cubes.scale.x = cubes.scale.y = cubes.scale.z = size
+    size = max(minimum_size, float(np.median(sigma)), _THICKNESS)
+    cubes = _marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
     cubes.points = [Point(x=x, y=y) for x, y in arrays.state[:, 0::2].tolist()]
     markers.append(cubes)
+    own |= {"kind": "TEXT_VIEW_FACING", "scale": (0.0, 0.0, size)}
     for number, row in enumerate(np.argsort(-arrays.age, kind="stable")[:MAX_LABELS].tolist()):
         echo = arrays[row]
-        label = _fixed_echo_marker(header, "label", Marker.TEXT_VIEW_FACING, number)
-        label.scale.z = size
-        label.pose.position.x, label.pose.position.y = echo.position.tolist()
-        label.pose.position.y += size
+        x, y = echo.position.tolist()
+        label = _marker(header, "label", number, place=(x, y + size), **own)
         label.text = f"{echo.track_id}: {echo.age / 60.0:.1f} min"
         markers.append(label)
     return MarkerArray(markers=markers)
-
-
-def _fixed_echo_marker(header: Header, namespace: str, kind: int, number: int = 0) -> Any:
-    from visualization_msgs.msg import Marker
-
-    marker = Marker(header=header, ns=namespace, id=number, type=kind, action=Marker.ADD)
-    marker.color.r, marker.color.g, marker.color.b = FIXED_ECHO_COLOR
-    marker.color.a = 1.0
-    return marker

@@ -278,3 +278,16 @@ def check_group(group: object) -> None:
     """
     for row in table(group):
         object.__setattr__(group, row.name, row.check(getattr(group, row.name)))
+
+
+class ParameterGroup:
+    """Base class of frozen dataclasses whose fields are parameters: each is checked.
+
+    Raises
+    ------
+    ValueError
+        Naming the first parameter whose value is not allowed.
+    """
+
+    def __post_init__(self) -> None:
+        check_group(self)

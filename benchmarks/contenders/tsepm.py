@@ -19,7 +19,7 @@ class TsepmContender(Contender):
             "clutter_density": "given",
             "detection_probability": "given",
             "plots": "off",
-            "limit_speed": False,
+            "limit_speed": "off",
         }
     )
 

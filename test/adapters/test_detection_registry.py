@@ -14,8 +14,8 @@ from std_msgs.msg import String
 
 from msg_adapters import (
     MessageError,
-    detection_types,
     message_class,
+    ping,
     read_detections,
     supported_types,
 )
@@ -25,10 +25,10 @@ from msg_adapters.stamps import time_to_ns
 
 @pytest.fixture
 def _other_registry():
-    before = dict(detection_types.adapters)
+    before = dict(ping.adapters)
     yield
-    detection_types.adapters.clear()
-    detection_types.adapters.update(before)
+    ping.adapters.clear()
+    ping.adapters.update(before)
 
 
 def test_point_cloud_is_supported_and_its_class_found():
@@ -62,7 +62,7 @@ def test_the_class_of_an_unknown_type_is_refused_with_the_known_ones(name):
 )
 @pytest.mark.usefixtures("_other_registry")
 def test_a_type_whose_package_is_not_installed_is_named(name):
-    detection_types.register(name)(lambda message, options: None)
+    ping.register(name)(lambda message, options: None)
     with pytest.raises(MessageError, match=f"'{name}' needs the package") as error:
         message_class(name)
     assert error.value.reason == "package_not_installed"
@@ -70,14 +70,14 @@ def test_a_type_whose_package_is_not_installed_is_named(name):
 
 @pytest.mark.usefixtures("_other_registry")
 def test_a_later_adapter_needs_one_registration_and_no_installed_package():
-    @detection_types.register("sonar_msgs/msg/Ping")
-    def read_ping(ping, options):
-        angle = np.array(ping.bearings) * (-1.0 if options.bearing_reference == "bow" else 1.0)
+    @ping.register("sonar_msgs/msg/Ping")
+    def read_ping(message, options):
+        angle = np.array(message.bearings) * (-1.0 if options.bearing_reference == "bow" else 1.0)
         return good_detections(
-            time_to_ns(ping.header.stamp),
-            ping.header.frame_id,
+            time_to_ns(message.header.stamp),
+            message.header.frame_id,
             options,
-            range=np.array(ping.ranges),
+            range=np.array(message.ranges),
             azimuth=angle,
         )
 
@@ -85,14 +85,14 @@ def test_a_later_adapter_needs_one_registration_and_no_installed_package():
         __msgtype__ = "sonar_msgs/msg/Ping"
 
     header = SimpleNamespace(stamp=SimpleNamespace(sec=3, nanosec=5), frame_id="sonar")
-    ping = Ping(header=header, ranges=[10.0, -1.0, 30.0], bearings=[1.0, 2.0, 3.0])
+    message = Ping(header=header, ranges=[10.0, -1.0, 30.0], bearings=[1.0, 2.0, 3.0])
     assert "sonar_msgs/msg/Ping" in supported_types()
-    found = read_detections(ping)
+    found = read_detections(message)
     assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (3_000_000_005, "sonar")
     np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -3.0])
     np.testing.assert_array_equal(found.index, [0, 2])
     np.testing.assert_array_equal(
-        read_detections(ping, bearing_reference="north").scan.azimuth, [1, 3]
+        read_detections(message, bearing_reference="north").scan.azimuth, [1, 3]
     )
 
 

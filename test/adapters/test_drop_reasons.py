@@ -24,18 +24,32 @@ def literals(path: Path) -> Iterator[str]:
     """Texts that stand in a module where reasons do."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call):
-            name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-            if name in ("drop", "MessageError", "Refusal") and node.args:
-                # Of a choice between two, both.
-                yield from (one.value for one in ast.walk(node.args[0]) if is_text(one))
-            for keyword in node.keywords:
-                if keyword.arg == "faults" and isinstance(keyword.value, ast.Dict):
-                    yield from (key.value for key in keyword.value.keys)
+            yield from of_call(node, path)
         elif isinstance(node, ast.Assign) and isinstance(node.value, ast.IfExp):
             if getattr(node.targets[0], "id", "") == "reason":
-                yield from (one.value for one in ast.walk(node.value) if is_text(one))
+                yield from texts(node.value)
         elif isinstance(node, ast.Dict) and path.name == "external_tracker.py":
             yield from (key.value for key in node.keys if is_text(key))
+
+
+def of_call(node: ast.Call, path: Path) -> Iterator[str]:
+    """Those in a call that drops or refuses."""
+    name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+    refuses = name == "refusing" and path.parent.name == "msg_adapters"
+    if (refuses or name in ("drop", "MessageError", "Refusal")) and node.args:
+        yield from texts(node.args[0])  # of a choice between two, both
+    if name == "_refuse":  # rows of reason, whether it applies, and sentence
+        rows = [one.elts for one in ast.walk(node) if isinstance(one, ast.Tuple)]
+        yield from (row[0].value for row in rows if len(row) == 3 and is_text(row[0]))
+    for keyword in node.keywords:
+        if keyword.arg in ("reason", "prefix") and name == "_dropping":
+            yield keyword.value.value
+        if keyword.arg == "faults" and isinstance(keyword.value, ast.Dict):
+            yield from (key.value for key in keyword.value.keys)
+
+
+def texts(node: ast.AST) -> Iterator[str]:
+    yield from (one.value for one in ast.walk(node) if is_text(one))
 
 
 def is_text(node: ast.AST | None) -> bool:

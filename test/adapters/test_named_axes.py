@@ -25,7 +25,7 @@ from support.registered import places
 
 from msg_adapters import MessageError, make_header, read_detections, read_land, read_own_ship
 from tsepm_ros.own_ship.attitude import exchanged, stated_axes, without_suffix
-from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from msg_adapters import MessageError, odometry_message, read_own_ship
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
-from tsepm_ros.session.frames import MAX_YAW_VARIANCE
+from tsepm_ros.session.inputs import MAX_YAW_VARIANCE
 from tsepm_ros.tracker.scan import Scan
 
 
@@ -89,10 +89,6 @@ def _carried(linear, angular, *, turn=TURN, speed=SPEED):
 def test_a_twist_left_at_zero_does_not_hold_the_ship(speed, turn):
     found = _carried((speed, 0.0, 0.0), (0.0, 0.0, turn))
     assert found == pytest.approx((0.5 * (speed or SPEED), 0.5 * (turn or TURN)), rel=1e-6)
-
-
-def test_a_ship_at_rest_stays():
-    assert _carried((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), turn=0.0, speed=0.0) == (0.0, 0.0)
 
 
 def test_yaw_rate_is_the_derivative_of_the_yaw():

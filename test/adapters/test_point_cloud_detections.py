@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.raw_cloud import raw_cloud
 
-from msg_adapters import MessageError, detections_cloud, read_detections
+from msg_adapters import MessageError, read_detections
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
 
 RANGE = [1000.5, 2500.25, 7071.0]
@@ -151,12 +151,6 @@ def test_a_bad_elevation_drops_its_detection(elevation, reason):
     assert (len(found), found.sensor_scan.height.tolist()) == (1, [0.0])
 
 
-def test_an_elevation_beside_x_and_y_is_not_used():
-    fields = [("x", "d"), ("y", "d"), ("elevation", "d")]
-    found = read_detections(raw_cloud(fields, [(3.0, 4.0, math.nan)]))
-    assert (found.scan.range[0], found.sensor_scan.height, found.dropped) == (5.0, None, {})
-
-
 VALUES = {"range": 100.0, "azimuth": 0.5, "bearing": 0.25, "x": 30.0, "y": 40.0}
 
 
@@ -296,12 +290,6 @@ def test_a_feature_that_is_not_finite_drops_nothing(name, value):
     np.testing.assert_array_equal(found.scan.features[name], [value])
 
 
-@pytest.mark.parametrize("azimuth", [-math.pi, math.pi, 2 * math.pi, 7.5, -1e6, 1e300])
-def test_any_finite_azimuth_is_good(azimuth):
-    found = read_detections(raw_cloud([("range", "d"), ("azimuth", "d")], [(1.0, azimuth)]))
-    assert found.scan.azimuth[0] == wrap(azimuth)
-
-
 @pytest.mark.parametrize(
     ("x", "y", "reason"),
     [
@@ -356,27 +344,3 @@ def test_an_integer_where_the_unit_matters_is_refused(name):
     with pytest.raises(MessageError, match=f"'{name}' must be FLOAT32 or FLOAT64") as error:
         read_detections(cloud)
     assert error.value.reason == "wrong_datatype"
-
-
-def test_data_that_is_short_is_refused():
-    cloud = raw_cloud([("range", "f"), ("azimuth", "f")], [(1.0, 1.0), (2.0, 2.0)])
-    cloud.data = cloud.data[:-1]
-    with pytest.raises(MessageError) as error:
-        read_detections(cloud)
-    assert error.value.reason == "short_data"
-
-
-def test_an_unknown_bearing_reference_is_refused():
-    cloud = raw_cloud([("range", "f"), ("bearing", "f")], [(1.0, 1.0)])
-    with pytest.raises(ValueError, match="bearing_reference must be one of bow, north; got 'grid'"):
-        read_detections(cloud, bearing_reference="grid")
-
-
-def test_a_hundred_thousand_detections_are_all_read(header):
-    random = np.random.default_rng(1)
-    distance, azimuth = random.uniform(1, 9000, 100_000), random.uniform(-3, 3, 100_000)
-    distance[::1000] = np.nan
-    found = read_detections(detections_cloud(header, range=distance, azimuth=azimuth))
-    assert found.dropped == {"range_not_finite": 100}
-    np.testing.assert_array_equal(found.scan.range, distance[np.isfinite(distance)])
-    np.testing.assert_array_equal(found.scan.azimuth, azimuth[found.index])

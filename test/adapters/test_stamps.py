@@ -9,7 +9,6 @@ from builtin_interfaces.msg import Time
 
 from msg_adapters import (
     MessageError,
-    make_header,
     ns_to_seconds,
     ns_to_time,
     seconds_to_ns,
@@ -61,11 +60,6 @@ def test_seconds_of_nanoseconds_are_the_nearest_float():
 def test_seconds_that_are_not_finite_are_refused(seconds):
     with pytest.raises(ValueError, match="stamp must be finite"):
         seconds_to_ns(seconds)
-
-
-def test_header_has_stamp_and_frame(over_the_wire):
-    header = over_the_wire(make_header(12_000_000_034, "sonar"))
-    assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (12, 34, "sonar")
 
 
 @pytest.mark.parametrize("nanosec", [10**9, 2**32 - 1])

@@ -15,8 +15,7 @@ from support.run_summaries import run_of, start
 
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.measures import measures_of
-from tsepm_ros.tools.evaluation.operating_curve import compare
-from tsepm_ros.tools.evaluation.performance import Evaluated
+from tsepm_ros.tools.evaluation.performance import Evaluated, compare
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario
@@ -124,7 +123,7 @@ def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):
     assert [(row["azimuth error"], row["target"], row["runs"]) for row in one_degree] == [
         ("1 deg", "1/h", "10"),
         ("1 deg", "10/h", "10"),
-        ("1 deg", "10/h, limit_speed False", "10"),
+        ("1 deg", "10/h, limit_speed off", "10"),
     ]
     _, limited, unlimited = (float(row["velocity error / bound"].split()[0]) for row in one_degree)
     assert limited < 0.8 < unlimited < 1.3

@@ -7,13 +7,12 @@ import math
 
 import pytest
 
-from tsepm_ros.diagnostics.health import MAX_RECORDS, Health
+from tsepm_ros.diagnostics.health import MAX_RECORDS, SENSOR, Health
 from tsepm_ros.diagnostics.health_figures import Connections, Latency, Level, Status
-from tsepm_ros.diagnostics.judgements import SENSOR
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
+from tsepm_ros.session.plausibility import SensorFigures
 from tsepm_ros.session.result import SessionSnapshot
 from tsepm_ros.session.scan_queue import waited
-from tsepm_ros.session.sensor_check import SensorFigures
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
 from tsepm_ros.tracker.clutter.seen_extent import Extent
@@ -166,22 +165,6 @@ def test_scans_that_arrive_but_are_not_processed_leave_no_gap():
     assert run.said("detections", 84.0) == (Level.OK, "500 detections, a scan every 12 s")
 
 
-def test_the_way_back_from_a_single_bad_stamp_is_no_gap():
-    run = Run()
-    for time, stamp in [(0.0, 1000.0), (12.0, 1012.0), (24.0, 0.0), (36.0, 1036.0)]:
-        run.scan(time, stamp=stamp)
-    run.scan(48.0, stamp=1048.0)
-    assert run.said("detections", 48.0)[0] == Level.OK
-
-
-def test_a_burst_of_recorded_scans_has_the_rate_of_its_stamps():
-    run = Run()
-    for index in range(6):
-        run.scan(0.01 * index, stamp=12.0 * index)
-    status = run.status("detections", 0.1)
-    assert (status.level, status.values["scan_interval_s"]) == (Level.OK, 12.0)
-
-
 def test_a_drop_warns_for_the_window_and_is_counted_for_good():
     run = Run(window=60.0)
     run.scan(0.0)
@@ -198,13 +181,6 @@ def test_a_drop_warns_for_the_window_and_is_counted_for_good():
     assert status.values["dropped.scan_late"] == 2
     run.drop("scan_late")
     assert run.said("detections", 63.0) == (Level.WARN, "dropped: 1 scan_late")
-
-
-def test_what_happened_before_the_first_report_is_recent():
-    run = Run()
-    run.scan(0.0)
-    run.drop("scan_late")
-    assert run.said("detections", 0.5) == (Level.WARN, "dropped: 1 scan_late")
 
 
 @pytest.mark.parametrize(
@@ -403,6 +379,13 @@ def test_learned_sensor_figures_are_reported_once_they_are_known():
     assert (values["seen_azimuth_min"], values["seen_azimuth_max"]) == (-1.0, 1.0)
     assert (values["fitted_range_std"], values["fitted_range_std_fraction"]) == (0.0, 0.01)
     assert (values["fitted_azimuth_std"], values["confirmed_tracks"]) == (0.02, 3)
+
+
+@pytest.mark.parametrize("subject", ["coverage", "coverage_too_small", "errors", "confirmations"])
+def test_what_does_not_fit_the_scans_is_a_warning(subject):
+    run = Run()
+    run.set(sensor_findings={subject: "set it"})
+    assert run.said(SENSOR, 0.0) == (Level.WARN, "set it")
 
 
 def test_a_silent_tracker_is_a_warning_while_it_is_silent():

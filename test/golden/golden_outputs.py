@@ -27,8 +27,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Scenario, Simulator
-from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
-from tsepm_ros.tools.simulation.scenario_files import load_scenario
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength, load_scenario
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Arc
 

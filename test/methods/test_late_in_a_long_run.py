@@ -43,7 +43,7 @@ def test_numbers_of_scans_and_detections_may_be_large(method, monkeypatch):
 
     def begin_late(window: DetectionWindow) -> None:
         begin(window)
-        window._first_id = LATE
+        window.first_id = LATE
 
     begin = DetectionWindow.__init__
     monkeypatch.setattr(DetectionWindow, "__init__", begin_late)

@@ -76,7 +76,7 @@ def test_no_published_speed_is_above_the_maximum(method):
     sensor = SensorModel(range_std=40.0, range_std_fraction=0.0, azimuth_std=0.02)
     published, started = [], []
     for seed in range(12):
-        made = make_initiator(method, sensor=sensor, max_speed=10.0)
+        made = make_initiator(method, sensor=sensor, max_speed=10.0, limit_speed="on")
         for scan in fast(seed):
             new = made.process(scan)
             check_output(made, new)
@@ -92,7 +92,7 @@ def test_without_the_limit_a_start_is_the_fit_to_its_hits():
     pairs = []
     for seed in range(12):
         limited, fitted = (
-            make_initiator("tsepm", sensor=sensor, limit_speed=limit) for limit in (True, False)
+            make_initiator("tsepm", sensor=sensor, limit_speed=limit) for limit in ("on", "off")
         )
         for scan in fast(seed):
             pairs += zip(limited.process(scan), fitted.process(scan), strict=True)
@@ -100,6 +100,16 @@ def test_without_the_limit_a_start_is_the_fit_to_its_hits():
     speeds = [np.hypot(*fitted.velocity) for _, fitted in pairs]
     assert max(speeds) > 10.0
     assert any(np.array_equal(one.state, other.state) for one, other in pairs)
+
+
+@EVERY_METHOD
+def test_only_the_speeds_of_score_are_limited_unless_the_user_gives_a_value(method):
+    def limit(**given):
+        return make_initiator(method, sensor=SensorModel(), **given).common.limit_speed
+
+    assert limit() == limit(limit_speed="auto") == ("on" if method == "score" else "off")
+    assert limit(limit_speed=True) == limit(limit_speed="on") == "on"
+    assert limit(limit_speed=False) == limit(limit_speed="off") == "off"
 
 
 @EVERY_METHOD
@@ -234,10 +244,16 @@ def test_counts_add_up(method):
         tracks = made.process(scan)
         counts = made.statistics
         assert (counts.scans, counts.detections, counts.confirmed) == (1, 60, len(tracks))
-        if method != "score":
-            ways = (counts.pruned, counts.merged, counts.confirmed, counts.cut_confirmations)
+        assert counts.split >= counts.started > 0
+        ways = (counts.merged, counts.confirmed, counts.cut_confirmations)
+        if method == "score":
+            assert counts.evaluated - counts.pruned == counts.potential_tracks
             assert counts.raw_confirmations == sum(ways)
+        else:
+            assert counts.raw_confirmations == sum(ways) + counts.pruned
+            assert counts.raw_confirmations >= counts.evaluated
     assert made.totals.scans == 10
+    assert made.totals.evaluated > 0 or method not in ("score", "tsepm")
 
 
 @EVERY_METHOD
@@ -245,7 +261,7 @@ def test_memory_does_not_grow_with_the_scans(method):
     made = make_initiator(method, sensor=SensorModel())
     for scan in cluttered(2 * made.options.window + 5, 10, 5000.0):
         made.process(scan)
-    assert len(made.method.detections) <= 10 * made.options.window
+    assert len(made.window) <= 10 * made.options.window
 
 
 @EVERY_METHOD

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.batches import batches
@@ -9,8 +12,13 @@ from support.builders import AS_GIVEN
 from support.plain_tsepm import plain_tsepm_with_counts
 from support.scenes import Scene, random_scene
 
-from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.settings.parameter_files import values_for
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tracker.tracker import Tracker
 
+PAPER = Path(__file__).parents[2] / "config" / "paper.yaml"
 SCENES = 300
 BATCH = 15
 ALWAYS = 15
@@ -30,12 +38,17 @@ def compare(scene: Scene) -> int:
     initiator = make_initiator(
         "tsepm",
         sensor=SensorModel(**scene.sensor),
-        limit_speed=False,
+        limit_speed="off",
         **AS_GIVEN,
         **scene.options,
     )
+    return compare_scans(initiator, scene.as_scans(), expected, counts)
+
+
+def compare_scans(initiator: Tracker, scans, expected, counts) -> int:
+    """Compare the tracks and counts of each scan; returns the number of tracks compared."""
     compared = 0
-    for scan, tracks, count in zip(scene.as_scans(), expected, counts, strict=True):
+    for scan, tracks, count in zip(scans, expected, counts, strict=True):
         found = {track.hits: track for track in initiator.process(scan)}
         statistics = initiator.statistics
         assert statistics.potential_tracks + statistics.hopeless_tracks == count.potential
@@ -63,3 +76,28 @@ def compare(scene: Scene) -> int:
 def test_equals_the_plain_version(first: int) -> None:
     compared = sum(compare(random_scene(seed)) for seed in range(first, first + BATCH))
     assert compared > 0, "the scenes must confirm tracks, or nothing was compared"
+
+
+def test_the_parameter_file_of_the_paper_runs_the_method_as_the_paper_has_it():
+    values = values_for(PAPER, "/track_initiator")
+    initiator = settings_from(make_groups(TRACK_INITIATOR, values)).make_initiator()
+    scenario = load_scenario("box", {"scans": 10, "sensor.clutter_density": 5e-7})
+    scans = [one.scan for one in Simulator(scenario, 1)]
+    columns = ("range", "azimuth", "time_offset")
+    plain = []
+    for scan in scans:
+        near = scan.range <= initiator.sensor.max_range
+        values = {name: getattr(scan, name) for name in columns}
+        given = {name: value[near] for name, value in values.items() if value is not None}
+        plain.append({"stamp": scan.stamp, **given})
+    expected, counts = plain_tsepm_with_counts(
+        plain,
+        range_std=0.0,
+        range_std_fraction=0.015,
+        azimuth_std=math.radians(1.0),
+        clutter_density=1e-6,
+        max_speed=10.0,
+        min_hits=5,
+        window=8,
+    )
+    assert compare_scans(initiator, [Scan(**one) for one in plain], expected, counts) > 1

@@ -73,14 +73,6 @@ def test_own_ship_data_that_stops_is_a_warning_and_then_stale(world):
     assert seen[-3:] == [OK, WARN, STALE]
 
 
-def test_own_ship_data_behind_the_newest_scan_is_a_warning(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=60.0)
-    sail(boat, -5.0)
-    boat.driver.ping(pings(1)[0])
-    said = "own-ship data is 5 s older than the newest scan"
-    world.until(lambda: world.status("own ship").message == said, "the warning")
-
-
 def test_odometry_that_is_not_listened_to_is_said_once(world):
     boat = Boat(world)
     world.until_logged("the sensor is assumed fixed, tracks are in the frame of the detections")
@@ -130,18 +122,10 @@ def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     assert 0 < float(figures["core_ms"]) < float(figures["latency_ms"])
     assert float(figures["latency_ms"]) < float(figures["latency_all_ms"])
     assert 0 < float(figures["publishing_ms"]) < float(figures["latency_all_ms"])
-    assert {"potential_tracks", "raw_confirmations", "pruned", "merged", "started"} <= set(figures)
+    assert {"potential_tracks", "raw_confirmations", "merged", "started"} <= set(figures)
+    assert int(figures["split"]) >= int(figures["started"]) > 0
+    assert int(figures["evaluated"]) >= int(figures["pruned"])
     assert not [key for key in figures if key.startswith("dropped.")]
-
-
-def test_a_drop_is_a_warning_for_the_window_only_and_counted_for_good(world):
-    boat = Boat(world, diagnostics__window=0.5)
-    sent = pings()
-    boat.send(sent)
-    boat.driver.ping(sent[-2])
-    world.until(lambda: world.status("detections").level == b"\x01", "the warning")
-    world.until(lambda: world.status("detections").level == b"\x00", "its end")
-    assert world.dropped() == {"scan_late": 1}
 
 
 def test_thresholds_may_change_while_running(world):

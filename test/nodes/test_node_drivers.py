@@ -22,7 +22,7 @@ from support.sonar_driver import START_NS
 from msg_adapters import make_header, read_detections
 from tsepm_ros import Scan
 from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.tf_own_ship import TfOwnShip
+from tsepm_ros.nodes.subscriptions import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions

@@ -62,12 +62,6 @@ def test_a_chart_that_was_published_before_the_node_started_is_used(world):
     assert world.status("detections").level == b"\x00"
 
 
-def test_without_a_chart_the_target_is_started(world):
-    boat = Boat(world)
-    assert sum(one.width for one in boat.send(SENT)) >= 1
-    assert on_land(world) == 0
-
-
 def test_a_chart_may_be_replaced_and_removed_and_a_reset_keeps_it(world):
     chart, boat = Chart(world), Boat(world)
 
@@ -120,16 +114,6 @@ def test_a_bad_chart_is_dropped_counted_and_said(world, name):
     assert sum(one.width for one in received) >= 1
     assert world.dropped() == {"land_invalid": 1}
     assert world.status("land").level == b"\x01"
-
-
-def test_a_chart_in_another_frame_is_refused(world):
-    chart, boat = Chart(world), Boat(world)
-    chart.publish(grid("map"))
-    boat.send(SENT)
-    boat.send(pings(9, clutter=2)[8:])  # the chart has come by now, whatever the order was
-    world.until(lambda: world.dropped().get("land_frame") == 1, "the refusal")
-    world.until_logged("land is in frame 'map', the fixed frame is 'sonar'", level=WARN)
-    assert "on_land" not in world.dropped()
 
 
 def test_a_publisher_that_does_not_keep_its_chart_is_named(world):

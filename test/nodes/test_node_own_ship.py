@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat
 from support.expectation import as_scan, assert_same, confirmed, initiator
-from support.ros_world import BEST_EFFORT, LATCHED, WARN
+from support.ros_world import BEST_EFFORT, LATCHED
 from support.ship import (
     MOVING,
     SECOND,
@@ -19,14 +18,12 @@ from support.ship import (
     TURNING,
     Ship,
     at,
-    echo,
     publish_poses,
     seen_from,
 )
-from support.sonar_driver import START_NS, Driver, Ping, cloud, pings, points, stamp_ns
+from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
 
 SENT = pings(12)
-LARGEST_FLOAT = sys.float_info.max
 
 
 @pytest.mark.parametrize("ship", [MOVING, TURNING], ids=["moving", "turning"])
@@ -44,37 +41,6 @@ def test_tracks_are_in_the_odometrys_frame_wherever_the_ship_goes(world, ship):
     x, y = at(TARGET, time)
     assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
     assert math.hypot(point["state_vx"] - TARGET[1], point["state_vy"] - TARGET[3]) < 0.1
-
-
-@pytest.mark.parametrize("ship", [MOVING, TURNING], ids=["moving", "turning"])
-def test_echoes_are_placed_at_the_times_when_they_came_back(world, ship):
-    boat = Boat(world, own_ship_source="odometry")
-    publish_poses(boat, ship, 0, 70, step=0.25)
-    for index in range(6):
-        time = 12.0 * index
-        distance, azimuth, offset = echo(ship, time, TARGET)
-        ping = Ping(START_NS + round(time * SECOND), [distance], [azimuth])
-        boat.driver.ping(ping, time_offset=[offset])
-    [(message, point)] = [(one, p) for one in boat.take(6, 0) for p in points(one)]
-    time = (stamp_ns(message) - START_NS) / SECOND
-    x, y = at(TARGET, time)
-    assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
-    assert math.hypot(point["state_vx"] - TARGET[1], point["state_vy"] - TARGET[3]) < 0.1
-
-
-def test_poses_between_odometry_are_interpolated_across_the_turn_of_the_angle(world):
-    ship = Ship(turn_rate=math.radians(5.0), start=(0.0, 0.0, math.pi - 0.2))
-    boat = Boat(world, own_ship_source="odometry")
-    for index in range(0, 70, 7):
-        x, y, yaw = ship.pose(index)
-        boat.driver.pose(START_NS + index * SECOND, x, y, math.remainder(yaw, 2 * math.pi))
-    for index in range(6):
-        time = 10.0 * index
-        distance, azimuth = seen_from(ship, time, *at(TARGET, time))
-        boat.driver.ping(Ping(START_NS + round(time * SECOND), [distance], [azimuth]))
-    [(message, point)] = [(one, p) for one in boat.take(6, 0) for p in points(one)]
-    x, y = at(TARGET, (stamp_ns(message) - START_NS) / SECOND)
-    assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
 
 
 def test_the_covariance_of_the_odometry_widens_that_of_the_track(world):
@@ -100,90 +66,6 @@ def test_the_covariance_of_the_odometry_widens_that_of_the_track(world):
     assert wide[0]["cov_00"] > plain[0].covariance[0, 0] + 100
 
 
-def test_bearings_from_north_need_no_heading(world):
-    ship = Ship(speed=6.0, turn_rate=math.radians(3.0))
-    boat = Boat(world, own_ship_source="odometry", bearing_reference="north")
-    publish_poses(boat, ship, 0, 61)
-    for index in range(6):
-        time = 12.0 * index
-        x, y = at(TARGET, time)
-        ship_x, ship_y, _ = ship.pose(time)
-        bearing = math.atan2(x - ship_x, y - ship_y)  # clockwise from the y axis, which is north
-        columns = {"range": [math.hypot(x - ship_x, y - ship_y)], "bearing": [bearing]}
-        boat.driver.publisher.publish(cloud(START_NS + round(time * SECOND), columns))
-    [(message, point)] = [(one, p) for one in boat.take(6, 0) for p in points(one)]
-    x, y = at(TARGET, (stamp_ns(message) - START_NS) / SECOND)
-    assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
-
-
-@pytest.mark.parametrize(
-    ("spoil", "reason"),
-    [
-        pytest.param(
-            lambda m: setattr(m.pose.pose.position, "x", math.nan),
-            "own_ship_invalid",
-            id="position_nan",
-        ),
-        pytest.param(
-            lambda m: setattr(m.pose.pose.position, "y", 1e300),
-            "own_ship_invalid",
-            id="position_absurd",
-        ),
-        pytest.param(
-            lambda m: setattr(m.pose.pose.orientation, "w", 0.0),
-            "own_ship_invalid",
-            id="no_orientation",
-        ),
-        pytest.param(
-            lambda m: setattr(m.twist.twist.linear, "x", math.inf),
-            "own_ship_invalid",
-            id="speed_infinite",
-        ),
-        pytest.param(
-            lambda m: setattr(m.pose, "covariance", np.tile([0.0, LARGEST_FLOAT], 18)),
-            "own_ship_invalid",
-            id="covariance_overflows",
-        ),
-        pytest.param(
-            lambda m: setattr(m.header, "frame_id", "elsewhere"), "own_ship_frame", id="other_frame"
-        ),
-        pytest.param(
-            lambda m: setattr(m.header.stamp, "sec", START_NS // SECOND - 20),
-            "own_ship_late",
-            id="late",
-        ),
-    ],
-)
-def test_bad_odometry_is_dropped_counted_and_named(world, spoil, reason):
-    boat = Boat(world, own_ship_source="odometry")
-    publish_poses(boat, Ship(), 0, 30)
-    bad = Odometry(child_frame_id="sonar")
-    bad.header.frame_id = "odom"
-    bad.header.stamp.sec = START_NS // SECOND + 31
-    bad.pose.pose.orientation.w = 1.0
-    spoil(bad)
-    boat.driver.odometry.publish(bad)
-    publish_poses(boat, Ship(), 32, 140)
-    assert_same(boat.send(SENT), confirmed(SENT))
-    assert world.dropped() == {reason: 1}
-    world.until_logged(reason, "own-ship", level=WARN)
-
-
-def test_the_largest_float_says_that_a_position_is_not_known(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
-    covariance = np.zeros((6, 6))
-    covariance[:2, :2] = LARGEST_FLOAT
-    for index in range(150):
-        message = Odometry(child_frame_id="sonar")
-        message.header.frame_id = "odom"
-        message.header.stamp.sec = START_NS // SECOND + index
-        message.pose.pose.orientation.w = 1.0
-        message.pose.covariance = covariance.ravel()
-        boat.driver.odometry.publish(message)
-    assert len(boat.send(SENT)) == len(SENT)
-    assert world.dropped() == {}
-
-
 def test_best_effort_odometry_is_read(world):
     boat = Boat(world, own_ship_source="odometry")
     world.end(boat.driver)
@@ -192,15 +74,6 @@ def test_best_effort_odometry_is_read(world):
     world.until(boat.driver.odometry.get_subscription_count, "the node to read the odometry")
     publish_poses(boat, Ship(), 0, 132)
     assert_same(boat.send(SENT), confirmed(SENT))
-
-
-def test_the_frame_of_the_sensor_may_be_given(world):
-    boat = Boat(world, sensor_frame="sonar")
-    boat.driver.ping(Ping(START_NS - SECOND, [1000.0], [0.0]), frame_id="radar")
-    received = boat.send(SENT)
-    assert_same(received, confirmed(SENT))
-    assert world.dropped() == {"unknown_frame": 1}
-    assert {message.header.frame_id for message in received} == {"sonar"}
 
 
 def test_current_tracks_are_carried_in_the_fixed_frame(world):

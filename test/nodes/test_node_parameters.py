@@ -225,17 +225,6 @@ def test_own_ship_from_tf_without_tf2_ros_is_refused(world, monkeypatch):
         world.make(TrackInitiator, {"own_ship_source": "tf", "fixed_frame": "map"})
 
 
-def test_bearings_from_north_without_own_ship_need_a_fixed_frame(world):
-    with pytest.raises(ParameterError, match="fixed_frame"):
-        world.make(TrackInitiator, {"bearing_reference": "north"})
-    world.make(TrackInitiator, {"bearing_reference": "north", "fixed_frame": "map"})
-
-
-def test_own_ship_from_tf_needs_a_fixed_frame(world):
-    with pytest.raises(ParameterError, match="fixed_frame"):
-        world.make(TrackInitiator, {"own_ship_source": "tf"})
-
-
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [
@@ -350,27 +339,6 @@ def test_another_maximum_speed_takes_effect_at_the_next_scan(world):
     assert_same(after, [same.process(as_scan(ping)) for ping in sent[8:]])
 
 
-def test_another_number_of_hits_starts_potential_tracks_over(world):
-    boat = Boat(world)
-    sent = pings(12)
-    boat.send(sent[:3])
-    assert set_parameters(world, tsepm__min_hits=3) == [""]
-    world.until_logged("potential tracks start over")
-    assert_same(boat.send(sent[3:]), confirmed(sent[3:], min_hits=3))
-
-
-def test_another_window_takes_effect_at_the_next_scan(world):
-    boat = Boat(world)
-    sent = pings(16, targets=((3000.0, 4.0, 1500.0, -2.0), (-4000.0, 1.0, -1500.0, 2.0)))
-    received = boat.send(sent[:4])
-    assert set_parameters(world, tsepm__window=5) == [""]
-    received += boat.send(sent[4:])
-    same = initiator()
-    expected = [same.process(as_scan(ping)) for ping in sent[:4]]
-    reconfigured(same, SensorModel(), CommonOptions(), TsepmOptions(window=5))
-    assert_same(received, expected + [same.process(as_scan(ping)) for ping in sent[4:]])
-
-
 def test_values_that_fit_only_together_are_set_in_one_step(world):
     boat = Boat(world)
     sent = pings(24)
@@ -378,17 +346,6 @@ def test_values_that_fit_only_together_are_set_in_one_step(world):
     assert "window" in reason
     assert set_together(world, tsepm__min_hits=10, tsepm__window=12) == ""
     assert_same(boat.send(sent), confirmed(sent, min_hits=10, window=12))
-
-
-def test_the_sensor_model_may_change_while_running(world):
-    boat = Boat(world)
-    sent = pings(16)
-    assert set_parameters(world, sensor__range_std=50.0, sensor__azimuth_std=0.03) == ["", ""]
-    same = initiator()
-    reconfigured(
-        same, SensorModel(range_std=50.0, azimuth_std=0.03), CommonOptions(), TsepmOptions()
-    )
-    assert_same(boat.send(sent), [same.process(as_scan(ping)) for ping in sent])
 
 
 def test_the_method_may_change_while_running(world):

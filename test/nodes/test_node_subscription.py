@@ -17,8 +17,8 @@ from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import Driver, cloud, pings
 
 from msg_adapters import MessageError
+from tsepm_ros.diagnostics.health import unread_type
 from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.diagnostics.judgements import unread_type
 from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -167,11 +167,11 @@ def test_the_graph_has_the_subscription_before_the_first_driver_and_then_its_typ
     look = world.observer.get_subscriptions_info_by_topic
     world.until(lambda: look("detections"), "a subscription")
     assert [end.topic_type for end in look("detections")] == [POINT_CLOUD]
-    assert not detections.connected, "there is no driver yet"
+    assert not detections.subscribed, "there is no driver yet"
     with World(world.domain) as elsewhere:  # one process cannot have two types on one topic
         driver = elsewhere.add(Node("driver", context=elsewhere.context))
         publisher = driver.create_publisher(kind, "detections", qos)
-        world.until(lambda: detections.connected, "the driver")
+        world.until(lambda: detections.subscribed, "the driver")
         world.until(publisher.get_subscription_count, "the subscription that fits")
         [found] = look("detections")
         assert found.topic_type.endswith(kind.__name__)
@@ -194,7 +194,7 @@ def test_a_driver_that_fits_is_heard_from_its_first_message_on(world):
 def test_a_best_effort_driver_beside_a_reliable_one_is_read(world):
     detections = subscribe(world)
     reliable, less = (world.add(Driver(world.context, qos)) for qos in (RELIABLE, BEST_EFFORT))
-    world.until(lambda: detections.connected, "the drivers")
+    world.until(lambda: detections.subscribed, "the drivers")
     world.until(less.publisher.get_subscription_count, "a subscription to both")
     world.until(reliable.publisher.get_subscription_count, "a subscription to both")
 

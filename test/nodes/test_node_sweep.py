@@ -14,7 +14,6 @@ from support.ros_world import RELIABLE, World
 from support.sonar_driver import points, stamp_ns
 from support.sweeps import BEAMS, RADAR, TURN, in_parts, played, settings, turns, whole
 
-from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.parameter_files import parse_values
@@ -89,14 +88,6 @@ def test_a_turn_in_parts_gives_the_tracks_of_the_turn_in_one_message(world, swee
     assert world.dropped() == {}
 
 
-def test_what_the_sweep_adds_is_reported_and_scans_are_turns(world):
-    Radar(world, sweep=TURN).send(in_parts(turns(4), 6), 3)
-    latency = float(world.figures()["sweep_latency_ms"])
-    assert latency == pytest.approx(1e3 * TURN, rel=0.02)
-    assert world.figures()["sweep"] == f"sweeps of {TURN:.3g} s in {BEAMS // 6} messages"
-    assert float(world.figures()["scan_interval_s"]) == pytest.approx(TURN, rel=0.02)
-
-
 def test_auto_learns_the_sweep(world):
     radar = Radar(world, sweep="auto")
     alone = BEAMS // 6  # messages of the first turn, each a scan
@@ -116,28 +107,6 @@ def test_when_messages_stop_the_open_scan_ends_and_a_reset_discards_one(world):
     radar.send(in_parts(turns(1), 6)[:10], 1)
     assert len(radar.tracks) == 2
     assert world.dropped() == {}
-
-
-def test_lost_late_and_repeated_messages_are_survived_and_counted(world):
-    sent = in_parts(turns(5), 6)
-    order = [*range(30), 31, 32, 30, 33, 33, 40, *range(41, 200), 20, *range(200, len(sent))]
-    received = Radar(world, sweep=TURN).send([sent[n] for n in order], 4)
-    assert sum(one.width for one in received[:4]) == 2
-    assert world.dropped() == {"scan_same_stamp": 1, "scan_late": 1}
-
-
-@pytest.mark.parametrize(
-    ("given", "text"), [(2.5, "2.5"), (3, "3"), (False, "off"), ("auto", "auto")]
-)
-def test_the_parameter_is_taken_as_yaml_reads_it(world, given, text):
-    node = world.make(TrackInitiator, {"sweep": given})
-    assert node.get_parameter("sweep").value == text
-
-
-@pytest.mark.parametrize("given", [True, -1.0, 0, "sometimes", float("nan")])
-def test_a_sweep_that_is_not_allowed_is_refused(world, given):
-    with pytest.raises(ParameterError, match="sweep must be off, auto, or a number of seconds"):
-        world.make(TrackInitiator, {"sweep": given})
 
 
 def test_a_bag_of_parts_gives_the_same_tracks_through_the_node_and_offline(world, tmp_path):

@@ -100,13 +100,6 @@ def test_tf_gives_no_false_warnings(world, tf):
     assert world.logged(WARN) == []
 
 
-def test_tf_places_pings_that_are_far_apart(world, tf):
-    tf(Transforms(Ship()))
-    boat = from_tf(world, max_speed=1.0)
-    sent = pings(6, period=100.0, targets=((3000.0, 0.3, 1500.0, -0.2),), clutter=3)
-    assert_same(boat.send(sent), confirmed(sent, max_speed=1.0))
-
-
 def test_a_scan_waits_for_tf_and_is_dropped_when_it_does_not_come(world, tf):
     known = Transforms(Ship(), last=-1.0)
     tf(known)
@@ -135,15 +128,6 @@ def test_a_scan_is_processed_as_soon_as_tf_knows_its_last_echo(world, tf):
     assert times[0] == pytest.approx(0.0, abs=1e-6)
     assert times[-1] == pytest.approx(4.0)
     assert np.diff(times).max() <= 0.5 + 1e-6
-
-
-def test_tf_places_scans_after_a_restart(world, tf):
-    tf(Transforms(Ship()))
-    boat = from_tf(world)
-    assert_same(boat.send(SENT), confirmed(SENT))
-    again = pings(start_ns=START_NS - 5000 * SECOND, seed=3)
-    assert_same(boat.send(again), confirmed(again))
-    assert world.dropped().keys() <= {"own_ship_late"}
 
 
 @pytest.mark.parametrize("name", ["stamp_before_1970", "time_offset_far_ahead"])

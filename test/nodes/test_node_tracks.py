@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,16 +64,6 @@ def test_every_target_of_a_burst_is_tracked_and_ids_count_up(world):
     assert len(ids) >= 2
 
 
-def test_a_sonar_that_gives_no_times_gets_them_from_the_sound_speed(world):
-    sent = pings()
-    boat = Boat(world, sound_speed=1480.0)
-    expected = initiator()
-    scans = [as_scan(ping) for ping in sent]
-    timed = [replace(scan, time_offset=scan.range / 1480.0) for scan in scans]
-    assert_same(boat.send(sent), [expected.process(scan) for scan in timed])
-    assert world.warned() == []
-
-
 def test_a_sonar_that_gives_no_times_is_said_once(world):
     boat = Boat(world)
     boat.send(pings())
@@ -115,11 +104,6 @@ def test_tracks_have_the_documented_layout(world):
     assert {field.count for field in message.fields} == {1}
     assert message.height == 1 and not message.is_bigendian
     assert message.row_step == message.width * message.point_step == len(message.data)
-
-
-def test_tracks_are_in_the_detections_frame_without_own_ship(world):
-    boat = Boat(world)
-    assert {message.header.frame_id for message in boat.send(pings(3))} == {"sonar"}
 
 
 def test_fixed_frame_names_the_frame_of_the_tracks(world):

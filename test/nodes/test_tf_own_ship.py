@@ -24,8 +24,7 @@ from support.foreign_messages import (
 from support.sonar_driver import START_NS, Ping, cloud, points
 
 from msg_adapters import make_header, read_detections
-from tsepm_ros.nodes.node_parameters import ParameterError
-from tsepm_ros.nodes.tf_own_ship import TfOwnShip
+from tsepm_ros.nodes.subscriptions import TfOwnShip
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
@@ -165,13 +164,6 @@ def test_a_rotation_of_nothing_places_nothing():
     session.own_ship.look_up("sonar", START, START + 0.1, "body")
     assert session.own_ship_stamp is None
     assert set(session.dropped) == {"own_ship_invalid"}
-
-
-@pytest.mark.parametrize("source", ["none", "tf"])
-def test_the_node_refuses_a_mounting_without_odometry(world, source):
-    parameters = {"own_ship_source": source, "fixed_frame": "map", "mounting.yaw": 0.5}
-    with pytest.raises(ParameterError, match=f"mounting.* must be 0 .* is {source}"):
-        world.make(TrackInitiator, named(parameters))
 
 
 def test_a_mounting_is_refused_while_running_without_odometry_and_taken_with_it(world):

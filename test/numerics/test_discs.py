@@ -53,18 +53,18 @@ def test_pairs_nearer_are_those_of_a_loop(number):
 
 def test_a_search_ends_where_the_time_is_over():
     rng = np.random.default_rng(4)
-    places = rng.uniform(0.0, 100.0, (2000, 2))
+    places = rng.uniform(0.0, 100.0, (3000, 2))
     asked = []
 
     def late(after: int) -> bool:
         asked.append(after)
         return len(asked) > after
 
-    found = pairs_within(places, places, np.full(2000, 200.0), 10**7, lambda: late(100))
+    found = pairs_within(places, places, np.full(3000, 200.0), 10**7, lambda: late(100))
     assert found is not None
-    assert len(found[0]) == 2000 * 2000
+    assert len(found[0]) == 3000 * 3000
     assert len(asked) > 1
     parts = len(asked)
     asked.clear()
-    assert pairs_within(places, places, np.full(2000, 200.0), 10**7, lambda: late(1)) is None
+    assert pairs_within(places, places, np.full(3000, 200.0), 10**7, lambda: late(1)) is None
     assert len(asked) == 2 < parts

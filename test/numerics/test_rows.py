@@ -41,8 +41,14 @@ def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
         changed(echoes, range=echoes.range, bearing=echoes.azimuth)
 
 
-def test_rows_are_chosen_of_several_tables(echoes):
-    rows = [np.array([2, 0]), np.zeros(0, np.int64), np.array([1])]
-    chosen = Echoes.chosen([echoes, echoes, echoes], rows)
-    assert type(chosen) is Echoes
-    assert (chosen.range.tolist(), chosen.azimuth.tolist()) == ([3.0, 1.0, 2.0], [0.3, 0.1, 0.2])
+def test_rows_of_several_tables_are_put_at_their_places(echoes):
+    parts = [echoes[np.array([2, 0])], echoes[np.zeros(0, np.int64)], echoes[np.array([1])]]
+    placed = Echoes.placed(parts, [np.array([0, 2]), slice(0, 0), np.array([1])])
+    assert type(placed) is Echoes
+    assert (placed.range.tolist(), placed.azimuth.tolist()) == ([3.0, 2.0, 1.0], [0.3, 0.2, 0.1])
+
+
+def test_a_slice_of_a_table_is_a_view(echoes):
+    part = echoes[slice(1, None)]
+    assert part.range.tolist() == [2.0, 3.0]
+    assert part.range.base is echoes.range

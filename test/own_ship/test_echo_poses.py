@@ -81,20 +81,8 @@ def test_an_echo_is_placed_where_the_target_was(azimuth):
 
 
 @DIRECTIONS
-def test_half_the_speed_leaves_a_quarter_of_the_error(azimuth):
-    whole, half = placing_error(1.0, azimuth), placing_error(0.5, azimuth)
-    assert half < 0.3 * whole
-
-
-@DIRECTIONS
 def test_the_pose_at_the_stamp_would_be_hundreds_of_metres_off(azimuth):
     assert placing_error(1.0, azimuth, naive=True) > 300.0
-
-
-def test_a_sensor_that_does_not_move_needs_no_correction():
-    pose = np.array([3.0, 4.0, 0.5])
-    found = echo_poses(lambda t: np.tile(pose, (len(t), 1)), 0.0, np.array([1.0, 6.0]), np.zeros(2))
-    np.testing.assert_allclose(found, [pose, pose], rtol=1e-12)
 
 
 @pytest.mark.parametrize("offset", [None, np.zeros(3), np.zeros(0)], ids=["none", "zero", "empty"])
@@ -110,17 +98,6 @@ def test_without_time_offsets_there_is_one_pose_for_the_scan(offset):
     assert asked == [7.0]
 
 
-def test_the_pose_is_asked_for_at_the_times_of_sending_and_arrival():
-    asked = []
-
-    def poses_at(times):
-        asked.append(times.tolist())
-        return np.zeros((len(times), 3))
-
-    echo_poses(poses_at, 100.0, np.array([1.0, 3.0]), np.zeros(2))
-    assert asked == [[100.0], [102.0, 106.0]]
-
-
 def test_an_echo_may_be_sent_after_the_stamp():
     asked = []
 
@@ -133,13 +110,3 @@ def test_an_echo_may_be_sent_after_the_stamp():
     found = echo_poses(poses_at, 100.0, offset, np.zeros(2), transmit_offset=delay)
     assert asked == [[100.5, 102.0], [102.5, 102.0]]  # what is sent when it arrives is seen at once
     np.testing.assert_allclose(found, [[101.5, 0.0, 0.0], [102.0, 0.0, 0.0]])
-
-
-def test_north_referenced_azimuths_leave_the_heading_out():
-    def poses_at(times):
-        return np.stack([2.0 * times, np.zeros(len(times)), np.full(len(times), 1.2)], axis=1)
-
-    found = echo_poses(poses_at, 0.0, np.array([2.0]), np.array([0.0]), heading=False)
-    # Sent at x = 0, back at x = 8, looking along x: half of the way was made good by the range.
-    np.testing.assert_allclose(found, [[4.0, 0.0, 0.0]], atol=1e-12)
-    assert echo_poses(poses_at, 5.0, None, np.zeros(1), heading=False).tolist() == [10.0, 0.0, 0.0]

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.builders import whitened
 
-from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
+from tsepm_ros.own_ship.registration import Mounting, sensor_covariance
 
 HEADINGS = [
     pytest.param(0.0, (100 + 8, 200 + 3), id="east"),
@@ -33,14 +33,6 @@ def test_the_lever_arm_of_a_tilted_vessel_is_that_of_the_full_rotation():
     found = Mounting(x=-30.0, y=4.0).sensor_poses(vessel)
     arm = Rotation.from_euler("ZYX", angles.T).apply([-30.0, 4.0, 0.0])
     np.testing.assert_allclose(found[:, :2] - vessel[:, :2], arm[:, :2], atol=1e-11)
-
-
-def test_without_a_mounting_poses_stay_to_the_bit():
-    vessel = np.random.default_rng(5).uniform(-1.0, 1.0, (20, 5))
-    np.testing.assert_array_equal(Mounting().sensor_poses(vessel), vessel[:, :3])
-    assert not Mounting().given
-    assert Mounting(yaw=0.1).given
-    assert not Mounting(yaw=0.1).offset
 
 
 @pytest.mark.parametrize("name", ["x", "y", "yaw"])

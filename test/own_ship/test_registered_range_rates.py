@@ -11,9 +11,8 @@ from support.registered import place, places, sail, session
 from support.sessions import NotedSession
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.settings.settings import Settings
 
 N = 200

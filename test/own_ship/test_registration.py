@@ -13,9 +13,8 @@ from support.registered import place, places, rolling, sail, session
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
@@ -115,12 +114,6 @@ def test_what_is_straight_above_a_tilted_sensor_is_dropped_and_the_others_keep_t
     assert found.features["intensity"].tolist() == [1.0]
 
 
-def test_an_empty_scan_of_a_tilted_sensor_is_good():
-    one = session(Mounting(x=1.0))
-    sail(one)
-    assert len(place(one, Scan(3.0, [], [], time_offset=[]), height=np.zeros(0))) == 0
-
-
 HEADINGS = {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}
 
 
@@ -153,15 +146,6 @@ def test_the_end_of_the_lever_arm_is_extrapolated_round_the_turning_vessel():
     turned = yaw + 2.0 * rate
     expected = [4.0 + arm * math.cos(turned), 2.0 + arm * math.sin(turned), turned]
     np.testing.assert_allclose(found.sensor_pose, expected, rtol=1e-12)
-
-
-def test_a_mounting_may_be_corrected_while_running():
-    one = session(Mounting(yaw=1.0))
-    for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom"))
-    assert place(one, Scan(5.0, [1000.0], [0.0])).sensor_pose[2] == 1.0
-    one.configure(dataclasses.replace(one.settings, mounting=Mounting(yaw=1.1)))
-    assert place(one, Scan(6.0, [1000.0], [0.0])).sensor_pose[2] == 1.1
 
 
 def test_a_mounting_carries_the_heading_s_error_to_the_sensor():

@@ -124,18 +124,6 @@ def test_a_second_source_of_odometry_that_is_late_is_not_a_restart():
     assert set(one.heard) == {"own_ship_late"}
 
 
-def test_a_late_sample_of_the_run_before_does_not_place_the_scans_of_a_restart():
-    one = moving()
-    before = [(s.stamp - 1000.0, s) for s in odometry(EAST, 1000.0, 1030.0)]
-    late = PoseSample(1029.9, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="sonar")
-    events = [*before, (29.0, ping(1020.0)), (31.0, late), (32.0, ping(3.0))]
-    events += [(32.2, ping(4.0))]
-    events += [(32.5 + s.stamp / 100.0, s) for s in odometry(NORTH, 2.0, 10.0)]
-    first, second, _ = play(one, events)
-    assert (first.arrival, second.arrival) == (Arrival.NEXT, Arrival.RESTART)
-    np.testing.assert_allclose(second.scan.sensor_pose, NORTH.pose(3.0), atol=1e-6)
-
-
 def test_a_stamp_far_ahead_without_own_ship_data_leaves_no_trace():
     stamps = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]
     poses = [(s.stamp, s) for s in odometry(EAST, 0.0, 30.0)]

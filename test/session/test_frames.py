@@ -14,11 +14,10 @@ from support.sessions import (
 )
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.mounting import Mounting
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.drop_reasons import MAX_SENTENCE
-from tsepm_ros.session.frames import MAX_NOTICED, Frames
+from tsepm_ros.session.inputs import MAX_NOTICED, Frames
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -126,7 +125,7 @@ def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
 def test_the_frames_that_were_noticed_are_bounded():
     """A source that names another frame with each message neither grows nor repeats for ever."""
     frames = Frames(SessionOptions(own_ship_source="odometry"), moves=True)
-    frames.take_scan(SensorScan(Scan(0.0, [], []), "sonar"))
+    frames.admit(SensorScan(Scan(0.0, [], []), "sonar"), 10)
     noticed = 0
     for number in range(10 * MAX_NOTICED):
         frames.take_pose(

@@ -21,10 +21,9 @@ from support.sessions import (
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.session.drop_reasons import Notice
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
-from tsepm_ros.session.tracker_run import TrackerRun
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
@@ -139,47 +138,57 @@ def test_the_time_limit_holds_only_live(live):
     assert one.tracker.max_scan_time == (4.0 if live else math.inf)
 
 
+def fed(one: Session, scans) -> Session:
+    for scan in scans:
+        one.add_scan(SensorScan(scan, "sonar"), 0.0)
+        list(one.process())
+    return one
+
+
 @pytest.mark.parametrize("used", ["given", "estimated"])
 def test_the_reported_area_is_that_to_which_the_density_in_use_refers(used):
     """Clutter within a third of the range: a ninth of the coverage is seen."""
-    run = TrackerRun(settings(CommonOptions(clutter_density=used)), live=False)
-    rng = np.random.default_rng(1)
-    farthest = run.tracker.sensor.max_range / 3.0
-    for index in range(10):
-        range_ = farthest * np.sqrt(rng.random(60))
-        run.process(Scan(12.0 * index, range_, rng.uniform(-3.1, 3.1, 60)), None)
-    figures = run.figures()
-    share = figures["coverage_area"] / run.tracker.sensor.coverage_area
+    one, rng = Session(settings(CommonOptions(clutter_density=used))), np.random.default_rng(1)
+    sensor = one.tracker.sensor
+    fed(
+        one,
+        (
+            Scan(
+                12.0 * index,
+                sensor.max_range / 3.0 * np.sqrt(rng.random(60)),
+                rng.uniform(-3.1, 3.1, 60),
+            )
+            for index in range(10)
+        ),
+    )
+    figures = one.figures()
+    share = figures.coverage_area / sensor.coverage_area
     assert share == pytest.approx(1.0 if used == "given" else 1.0 / 9.0, rel=0.1)
     if used == "given":
-        assert figures["clutter_density"] == run.tracker.sensor.clutter_density
+        assert figures.clutter_density == sensor.clutter_density
 
 
 @pytest.mark.parametrize(("most", "said"), [(100, False), (5, True)])
 def test_hypotheses_that_a_limit_cuts_are_noticed(most, said):
-    run = TrackerRun(settings(CommonOptions(max_potential_tracks=most)), live=False)
-    rng = np.random.default_rng(1)
-    scan = Scan(12.0, rng.uniform(500.0, 5000.0, 20), rng.uniform(-3.0, 3.0, 20))
-    run.process(scan, None)
-    remarks = run.remarks(scan, run.tracker.maintenance.tracker, False)
-    sentences = [remark.sentence for remark in remarks if isinstance(remark, Notice)]
+    rng, sentences = np.random.default_rng(1), []
+    one = Session(
+        settings(CommonOptions(max_potential_tracks=most)),
+        lambda reason, sentence: sentences.append(sentence),
+    )
+    fed(one, [Scan(12.0, rng.uniform(500.0, 5000.0, 20), rng.uniform(-3.0, 3.0, 20))])
     assert ("a limit cut 15 hypotheses at 12.000 s" in sentences) is said
 
 
 def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
-    run = TrackerRun(settings(method="score"), live=False)
-    rng = np.random.default_rng(1)
-    said = []
+    rng, said = np.random.default_rng(1), []
+    one = Session(settings(method="score"), lambda *one: said.append(one))
+    found = []
     for index in range(8):
         range_, azimuth = rng.uniform(500.0, 5000.0, 40), rng.uniform(-3.0, 3.0, 40)
         features = {"intensity": rng.exponential(size=40)} if index < 5 else {}
-        scan = Scan(12.0 * index, range_, azimuth, features=features)
-        run.process(scan, None)
-        said += [
-            (index, remark.sentence)
-            for remark in run.remarks(scan, run.tracker.maintenance.tracker, False)
-            if isinstance(remark, Notice) and remark.subject == "intensity"
-        ]
-    assert [index for index, _ in said] == [1, 5]
-    assert "used: compared with" in said[0][1] and "no strengths" in said[1][1]
-    assert run.figures()["intensity"] == "not used: no strengths"
+        fed(one, [Scan(12.0 * index, range_, azimuth, features=features)])
+        found += [(index, sentence) for subject, sentence in said if subject == "intensity"]
+        said.clear()
+    assert [index for index, _ in found] == [1, 5]
+    assert "used: compared with" in found[0][1] and "no strengths" in found[1][1]
+    assert one.figures().intensity == "not used: no strengths"

@@ -11,7 +11,7 @@ from support.sweeps import FIRST, RADAR, START_NS, STEP, beam, fan, read
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.sweep import joined, part_of
+from tsepm_ros.session.sweep import joined
 
 RICH = SensorScan(
     Scan(
@@ -48,24 +48,10 @@ def test_what_one_message_has_and_the_other_does_not():
     Scan(**{name: value for name, value in vars(scan).items() if value is not None})  # is allowed
 
 
-def test_one_message_is_itself():
-    assert joined([RICH], RADAR, None) is RICH
-    assert joined([RICH], RADAR, np.array([0.1, 0.2])).scan.swept.tolist() == [0.1, 0.2]
-
-
 def test_empty_messages_are_an_empty_scan():
     one = joined([beam(1.0, 0.1), beam(2.0, 0.2)], RADAR, np.array([0.0, 0.3]))
     assert (len(one.scan), one.scan.stamp) == (0, 1.0)
     assert one.scan.swept.tolist() == [0.0, 0.3]
-
-
-def test_a_part_keeps_everything_of_its_detections():
-    part = part_of(RICH, np.array([False, True]))
-    assert part.scan.range.tolist() == [200.0]
-    assert part.scan.features["intensity"].tolist() == [6.0]
-    assert part.transmit_offset.tolist() == [0.02]
-    assert part.height.tolist() == [-2.0]
-    assert part.scan.stamp == RICH.scan.stamp
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5, 30])

@@ -6,7 +6,6 @@ import numpy as np
 from support.sessions import arrived, moving, play, sail, session
 
 from tsepm_ros import LandMask, Scan
-from tsepm_ros.session.inputs import LandInput
 
 AHEAD = LandMask(np.ones((10, 10)), 10.0, (2950.0, -50.0, 0.0))
 """Land where `ping` has its target."""
@@ -91,10 +90,10 @@ def test_a_restart_and_a_change_of_method_keep_the_chart():
     assert result.statistics.on_land == 1
 
 
-def test_nothing_settles_before_the_frame_is_known():
-    land = LandInput()
-    land.add(AHEAD, "odom")
-    assert land.settle("") is None
-    assert land.mask is None
-    assert land.settle("odom").subject == "land"
-    assert land.mask is AHEAD
+def test_a_chart_of_another_frame_that_comes_before_the_frame_is_refused_then():
+    one = moving()
+    one.add_land(AHEAD, "map")
+    assert one.dropped == {}
+    sail(one, 0.0, 60.0)
+    play(one, [0, 12])
+    assert one.dropped == {"land_frame": 1}

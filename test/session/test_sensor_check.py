@@ -10,7 +10,7 @@ import pytest
 from support.sessions import arrived
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.session.sensor_check import SensorFigures, findings
+from tsepm_ros.session.plausibility import SensorFigures, findings
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors

@@ -11,7 +11,10 @@ from support.sweeps import RADAR, beam, contents
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.sweep import SweepAssembly
+from tsepm_ros.session.sweep import Sweep
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Arc
 
 STEPS = 36
@@ -20,9 +23,9 @@ TIME = 0.1
 TURN = STEPS * TIME
 
 
-def assembly(**changes) -> SweepAssembly:
-    values = {"seconds": TURN, "max_detections": 1000, "restart_jump": 60.0, **changes}
-    return SweepAssembly(values.pop("seconds"), RADAR, 0.0, **values)
+def assembly(max_detections: int = 1000) -> Sweep:
+    session = SessionOptions(sweep=f"{TURN}", restart_jump=60.0)
+    return Sweep(Settings(session, RADAR, CommonOptions(max_detections=max_detections)))
 
 
 def message(number: int, *, start: float = 100.0, direction: int = 1, known: bool = True):
@@ -31,14 +34,12 @@ def message(number: int, *, start: float = 100.0, direction: int = 1, known: boo
     return beam(start + number * TIME, azimuth if known else None, *([10.0 * (1 + number)] * known))
 
 
-def fed(one: SweepAssembly, messages, *, close: bool = True):
+def fed(one: Sweep, messages, *, close: bool = True):
     """Scans, and the reasons of what was refused."""
-    scans, reasons = [], []
-    for each in messages:
-        made, refusals = one.take(each)
-        scans += made
-        reasons += [refusal.reason for refusal in refusals]
-    return scans + (one.close() if close else []), reasons
+    taken = [one.take(each, each.scan.stamp) for each in messages]
+    taken += [one.close()] if close else []
+    scans = [scan for each in taken for scan in each.scans]
+    return scans, [refusal.reason for each in taken for refusal in each.remarks]
 
 
 def numbers(*spans: tuple[int, int]) -> list[list[float]]:
@@ -192,9 +193,9 @@ def test_an_empty_seam_adds_no_latency():
     one = assembly()
     scans, _ = fed(one, [message(n) for n in range(STEPS)], close=False)
     assert scans == []
-    scans, _ = one.take(message(STEPS))
+    scans, _ = fed(one, [message(STEPS)], close=False)
     assert len(scans) == 1
-    assert one.waited == pytest.approx(TURN)
+    assert one.latency == pytest.approx(TURN)
 
 
 def test_a_late_message_is_put_in_its_place():
@@ -211,7 +212,7 @@ def test_a_late_message_of_an_unknown_beam_is_put_in_its_place_by_its_stamp():
     rest = [[10.0 * (1 + n) for n in range(STEPS) if n != 20]]
     assert contents(scans) == rest + numbers((STEPS, 2 * STEPS))
     assert reasons == []
-    assert one.parts == STEPS
+    assert one.state == f"sweeps of 3.6 s in {STEPS} messages"
 
 
 def test_late_messages_that_do_not_fit_are_dropped():
@@ -308,7 +309,6 @@ def test_hostile_stamps_and_azimuths_lose_no_echo_uncounted():
             for n, (stamp, azimuth) in enumerate(zip(stamps, azimuths, strict=True))
         ]
         scans, reasons = fed(one, messages)
-        reasons += [refusal.reason for refusal in one.refuse_held()]
         found = np.concatenate(contents(scans))
         assert len(found) == len(np.unique(found)) == 300 - len(reasons)
         assert max(len(scan.scan) for scan in scans) <= 60

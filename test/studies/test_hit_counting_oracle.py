@@ -44,7 +44,7 @@ def compare(method: str, seed: int) -> int:
     options = options_of(scene, seed, method)
     expected = PLAIN[method](scene.scans, scene.sensor, options)
     sensor = SensorModel(**scene.sensor)
-    made = make_initiator(method, sensor=sensor, limit_speed=False, **options)
+    made = make_initiator(method, sensor=sensor, limit_speed="off", **options)
     for scan, (tracks, potential) in zip(scene.as_scans(), expected, strict=True):
         found = {track.hits: track for track in made.process(scan)}
         assert set(found) == {track.hits for track in tracks}

@@ -108,6 +108,6 @@ def test_a_polynomial_is_that_of_numpy_with_its_covariance(degree):
         expected = np.einsum("i,iuv->uv", np.square(unit), hits["covariance"][row])
         np.testing.assert_allclose(covariance[row], expected, atol=1e-8)
     drift, sigma = fitted.reach(15.0)
-    apart = np.hypot(*(position - fitted.position).T)
+    apart = np.hypot(*(position - fitted.coefficients[:, 0]).T)
     assert (apart <= drift * (1 + 1e-9) + 1e-9).all()
     assert (np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]) <= sigma * (1 + 1e-9)).all()

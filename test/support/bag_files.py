@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tools.simulation import Simulator
-from tsepm_ros.tools.simulation.scenario import Scenario
-from tsepm_ros.tools.simulation.scenario_files import scenario_from
+from tsepm_ros.tools.simulation.scenario import Scenario, scenario_from
 
 pytest.importorskip("rosbags", reason="bags need the library rosbags")
 

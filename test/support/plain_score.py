@@ -102,17 +102,19 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Gro
                     ending.append(child)
             left_out.append(missed(predicted, way, rule))
         ending += [start(detection, scan["stamp"], rule) for detection in detections]
-        alive = [
-            one
-            for one in ending + left_out
-            if one.score > rule.deletion and index + 1 - one.keys[0][0] < rule.window
-        ]
-        best: dict[Key, float] = {}
-        for one in alive:
-            best[one.keys[-1]] = max(one.score, best.get(one.keys[-1], -math.inf))
-        alive = [one for one in alive if one.score > best[one.keys[-1]] - math.log(1e4)]
+        ending, left_out = pruned(ending, rule), pruned(left_out, rule)
+        alive = [one for one in ending + left_out if index + 1 - one.keys[0][0] < rule.window]
         after.append(Grown(ending, left_out, alive))
     return after
+
+
+def pruned(hypotheses: Sequence[Hypothesis], rule: Rule) -> list[Hypothesis]:
+    """The hypotheses that are neither unlikely nor far below the best of their newest detection."""
+    likely = [one for one in hypotheses if one.score > rule.deletion]
+    best: dict[Key, float] = {}
+    for one in likely:
+        best[one.keys[-1]] = max(one.score, best.get(one.keys[-1], -math.inf))
+    return [one for one in likely if one.score > best[one.keys[-1]] - math.log(1e4)]
 
 
 def at_max_speed(grown: Grown, max_speed: float) -> Grown:

@@ -10,7 +10,7 @@ from support.plain_score import Grown, Rule, plain_hypotheses
 from support.plain_tsepm import Parameters
 from support.scenes import Scene
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.methods.score.score_options import ScoreOptions
+from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
 
 NEVER = 1e-30

@@ -55,7 +55,7 @@ def test_a_line_is_written_at_once():
     assert file.flushed
 
 
-COMMANDS = ("run", "watch", "design", "evaluate", "reproduce")
+COMMANDS = ("run", "design", "evaluate", "reproduce")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

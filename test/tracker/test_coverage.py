@@ -11,7 +11,6 @@ from support.batches import batches
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
@@ -19,7 +18,7 @@ from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import PosesByAzimuth, PosesByRange, echo_poses_of, inside
 
 SECTOR = SensorModel(

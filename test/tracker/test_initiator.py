@@ -357,7 +357,7 @@ def test_memory_does_not_grow_with_the_scans():
     rng = np.random.default_rng(1)
     for k in range(60):
         made.process(scan_at(12.0 * k, rng.uniform(-5000, 5000, (20, 2))))
-    assert len(made.method.detections) <= 20 * made.options.window
+    assert len(made.window) <= 20 * made.options.window
 
 
 def test_importing_the_package_imports_no_ros_and_no_matplotlib():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
+from tsepm_ros.tracker.maintenance.stationary import Status
 
 SILENT = range(30, 42)
 """Scans in which the target is not detected."""

@@ -13,7 +13,7 @@ from tsepm_ros.methods.tsepm import Tsepm, TsepmOptions
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.splitting import Gated, gate, left_out, residual, split, split_within
+from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, residual, split_paths
 from tsepm_ros.tracker.tracker import Tracker
 
 
@@ -140,9 +140,9 @@ def test_tracks_that_share_their_last_hit_share_its_gate():
 
 def test_every_track_has_a_child_for_every_detection_in_its_gate():
     gated = Gated(np.array([0, 2, 2, 5]), np.array([4, 7, 0, 4, 9]), np.zeros(10, bool))
-    parent, detection = split(np.array([2, 0, 1, 2]), gated)
-    children = list(zip(parent.tolist(), detection.tolist(), strict=True))
-    assert children == [(0, 0), (0, 4), (0, 9), (1, 4), (1, 7), (3, 0), (3, 4), (3, 9)]
+    parent, detection = children(np.array([2, 0, 1, 2]), gated)
+    made = list(zip(parent.tolist(), detection.tolist(), strict=True))
+    assert made == [(0, 0), (0, 4), (0, 9), (1, 4), (1, 7), (3, 0), (3, 4), (3, 9)]
 
 
 @pytest.mark.parametrize("max_gated", [10_000, 1], ids=["all gated", "few gated"])
@@ -181,9 +181,9 @@ def random_split(seed: int, ties: bool):
 def test_split_within_keeps_exactly_the_best_children(monkeypatch, block, ties, limit):
     monkeypatch.setattr(splitting, "SPLIT_BLOCK", block)
     gates, gated, cost = random_split(limit, ties)
-    everyone = split(gates, gated)
+    everyone = children(gates, gated)
     best = np.sort(np.argsort(cost(*everyone), kind="stable")[:limit])
-    parent, detection, cut = split_within(gates, gated, limit, cost)
+    parent, detection, cut = split_paths(gates, gated, limit, cost)
     assert parent.tolist() == everyone[0][best].tolist()
     assert detection.tolist() == everyone[1][best].tolist()
     assert cut == len(everyone[0]) - limit
@@ -195,8 +195,8 @@ def test_split_within_asks_for_no_cost_where_nothing_is_cut():
     def cost(parent, detection):
         raise AssertionError("asked")
 
-    everyone = split(gates, gated)
-    parent, detection, cut = split_within(gates, gated, len(everyone[0]), cost)
+    everyone = children(gates, gated)
+    parent, detection, cut = split_paths(gates, gated, len(everyone[0]), cost)
     assert (parent.tolist(), detection.tolist()) == (everyone[0].tolist(), everyone[1].tolist())
     assert cut == 0
 
@@ -210,8 +210,8 @@ def test_split_within_looks_at_no_further_children_once_it_is_late(monkeypatch):
         asked.append(True)
         return len(asked) > 2
 
-    everyone = split(gates, gated)
-    parent, detection, cut = split_within(gates, gated, 100, cost, late)
+    everyone = children(gates, gated)
+    parent, detection, cut = split_paths(gates, gated, 100, cost, late)
     assert 20 <= len(parent) < 100
     assert cut == len(everyone[0]) - len(parent)
     assert parent.tolist() == everyone[0][: len(parent)].tolist()

@@ -1,8 +1,9 @@
-"""Health of a session: its entries on /diagnostics.
+"""Health of a session: its entries on /diagnostics, as tables of figures, conditions and sentences.
 
-The entries of ``/diagnostics``: for each task its figures, and its message while healthy.
-
-The history behind a session's diagnostics: arrivals, latencies and counts of the window.
+An entry has its figures, its message while healthy, and its rules. A rule is a condition with a
+level, thresholds and a remedy; its judgement returns the sentence that names the problem, or an
+empty one. docs/diagnostics.md lists them. `Health` has the history behind them: arrivals, latencies
+and counts of the window.
 
 Counts are totals since the start or the last reset; a level covers the last
 `DiagnosticsOptions.window` only.
@@ -15,36 +16,67 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from tsepm_ros.diagnostics.health_figures import (
     LAST_SCANS,
     Arrival,
     Connections,
     Counts,
+    Finding,
     HealthFigures,
     Latency,
+    Level,
     ScanRecord,
     Status,
     overall,
     status_of,
-)
-from tsepm_ros.diagnostics.judgements import (
-    CLUTTER,
-    LATENCY,
-    QUALITY_OF_SERVICE,
-    SENSOR,
-    densities,
-    findings_of,
 )
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
 from tsepm_ros.session.result import SessionSnapshot
 from tsepm_ros.session.scan_queue import Now, waited
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
+LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
+SENSOR = "sensor parameters"
+"""Entries without drops."""
+MIN_SCANS = 5
+"""Minimum number of scans for a judgement of the density of detections."""
+MIN_DETECTIONS = 20.0
+"""Minimum number of detections, expected or observed, for that judgement."""
+
+R = TypeVar("R", Arrival, ScanRecord)
+Judgement = Callable[[HealthFigures], str]
+Values = Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One problem that an entry may have.
+
+    Attributes
+    ----------
+    level : Level
+        Level of an entry with the problem.
+    condition : str
+        When there is the problem, a sentence for docs/diagnostics.md.
+    judge : callable
+        Returns the sentence that names the problem, or an empty sentence.
+    remedy : str
+    thresholds : tuple of str
+        Options of `DiagnosticsOptions` that are thresholds of the rule.
+    """
+
+    level: Level
+    condition: str
+    judge: Judgement
+    remedy: str
+    thresholds: tuple[str, ...] = ()
+
 
 @dataclass(frozen=True)
 class Entry:
-    """Content of one entry.
+    """One entry.
 
     Attributes
     ----------
@@ -52,28 +84,154 @@ class Entry:
         Returns the message if no rule applies.
     values : callable
         Returns the figures.
+    rules : tuple of tuple of Rule
+        Of the rules in one tuple, only the first that applies counts.
     """
 
-    healthy: Callable[[HealthFigures], str]
-    values: Callable[[HealthFigures], Mapping[str, object]]
+    healthy: Judgement
+    values: Callable[[HealthFigures], Values]
+    rules: tuple[tuple[Rule, ...], ...]
 
 
-def statuses(figures: HealthFigures) -> list[Status]:
-    """Return the overall status, and that of every task."""
-    found = [
-        status_of(task, findings_of(task, figures), entry.healthy(figures), entry.values(figures))
-        for task, entry in ENTRIES.items()
-    ]
-    return [overall(found), *found]
+def _when(applies: bool, sentence: str) -> str:
+    return sentence if applies else ""
 
 
-def _initiation(figures: HealthFigures) -> str:
-    totals = figures.snapshot.totals
-    return f"{totals.scans} scans, {totals.confirmed} confirmed tracks"
+def _dropped(drops: Mapping[str, int]) -> str:
+    """Drops by reason, the most frequent first; empty if there are none."""
+    ordered = sorted(drops.items(), key=lambda drop: -drop[1])
+    return _when(bool(drops), "dropped: " + ", ".join(f"{n} {name}" for name, n in ordered))
 
 
-def _initiation_values(figures: HealthFigures) -> Mapping[str, object]:
-    snapshot = figures.snapshot
+def _drops_of(task: str, level: Level, remedy: str) -> Rule:
+    """The rule of a task's drops, except those of single detections."""
+    return Rule(
+        level,
+        "Input of this entry was dropped",
+        lambda now: _dropped(now.recent_drops(task)),
+        remedy,
+    )
+
+
+def unread_type(now: HealthFigures) -> str:
+    """Detections are published as a type that the node does not read."""
+    connections = now.connections
+    readable = connections.other_readable
+    other = ", ".join(name for name in connections.unread if name not in readable)
+    sentences = [f"{other}, which the node does not read"] if other else []
+    if readable:
+        after = f"after a new start: it has subscribed to {connections.subscribed_type}"
+        sentences.append(f"{', '.join(readable)}, which the node reads only {after}")
+    return _when(bool(sentences), f"detections are published as {'; and as '.join(sentences)}")
+
+
+def _scan_rate(now: HealthFigures) -> str:
+    interval, period, factor = now.interval, now.period, now.options.scan_period_factor
+    differs = interval > factor * period or interval * factor < period
+    return _when(differs, f"a scan every {interval:.3g} s, expected is {period:.3g} s")
+
+
+def _scan_overdue(now: HealthFigures) -> str:
+    said = f"no scan for {now.since_scan:.3g} s, expected is a scan every {now.period:.3g} s"
+    return _when(now.since_scan > now.max_interval, said)
+
+
+def _scan_gaps(now: HealthFigures) -> str:
+    number = now.gaps
+    gaps = "1 gap" if number == 1 else f"{number} gaps"
+    return _when(number > 0, f"{gaps} between scans longer than {now.max_interval:.3g} s")
+
+
+def _detections_dropped(now: HealthFigures) -> str:
+    share = now.dropped_share
+    drops = _dropped(now.recent_drops(DETECTIONS, of_detections=True))
+    said = f"{100 * share:.3g} % of the detections {drops}"
+    return _when(share > now.options.max_dropped_share, said)
+
+
+def unused_own_ship_on(topic: str) -> str:
+    """Return the sentence for own-ship data that is published on a topic and not used."""
+    return (
+        f"odometry is published on {topic}, but own_ship_source is none: the sensor is assumed "
+        "not to move"
+    )
+
+
+def _own_ship_unused(now: HealthFigures) -> str:
+    topic = now.connections.unused_own_ship
+    unused = bool(topic) and now.snapshot.own_ship_source == "none"
+    return _when(unused, unused_own_ship_on(topic))
+
+
+def _of_odometry(now: HealthFigures, applies: bool, sentence: str) -> str:
+    """A sentence on odometry alone: data from tf is looked up when it is needed."""
+    return _when(now.snapshot.own_ship_source == "odometry" and applies, sentence)
+
+
+def _no_own_ship(now: HealthFigures, limit: float) -> str:
+    age = now.since_own_ship
+    return _of_odometry(now, age > limit, f"no own-ship data for {age:.3g} s")
+
+
+def _own_ship_behind(now: HealthFigures) -> str:
+    behind = now.own_ship_behind
+    late = behind > now.options.max_own_ship_age
+    return _of_odometry(now, late, f"own-ship data is {behind:.3g} s older than the newest scan")
+
+
+def _overload(now: HealthFigures) -> str:
+    median = now.median_latency(lambda latency: latency.core + latency.publishing)
+    said = f"a scan takes {median:.3g} s, longer than the scan interval of {now.interval:.3g} s"
+    return _when(median > now.interval, said)
+
+
+def _long_latency(now: HealthFigures) -> str:
+    longest = now.longest_latency(lambda latency: latency.total)
+    late = longest > now.options.max_latency
+    return _when(late, f"a scan was finished {longest:.3g} s after its arrival")
+
+
+def _is_density_judged(now: HealthFigures) -> bool:
+    """Whether there are enough scans and detections to judge the density in use."""
+    number = max(now.detections, now.clutter_expected)
+    return len(now.scans) >= MIN_SCANS and number >= MIN_DETECTIONS
+
+
+def _densities(now: HealthFigures) -> str:
+    """The density in use in words, and the density of detections if it can be judged."""
+    observed = f", detections have {now.detection_density:.3g}"
+    in_use = f"{now.snapshot.clutter_density:.3g} per m^2 in use"
+    return in_use + _when(_is_density_judged(now), observed)
+
+
+def _clutter_contradicted(now: HealthFigures) -> str:
+    factor, expected = now.options.clutter_factor, now.clutter_expected
+    observed = max(now.detections, 1.0)
+    differs = observed > factor * expected or expected > factor * observed
+    return _when(differs and _is_density_judged(now), f"clutter density of {_densities(now)}")
+
+
+def _mismatches(now: HealthFigures) -> str:
+    return "; ".join(
+        f"incompatible quality of service on {topic}: not connected"
+        for topic in now.connections.mismatches
+    )
+
+
+def _detections(now: HealthFigures) -> str:
+    every = _when(not math.isnan(now.interval), f", a scan every {now.interval:.3g} s")
+    return f"{now.snapshot.totals.detections} detections{every}"
+
+
+def _own_ship(now: HealthFigures) -> str:
+    source = now.snapshot.own_ship_source
+    if source == "none":
+        return "not needed: the sensor does not move"
+    return f"own-ship data from {source}"
+
+
+def _initiation_values(now: HealthFigures) -> Values:
+    snapshot = now.snapshot
     return {
         **dataclasses.asdict(snapshot.totals),
         "potential_tracks": snapshot.potential_tracks,
@@ -84,143 +242,394 @@ def _initiation_values(figures: HealthFigures) -> Mapping[str, object]:
         "fixed_echoes": snapshot.fixed_echoes,
         "detection_probability": snapshot.detection_probability,
         "detection_probability_estimated": snapshot.detection_probability_estimated,
-        **figures.dropped_of(INITIATION),
+        **now.dropped_of(INITIATION),
     }
 
 
-def _detections(figures: HealthFigures) -> str:
-    sentence = f"{figures.snapshot.totals.detections} detections"
-    if math.isnan(figures.interval):
-        return sentence
-    return f"{sentence}, a scan every {figures.interval:.3g} s"
-
-
-def _detections_values(figures: HealthFigures) -> Mapping[str, object]:
+def _detections_values(now: HealthFigures) -> Values:
     return {
-        "received": figures.snapshot.totals.detections,
-        "dropped_share": figures.dropped_share,
-        "scan_interval_s": figures.interval,
-        "scan_period_expected_s": figures.period,
-        "since_last_scan_s": figures.since_scan,
-        "intensity": figures.snapshot.intensity,
-        "sweep": figures.snapshot.sweep,
-        "sweep_latency_ms": 1e3 * figures.snapshot.sweep_latency,
-        **figures.dropped_of(DETECTIONS),
+        "received": now.snapshot.totals.detections,
+        "dropped_share": now.dropped_share,
+        "scan_interval_s": now.interval,
+        "scan_period_expected_s": now.period,
+        "since_last_scan_s": now.since_scan,
+        "intensity": now.snapshot.intensity,
+        "sweep": now.snapshot.sweep,
+        "sweep_latency_ms": 1e3 * now.snapshot.sweep_latency,
+        **now.dropped_of(DETECTIONS),
     }
 
 
-def _own_ship(figures: HealthFigures) -> str:
-    source = figures.own_ship_source
-    if source == "none":
-        return "not needed: the sensor does not move"
-    return f"own-ship data from {source}"
-
-
-def _own_ship_values(figures: HealthFigures) -> Mapping[str, object]:
-    if figures.own_ship_source == "none":
+def _own_ship_values(now: HealthFigures) -> Values:
+    if now.snapshot.own_ship_source == "none":
         return {"source": "none"}
     return {
-        "source": figures.own_ship_source,
-        "mounting": figures.snapshot.mounting,
-        "age_s": figures.since_own_ship,
-        "behind_newest_scan_s": figures.own_ship_behind,
-        "waiting_for_own_ship": figures.snapshot.waiting,
-        **figures.dropped_of(OWN_SHIP),
+        "source": now.snapshot.own_ship_source,
+        "mounting": now.snapshot.mounting,
+        "age_s": now.since_own_ship,
+        "behind_newest_scan_s": now.own_ship_behind,
+        "waiting_for_own_ship": now.snapshot.waiting,
+        **now.dropped_of(OWN_SHIP),
     }
 
 
-def _latency(figures: HealthFigures) -> str:
-    return f"at most {1e3 * figures.longest_latency(lambda latency: latency.total):.3g} ms"
-
-
-def _latency_values(figures: HealthFigures) -> Mapping[str, object]:
-    last = figures.scans[-1].latency if figures.scans else Latency()
-    longest = figures.longest_latency
-    return {
-        "latency_ms": 1e3 * last.to_tracks,
-        "latency_all_ms": 1e3 * last.to_all,
-        "waiting_ms": 1e3 * last.waiting,
-        "core_ms": 1e3 * last.core,
-        "publishing_ms": 1e3 * last.publishing,
-        "total_most_ms": 1e3 * longest(lambda latency: latency.total),
-        "waiting_most_ms": 1e3 * longest(lambda latency: latency.waiting),
-        "core_most_ms": 1e3 * longest(lambda latency: latency.core),
-        "publishing_most_ms": 1e3 * longest(lambda latency: latency.publishing),
+def _latency_values(now: HealthFigures) -> Values:
+    last = now.scans[-1].latency if now.scans else Latency()
+    seconds = {
+        "latency": last.to_tracks,
+        "latency_all": last.to_all,
+        "waiting": last.waiting,
+        "core": last.core,
+        "publishing": last.publishing,
+        "total_most": now.longest_latency(lambda latency: latency.total),
+        "waiting_most": now.longest_latency(lambda latency: latency.waiting),
+        "core_most": now.longest_latency(lambda latency: latency.core),
+        "publishing_most": now.longest_latency(lambda latency: latency.publishing),
     }
+    return {f"{name}_ms": 1e3 * value for name, value in seconds.items()}
 
 
-def _clutter_values(figures: HealthFigures) -> Mapping[str, object]:
-    return {
-        "clutter_density": figures.snapshot.clutter_density,
-        "detection_density": figures.detection_density,
-    }
-
-
-def _sensor_values(figures: HealthFigures) -> Mapping[str, object]:
-    learned = figures.snapshot.sensor_figures
+def _sensor_values(now: HealthFigures) -> Values:
+    learned = now.snapshot.sensor_figures
     values: dict[str, object] = {
         "confirmed_tracks": learned.confirmed,
         "confirmed_tracks_within_s": learned.duration,
     }
-    if learned.seen is not None:
-        values |= {
-            "seen_min_range": learned.seen.min_range,
-            "seen_max_range": learned.seen.max_range,
-            "seen_azimuth_min": learned.seen.azimuth_min,
-            "seen_azimuth_max": learned.seen.azimuth_max,
-        }
-    if learned.errors is not None:
-        values |= {
-            "fitted_range_std": learned.errors.range_std,
-            "fitted_range_std_fraction": learned.errors.range_std_fraction,
-            "fitted_azimuth_std": learned.errors.azimuth_std,
-        }
+    for prefix, source, names in (
+        ("seen", learned.seen, ("min_range", "max_range", "azimuth_min", "azimuth_max")),
+        ("fitted", learned.errors, ("range_std", "range_std_fraction", "azimuth_std")),
+    ):
+        if source is not None:
+            values |= {f"{prefix}_{name}": getattr(source, name) for name in names}
     return values
 
 
-def _quality_of_service_values(figures: HealthFigures) -> Mapping[str, object]:
-    connections = figures.connections
+def _quality_values(now: HealthFigures) -> Values:
+    connections = now.connections
     return {
         **{f"topics.{name}": topic for name, topic in connections.topics.items()},
         **{f"mismatches.{name}": n for name, n in sorted(connections.mismatches_heard.items())},
     }
 
 
-def _tracker(figures: HealthFigures) -> str:
-    return {"none": "no report yet", "alive": "reports arrive"}.get(figures.snapshot.tracker, "")
+def _sensor_rule(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
+    def judge(now: HealthFigures) -> str:
+        return now.snapshot.sensor_findings.get(subject, "")
+
+    return (Rule(Level.WARN, condition, judge, remedy),)
 
 
-def _tracker_values(figures: HealthFigures) -> Mapping[str, object]:
-    return {"tracker": figures.snapshot.tracker, **figures.dropped_of(TRACKER)}
+_SEE_REASONS = "See the reasons below"
+_NO_SCAN = "Check the topic and its type: `ros2 topic info -v`; remap `detections`"
+_LOST_PINGS = (
+    "Pings are lost: check the driver and the network. For a sonar with a variable period, leave "
+    "`scan_period` at 0"
+)
+_PERIOD = ("scan_period", "scan_period_factor")
+_NAVIGATION = "Check the navigation; compare its clock with the sonar's"
+_EMPTY_RAYS = (
+    "See the reasons below; if a sensor marks empty rays in its own way, raise `max_dropped_share`"
+)
 
-
-def _land(figures: HealthFigures) -> str:
-    area = figures.snapshot.land_area
-    return f"detections on {area:.3g} m^2 are left out" if area else "no land is charted"
-
-
-def _land_values(figures: HealthFigures) -> Mapping[str, object]:
-    return {
-        "land_area_m2": figures.snapshot.land_area,
-        "on_land": figures.snapshot.totals.on_land,
-        **figures.dropped_of(LAND),
-    }
-
-
-ENTRIES = {
-    INITIATION: Entry(_initiation, _initiation_values),
-    DETECTIONS: Entry(_detections, _detections_values),
-    OWN_SHIP: Entry(_own_ship, _own_ship_values),
-    LATENCY: Entry(_latency, _latency_values),
-    CLUTTER: Entry(densities, _clutter_values),
-    SENSOR: Entry(lambda _: "nothing speaks against them", _sensor_values),
-    QUALITY_OF_SERVICE: Entry(
-        lambda _: "all connections are compatible", _quality_of_service_values
+ENTRIES: dict[str, Entry] = {
+    INITIATION: Entry(
+        lambda now: (
+            f"{now.snapshot.totals.scans} scans, {now.snapshot.totals.confirmed} confirmed tracks"
+        ),
+        _initiation_values,
+        (
+            (_drops_of(INITIATION, Level.ERROR, "See `internal_error` below"),),
+            (
+                Rule(
+                    Level.WARN,
+                    "Hypotheses were cut by a limit",
+                    lambda now: _when(
+                        now.recent.cut > 0, f"a limit cut {now.recent.cut} hypotheses"
+                    ),
+                    "Too many detections for the limits: check the entry `clutter`; raise "
+                    "`max_potential_tracks` or `max_scan_time` if computing time is left",
+                ),
+            ),
+        ),
     ),
-    TRACKER: Entry(_tracker, _tracker_values),
-    LAND: Entry(_land, _land_values),
+    DETECTIONS: Entry(
+        _detections,
+        _detections_values,
+        (
+            (
+                Rule(
+                    Level.ERROR,
+                    "Detections are published as a type that the node does not read",
+                    unread_type,
+                    "Restart the node, or set `detections_type`",
+                ),
+                Rule(
+                    Level.WARN,
+                    "There is no publisher of detections",
+                    lambda now: _when(
+                        not now.connections.subscribed, "no publisher of detections yet"
+                    ),
+                    _NO_SCAN,
+                ),
+                Rule(
+                    Level.WARN,
+                    "No scan has arrived",
+                    lambda now: _when(math.isnan(now.since_scan), "no scan yet"),
+                    _NO_SCAN,
+                ),
+                Rule(
+                    Level.STALE,
+                    "No scan arrives any more",
+                    lambda now: _when(
+                        now.since_scan > now.options.stale_time,
+                        f"no scan for {now.since_scan:.3g} s",
+                    ),
+                    "The driver has stopped",
+                    ("stale_time",),
+                ),
+                Rule(Level.WARN, "The next scan is overdue", _scan_overdue, _LOST_PINGS, _PERIOD),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "Scans arrive at another rate than expected",
+                    _scan_rate,
+                    _LOST_PINGS,
+                    _PERIOD,
+                ),
+                Rule(Level.WARN, "There are gaps between scans", _scan_gaps, _LOST_PINGS, _PERIOD),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "The node's clock, which is simulated, stands still",
+                    lambda now: now.connections.clock_fault,
+                    "Publish /clock, or set `use_sim_time` to false",
+                ),
+            ),
+            (_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
+            (
+                Rule(
+                    Level.ERROR,
+                    "Every detection is dropped",
+                    lambda now: _when(now.dropped_share == 1.0, _detections_dropped(now)),
+                    _EMPTY_RAYS,
+                    ("max_dropped_share",),
+                ),
+                Rule(
+                    Level.WARN,
+                    "Too many detections are dropped one by one",
+                    _detections_dropped,
+                    _EMPTY_RAYS,
+                    ("max_dropped_share",),
+                ),
+            ),
+        ),
+    ),
+    OWN_SHIP: Entry(
+        _own_ship,
+        _own_ship_values,
+        (
+            (
+                Rule(
+                    Level.WARN,
+                    "Odometry is published, but `own_ship_source` is none",
+                    _own_ship_unused,
+                    "Set `own_ship_source` to odometry if the sonar moves",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "Own-ship data that is used was dropped, or scans were dropped for lack of it",
+                    lambda now: _when(
+                        now.snapshot.own_ship_source != "none",
+                        _dropped(now.recent_drops(OWN_SHIP)),
+                    ),
+                    _NAVIGATION,
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "No own-ship data has arrived",
+                    lambda now: _of_odometry(
+                        now, math.isnan(now.since_own_ship), "no own-ship data yet"
+                    ),
+                    _NAVIGATION,
+                ),
+                Rule(
+                    Level.STALE,
+                    "Own-ship data has stopped",
+                    lambda now: _no_own_ship(now, now.options.stale_time),
+                    "The navigation has stopped; scans of a moving vessel are dropped",
+                    ("stale_time",),
+                ),
+                Rule(
+                    Level.WARN,
+                    "Own-ship data is too old now",
+                    lambda now: _no_own_ship(now, now.options.max_own_ship_age),
+                    _NAVIGATION,
+                    ("max_own_ship_age",),
+                ),
+                Rule(
+                    Level.WARN,
+                    "Own-ship data is too old at the newest scan",
+                    _own_ship_behind,
+                    _NAVIGATION,
+                    ("max_own_ship_age",),
+                ),
+            ),
+        ),
+    ),
+    LATENCY: Entry(
+        lambda now: f"at most {1e3 * now.longest_latency(lambda latency: latency.total):.3g} ms",
+        _latency_values,
+        (
+            (
+                Rule(
+                    Level.ERROR,
+                    "Processing and publishing take longer than the scan interval, in the median "
+                    "of the window",
+                    _overload,
+                    "The node cannot keep up: raise the sonar's detection threshold, or reduce "
+                    "`max_potential_tracks` and `max_scan_time`",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "A scan was finished too late after its arrival",
+                    _long_latency,
+                    "`waiting`: own-ship data arrives late. `core`: see `clutter`. `publishing`: "
+                    "reduce the subscribers to markers",
+                    ("max_latency",),
+                ),
+            ),
+        ),
+    ),
+    CLUTTER: Entry(
+        _densities,
+        lambda now: {
+            "clutter_density": now.snapshot.clutter_density,
+            "detection_density": now.detection_density,
+        },
+        (
+            (
+                Rule(
+                    Level.WARN,
+                    "The density of the last detections differs from the clutter density in use",
+                    _clutter_contradicted,
+                    "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
+                    "`detection_density`. Too low a value causes false tracks, too high a "
+                    "value prevents tracks. Check `sensor.max_range` and the sector too: the "
+                    "density refers to that coverage",
+                    ("clutter_factor",),
+                ),
+            ),
+        ),
+    ),
+    SENSOR: Entry(
+        lambda now: "nothing speaks against them",
+        _sensor_values,
+        (
+            _sensor_rule(
+                "coverage",
+                "All detections fall in less than half of the coverage as given",
+                "Set the parameters that the message names. The density and the threshold already "
+                "refer to where detections fall; tracks are still predicted over the whole "
+                "coverage as given",
+            ),
+            _sensor_rule(
+                "coverage_too_small",
+                "More than 5 % of the detections are outside the coverage",
+                "Set the parameters that the message names; nothing if the coverage is limited on "
+                "purpose",
+            ),
+            _sensor_rule(
+                "errors",
+                "The errors of the detections of held tracks differ from the given errors by more "
+                "than a factor of 1.5",
+                "Set the parameters that the message names: errors that are too small lose "
+                "targets, errors that are too large delay tracks and admit false tracks",
+            ),
+            _sensor_rule(
+                "confirmations",
+                "At least 30 tracks were confirmed within an hour, more than ten times the target "
+                "false-track rate",
+                "See docs/watch_and_operate.md, too many tracks: objects that stand still, several "
+                "detections per target, clumped clutter",
+            ),
+        ),
+    ),
+    QUALITY_OF_SERVICE: Entry(
+        lambda now: "all connections are compatible",
+        _quality_values,
+        (
+            (
+                Rule(
+                    Level.ERROR,
+                    "A publisher or subscriber has an incompatible quality of service",
+                    _mismatches,
+                    "The message names the topic: set the reliability and durability of the other "
+                    "side as in docs/topics.md, or set `detections_reliability`",
+                ),
+            ),
+        ),
+    ),
+    TRACKER: Entry(
+        lambda now: {"none": "no report yet", "alive": "reports arrive"}.get(
+            now.snapshot.tracker, ""
+        ),
+        lambda now: {"tracker": now.snapshot.tracker, **now.dropped_of(TRACKER)},
+        (
+            (_drops_of(TRACKER, Level.WARN, _SEE_REASONS),),
+            (
+                Rule(
+                    Level.WARN,
+                    "The downstream tracker has stopped reporting",
+                    lambda now: _when(
+                        now.snapshot.tracker == "silent", "the downstream tracker is silent"
+                    ),
+                    "The node maintains the tracker's tracks; restart the tracker",
+                ),
+            ),
+        ),
+    ),
+    LAND: Entry(
+        lambda now: (
+            f"detections on {now.snapshot.land_area:.3g} m^2 are left out"
+            if now.snapshot.land_area
+            else "no land is charted"
+        ),
+        lambda now: {
+            "land_area_m2": now.snapshot.land_area,
+            "on_land": now.snapshot.totals.on_land,
+            **now.dropped_of(LAND),
+        },
+        ((_drops_of(LAND, Level.WARN, _SEE_REASONS),),),
+    ),
 }
 """Every entry by its task, in the order of publication."""
+
+
+def findings_of(entry: Entry, now: HealthFigures) -> list[Finding]:
+    """Return the findings of an entry's rules."""
+    findings = []
+    for alternatives in entry.rules:
+        judged = ((rule.level, rule.judge(now)) for rule in alternatives)
+        findings += [Finding(level, sentence) for level, sentence in judged if sentence][:1]
+    return findings
+
+
+def statuses(now: HealthFigures) -> list[Status]:
+    """Return the overall status, and that of every task."""
+    found = [
+        status_of(task, findings_of(entry, now), entry.healthy(now), entry.values(now))
+        for task, entry in ENTRIES.items()
+    ]
+    return [overall(found), *found]
+
 
 MAX_RECORDS = 10_000
 """Scans of the window that are remembered at most: bounds memory and time."""
@@ -262,14 +671,12 @@ class Health:
 
     def arrived(self, stamp: float, now: Now) -> None:
         """Record the stamp (s) of an arriving scan, processed or not."""
-        self._arrivals.append(Arrival(_first(now), stamp))
-        self._forget(self._arrivals)
+        self._remember(self._arrivals, Arrival(_first(now), stamp))
 
     def processed(self, detections: int, latency: Latency, now: Now) -> None:
         """Record a processed scan."""
         self.latency = latency
-        self._scans.append(ScanRecord(_first(now), detections, latency))
-        self._forget(self._scans)
+        self._remember(self._scans, ScanRecord(_first(now), detections, latency))
 
     def report(
         self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
@@ -300,10 +707,10 @@ class Health:
         )
         return statuses(figures)
 
-    def _forget(self, records: deque[Arrival] | deque[ScanRecord]) -> None:
-        """Forget the records before the window, except the last `LAST_SCANS` of all."""
-        begin = records[-1].time - self.options.window
-        while len(records) > LAST_SCANS and records[0].time < begin:
+    def _remember(self, records: deque[R], newest: R) -> None:
+        """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""
+        records.append(newest)
+        while len(records) > LAST_SCANS and records[0].time < newest.time - self.options.window:
             records.popleft()
 
     def _since(self, task: str, now: Now) -> float:

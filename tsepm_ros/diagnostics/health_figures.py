@@ -282,11 +282,6 @@ class HealthFigures:
         return number / max(number + self.recent.detections, 1)
 
     @property
-    def own_ship_source(self) -> str:
-        """Source of the sensor's pose."""
-        return self.snapshot.own_ship_source
-
-    @property
     def own_ship_behind(self) -> float:
         """Age of the newest own-ship data at the newest scan, s; nan while unknown."""
         scan, own_ship = self.snapshot.scan_stamp, self.snapshot.own_ship_stamp

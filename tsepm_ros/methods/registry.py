@@ -15,13 +15,13 @@ from tsepm_ros.tracker.tracker import Tracker
 
 METHODS: dict[str, type[Method] | str] = {
     "tsepm": "tsepm_ros.methods.tsepm:Tsepm",
-    "score": "tsepm_ros.methods.score.score:Score",
+    "score": "tsepm_ros.methods.score:Score",
     "sequential": "tsepm_ros.studies.sequential:Sequential",
-    "heuristic": "tsepm_ros.studies.heuristic:Heuristic",
+    "heuristic": "tsepm_ros.studies.path_following:Heuristic",
     "logic": "tsepm_ros.studies.logic:Logic",
     "hough": "tsepm_ros.studies.hough:Hough",
     "modified_hough": "tsepm_ros.studies.hough:ModifiedHough",
-    "clutter_test": "tsepm_ros.studies.clutter_test:ClutterTest",
+    "clutter_test": "tsepm_ros.studies.split_merge:ClutterTest",
     "split_merge": "tsepm_ros.studies.split_merge:SplitMerge",
     "multiple_model": "tsepm_ros.studies.multiple_model:MultipleModel",
 }

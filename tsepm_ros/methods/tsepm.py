@@ -53,8 +53,9 @@ Readings
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -62,12 +63,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from tsepm_ros.methods.hit_counting import GATING_SHARE, WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, TimeLimit, keep_best
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
 from tsepm_ros.tracker.detection_window import DetectionWindow
-from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.path_fit import ESTIMATORS, Fit, Paths, fit, starting
 from tsepm_ros.tracker.sensor import SensorModel
@@ -347,6 +347,8 @@ def clutter_statistic(paths: Paths, detections: DetectionWindow) -> FloatArray:
     return statistic
 
 
+GATING_SHARE = 0.1
+"""Share of a time limit after which only the nearest detections are sought in the gates."""
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
 MERGING_SHARE = 0.7
@@ -355,6 +357,53 @@ COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
 """Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
 BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
+
+
+class WindowedMethod(Method):
+    """A method that confirms tracks by M hits within a window of N scans.
+
+    Its `Options` have `min_hits` (M) and `window` (N).
+
+    Attributes
+    ----------
+    detections : DetectionWindow
+        Those of the last scans, to which hits of potential tracks refer.
+    stamp : float
+        Of the last scan, s.
+    scan_index : int
+        Of the last scan.
+    time_limit : TimeLimit
+        Time that it may take.
+    """
+
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        self.detections = DetectionWindow()
+        self.stamp, self.scan_index = 0.0, -1
+        self.time_limit = TimeLimit()
+
+    def begin(self, observed: Observation) -> IntArray:
+        """Take a scan; returns the ids of its detections, (d,)."""
+        self.stamp, self.scan_index = observed.stamp, observed.scan_index
+        self.time_limit = observed.time_limit
+        self.detections = observed.window
+        return observed.ids
+
+    def late_after(self, share: float) -> Callable[[], bool] | None:
+        """Whether a share of the scan's time is over; None where the time is not limited."""
+        return partial(self.time_limit.used, share) if self.time_limit.finite else None
+
+    def expired(self, first_scan: IntArray) -> BoolArray:
+        """Which paths have had their N scans, (n,), by the scans of their first hits."""
+        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """The rule that the track satisfied.
+
+        See `Method.reason`.
+        """
+        rule = f"{self.options.min_hits}/{self.options.window}"
+        return f"{super().reason(track)}, by the rule {rule}"
 
 
 class Tsepm(WindowedMethod):
@@ -430,7 +479,6 @@ class Tsepm(WindowedMethod):
             gates,
             PathCounts.joined(surplus, beyond, gates.left_out(self.scan_index)),
         )
-        self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
             tracks,
             ScanStatistics(
@@ -439,6 +487,8 @@ class Tsepm(WindowedMethod):
                 potential_tracks=len(self._potential),
                 hopeless_tracks=self._hopeless.total,
                 started=len(started),
+                split=len(updated) + len(started),
+                evaluated=len(candidates),
                 terminated=terminated + hopeless_ended,
                 raw_confirmations=len(raw) + hopeless_raw,
                 pruned=len(candidates) - len(kept) + hopeless_raw,
@@ -517,7 +567,7 @@ class Tsepm(WindowedMethod):
         def cost(parent: IntArray, newest: IntArray) -> FloatArray:
             return path_cost(tracks.extended(parent, gates.ids[newest]), self.detections)
 
-        parent, newest, cut = splitting.split_within(
+        parent, newest, cut = splitting.split_paths(
             gate_of_path[part], gates.gated, limit, cost, self.late_after(share)
         )
         children = tracks.extended(parent, gates.ids[newest])
@@ -587,12 +637,12 @@ class Tsepm(WindowedMethod):
         if time_limit.finite and len(tracks) > BLOCK:
             order = np.argsort(path_cost(tracks, self.detections), kind="stable")
         begin = time_limit.elapsed
-        blocks = [self._estimate_block(tracks.hits[order[:BLOCK], :count])]
+        blocks = [self.estimated(tracks.hits[order[:BLOCK], :count])]
         for first in range(BLOCK, len(tracks), BLOCK):
             if time_limit.left < 0.5 * time_limit.seconds:
                 break
             rows = order[first : first + BLOCK]
-            blocks.append(self._estimate_block(tracks.hits[rows, :count]))
+            blocks.append(self.estimated(tracks.hits[rows, :count]))
         candidates = Candidates.joined(*blocks)
         self._seconds_per_track = (time_limit.elapsed - begin) / len(candidates)
         in_order = len(tracks) <= BLOCK
@@ -605,7 +655,8 @@ class Tsepm(WindowedMethod):
         possible = time_limit.left / (MERGING_COST * self._seconds_per_track)
         return candidates[keep_best(candidates.evaluation, max(int(possible), BLOCK))]
 
-    def _estimate_block(self, ids: IntArray) -> Candidates:
+    def estimated(self, ids: IntArray) -> Candidates:
+        """The tracks of hits with some ids (n, m): fitted and evaluated (Steps 4 and 5)."""
         hits = self.detections[ids]
         fitted = self.fit(hits)
         distance = evaluation.normalized_distance(hits, fitted)

@@ -14,9 +14,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from msg_adapters import diagnostics
-from tsepm_ros.diagnostics.health import Health
+from tsepm_ros.diagnostics.health import Health, unused_own_ship_on
 from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.diagnostics.judgements import unused_own_ship_on
 from tsepm_ros.nodes import quality_of_service
 from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import NodeClocks
@@ -132,7 +131,7 @@ class DiagnosticsPublisher:
         now = self._clocks.now()
         connections = Connections(
             clock_fault=self._clocks.fault,
-            subscribed=self._detections.connected,
+            subscribed=bool(self._detections.subscribed),
             unread=self._detections.unread,
             subscribed_type=self._detections.subscribed,
             other_readable=self._detections.other_readable,
@@ -149,7 +148,7 @@ class DiagnosticsPublisher:
 
     def _unused_own_ship(self) -> str:
         """Topic of odometry that is published but not used, with one warning; empty if none."""
-        if self._session.source != "none":
+        if self._session.own_ship.source != "none":
             return ""
         endpoints = self._node.get_publishers_info_by_topic(self._own_ship_topic)
         if "nav_msgs/msg/Odometry" not in {endpoint.topic_type for endpoint in endpoints}:

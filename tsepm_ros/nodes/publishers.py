@@ -107,7 +107,8 @@ class _LimitedLines:
     def add(self, ids: Mapping[int, object], line: Callable[[int], str]) -> None:
         """Say the lines of tracks by their ids, or count those above the limit."""
         if self._clock() - self._begin >= PERIOD:
-            self._say_left_out()
+            if self._left_out:
+                self._say_left_out()
             self._begin, self._lines, self._summed = self._clock(), 0, False
         for number in ids:
             if self._lines < MAX_LINES:
@@ -115,14 +116,12 @@ class _LimitedLines:
                 self._say(line(number))
             else:
                 self._left_out.append(number)
-        if not self._summed:
-            self._summed = bool(self._left_out)
+        if self._left_out and not self._summed:
+            self._summed = True
             self._say_left_out()
 
     def _say_left_out(self) -> None:
         """Say how many tracks were left out since this was said last."""
-        if not self._left_out:
-            return
         first, last, number = self._left_out[0], self._left_out[-1], len(self._left_out)
         which = f"id {first}" if number == 1 else f"ids {first} to {last}"
         self._say(
@@ -159,14 +158,14 @@ class TrackOutputs:
             message_type: type[Any],
             topic: str,
             qos: QoSProfile | int,
-            matched: Callable[[Any], None] | None = None,
+            draw: Callable[[], None] | None = None,
         ) -> Publisher:
-            events = watch.publisher_events(topic, matched)
+            matched = self._on_viewer(draw) if draw else None
             return node.create_publisher(
                 message_type,
                 topic,
                 qos,
-                event_callbacks=events,
+                event_callbacks=watch.publisher_events(topic, matched),
                 qos_overriding_options=quality_of_service.PUBLISHER,
             )
 
@@ -177,19 +176,17 @@ class TrackOutputs:
         self._tracks = publisher(PointCloud2, "tracks", 100)
         self._current = publisher(PointCloud2, "tracks/current", _latched(1))
         self._odometry = publisher(Odometry, "tracks/odometry", 100)
-        self._markers = publisher(
-            MarkerArray, "tracks/markers", _latched(10), self._on_viewer_change
-        )
+        self._markers = publisher(MarkerArray, "tracks/markers", _latched(10), self._draw_afresh)
         self._fixed_echoes = publisher(PointCloud2, "fixed_echoes", _latched(1))
         self._fixed_echo_markers = publisher(
-            MarkerArray, "fixed_echoes/markers", _latched(1), self._on_viewer_of_echoes
+            MarkerArray, "fixed_echoes/markers", _latched(1), self._redraw_echoes
         )
         self._potential = publisher(PointCloud2, "potential_tracks", 10)
         self._potential_markers = publisher(
             MarkerArray,
             "potential_tracks/markers",
             _latched(1),
-            self._on_viewer_of_potential_tracks,
+            self._clear_potential,
         )
         self._placed = publisher(PointCloud2, "detections/placed", 100)
 
@@ -286,24 +283,26 @@ class TrackOutputs:
         publisher.publish(markers)
         self._drawn.add(publisher)
 
-    def _on_viewer_change(self, event: Any) -> None:
+    @staticmethod
+    def _on_viewer(draw: Callable[[], None]) -> Callable[[Any], None]:
+        """The callback of subscribers that come and go, which draws for those that come."""
+        return lambda event: draw() if event.current_count_change > 0 else None
+
+    def _draw_afresh(self) -> None:
         """Publish all markers for a new viewer, after deletion of those of an earlier run.
 
         Discovery has two sides, so the viewer may miss this message: the next scan repeats it.
         """
-        if event.current_count_change > 0:
-            header, tracks = self._shown
-            self._markers.publish(track_markers(header, tracks, afresh=True, **self._sizes))
-            self._redraw = True
+        header, tracks = self._shown
+        self._markers.publish(track_markers(header, tracks, afresh=True, **self._sizes))
+        self._redraw = True
 
-    def _on_viewer_of_echoes(self, event: Any) -> None:
+    def _redraw_echoes(self) -> None:
         """Publish the present fixed echoes for a new viewer, in place of those drawn last."""
-        drawn = self._fixed_echo_markers in self._drawn
-        if event.current_count_change > 0 and (drawn or len(self._echoes)):
+        if self._fixed_echo_markers in self._drawn or len(self._echoes):
             self._draw_echoes(self._shown[0])
 
-    def _on_viewer_of_potential_tracks(self, event: Any) -> None:
+    def _clear_potential(self) -> None:
         """Remove the potential tracks drawn last for a new viewer; the next scan draws its own."""
-        if event.current_count_change > 0 and self._potential_markers in self._drawn:
-            header, _ = self._shown
-            self._potential_markers.publish(clear_markers(header))
+        if self._potential_markers in self._drawn:
+            self._potential_markers.publish(clear_markers(self._shown[0]))

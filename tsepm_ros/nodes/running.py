@@ -44,12 +44,12 @@ class NodeClocks:
     """
 
     def __init__(self, node: Node, warn: Callable[[str, str, int], None]) -> None:
-        self._node, self._warn, self.fault = node, warn, ""
+        self._clock, self._warn, self.fault = node.get_clock(), warn, ""
         self._time, self._since = math.nan, 0.0
 
     def now(self) -> tuple[float, float]:
         """Times of the wall clock and the node clock, s."""
-        wall, simulated = time.monotonic(), clock_time(self._node)
+        wall, simulated = time.monotonic(), self._clock.now().nanoseconds * 1e-9
         if simulated != self._time:
             self._time, self._since, self.fault = simulated, wall, ""
         if wall - self._since <= MAX_STANDING:

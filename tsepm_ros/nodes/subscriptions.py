@@ -1,4 +1,4 @@
-"""Subscriptions: types and reliability as offered, queues, and the chart.
+"""Subscriptions: types and reliability as offered, queues, and own ship from tf.
 
 How long messages waited in the middleware's queue, and which of them are skipped.
 
@@ -6,24 +6,30 @@ A subscription with the reliability that the publishers offer.
 
 Subscription to the detections with the message type and reliability of the driver.
 
-Subscription to the chart, which its publisher sends once.
+Own-ship poses from tf, if tf2_ros is installed.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any
 
-from nav_msgs.msg import OccupancyGrid
+import numpy as np
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
 
 from msg_adapters import MessageError, message_class, supported_types
-from tsepm_ros.nodes.node_parameters import refusing
+from tsepm_ros.nodes.node_parameters import ParameterError, refusing
 from tsepm_ros.nodes.quality_of_service import QosWatch
+from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.session.session import Session
 
 MAX_BACKLOG = 2.0
 """Time in the queue from which on the newest message is taken, s."""
@@ -104,8 +110,9 @@ class OfferedSubscription:
         Counts the mismatches.
     reliability : rclpy.qos.ReliabilityPolicy, optional
         Initial reliability.
-    fixed : bool, optional
-        Keep the reliability; a mismatch is only logged.
+    refusal : str, optional
+        What a publisher does not offer, and the consequence: the subscription stays as it is, and
+        a mismatch is only logged.
     durability : rclpy.qos.DurabilityPolicy, optional
         Initial durability; volatile once a publisher offers no other.
 
@@ -128,7 +135,7 @@ class OfferedSubscription:
         watch: QosWatch,
         *,
         reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
-        fixed: bool = False,
+        refusal: str = "",
         durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
     ) -> None:
         self._node = node
@@ -137,7 +144,7 @@ class OfferedSubscription:
         self._depth = depth
         self._callback = callback
         self._watch = watch
-        self._fixed = fixed
+        self._refusal = refusal
         self._durability = durability
         self._subscribe(reliability)
 
@@ -179,16 +186,15 @@ class OfferedSubscription:
         if self.provisional:
             return
         self._watch.heard[self.topic_name] += 1
+        if self._refusal:
+            self._node.get_logger().error(
+                f"a publisher of {self.topic_name} does not offer {self._refusal}"
+            )
+            return
         if event.last_policy_kind == QoSPolicyKind.DURABILITY:
             self._durability = DurabilityPolicy.VOLATILE
             self._node.destroy_subscription(self._subscription)
             self._subscribe(ReliabilityPolicy.RELIABLE)
-            return
-        if self._fixed:
-            self._node.get_logger().error(
-                f"a publisher of {self.topic_name} does not offer reliable delivery, so its "
-                "messages are not received; set detections_reliability to auto or best_effort"
-            )
             return
         self._node.get_logger().warning(
             f"a publisher of {self.topic_name} offers best effort only: subscribing as best effort"
@@ -209,6 +215,10 @@ WAITING_POLL_PERIOD = 0.5
 CONNECTED_POLL_PERIOD = 2.0
 """Period of the graph queries once a driver is known, s."""
 
+NOT_RELIABLE = (
+    "reliable delivery, so its messages are not received; set detections_reliability to auto or "
+    "best_effort"
+)
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,
     "best_effort": ReliabilityPolicy.BEST_EFFORT,
@@ -239,6 +249,12 @@ class DetectionsSubscription:
     find_class : callable, optional
         Returns the message class of a type, or raises MessageError.
 
+    Attributes
+    ----------
+    subscribed : str
+        Type of the subscription; empty while there is no publisher of a readable type, or neither
+        type nor reliability is given.
+
     Raises
     ------
     ParameterError
@@ -268,7 +284,7 @@ class DetectionsSubscription:
         self._refused_types: set[str] = set()
         self._type_name = type_name
         self._published_types: tuple[str, ...] = ()
-        self._subscribed = ""
+        self.subscribed = ""
         self._queries = 0
         if type_name != "auto":
             with refusing("detections_type"):
@@ -281,11 +297,6 @@ class DetectionsSubscription:
         self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
         self._query_publishers()
 
-    @property
-    def connected(self) -> bool:
-        """Whether type and reliability are known: given, or those of a publisher."""
-        return bool(self._subscribed)
-
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware; see `OfferedSubscription`."""
         return [] if self._subscription is None else self._subscription.take_waiting()
@@ -293,23 +304,18 @@ class DetectionsSubscription:
     @property
     def unread(self) -> tuple[str, ...]:
         """Published types at the last graph query that are not read, sorted."""
-        return tuple(name for name in self._published_types if name != self._subscribed)
+        return tuple(name for name in self._published_types if name != self.subscribed)
 
     @property
     def other_readable(self) -> tuple[str, ...]:
         """Types of `unread` that a new start would read."""
         return tuple(name for name in self.unread if not self._fault(name))
 
-    @property
-    def subscribed(self) -> str:
-        """Type of the subscription; empty while there is no publisher of a readable type."""
-        return self._subscribed
-
     def _query_publishers(self) -> None:
         publishers = self._node.get_publishers_info_by_topic(TOPIC)
         self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
-        if readable and not self.connected:
+        if readable and not self.subscribed:
             kind = readable[0].topic_type
             offers = {one.qos_profile.reliability for one in readable if one.topic_type == kind}
             less = ReliabilityPolicy.BEST_EFFORT in offers
@@ -325,7 +331,7 @@ class DetectionsSubscription:
             self._subscription = self._made(expected, asked)
             self._subscription.provisional = expected
         for name in self._published_types:
-            if name != self._subscribed and name not in self._refused_types:
+            if name != self.subscribed and name not in self._refused_types:
                 self._refused_types.add(name)
                 self._log_unread(name)
         self._queries += 1
@@ -342,7 +348,7 @@ class DetectionsSubscription:
             self._node.get_logger().error(f"{published}, {fault}")
             return
         self._node.get_logger().warning(
-            f"{published}, but this node has subscribed to it as {self._subscribed}; messages of "
+            f"{published}, but this node has subscribed to it as {self.subscribed}; messages of "
             "the other type are not read; restart the node to use that type"
         )
 
@@ -362,7 +368,7 @@ class DetectionsSubscription:
         if self._subscription is None:
             self._subscription = self._made(type_name, reliability)
         self._subscription.provisional = ""
-        self._subscribed = type_name
+        self.subscribed = type_name
         self._node.get_logger().info(
             f"subscribed to {self._subscription.topic_name} as {type_name}, "
             f"{reliability.name.lower()}"
@@ -377,40 +383,77 @@ class DetectionsSubscription:
             self._callback,
             self._watch,
             reliability=reliability,
-            fixed=self._reliability != "auto",
+            refusal="" if self._reliability == "auto" else NOT_RELIABLE,
         )
 
 
-LAND_TOPIC = "land"
+CACHE_TIME = 120.0
+"""Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
+SAMPLE_PERIOD = 0.2
+"""Interval of the poses over a scan's echoes, s: short compared to a small boat's roll period."""
 
 
-class LandSubscription:
-    """A reliable, transient local subscription to `land`.
+class TfOwnShip:
+    """Looks up the sensor's poses for the scans that wait for them.
 
     Parameters
     ----------
     node : rclpy.node.Node
-    callback : callable
-        Called with each message.
-    watch : QosWatch
-        Counts publishers whose quality of service is incompatible.
+    session : Session
+        Takes the poses.
+    buffer : tf2_ros.Buffer, optional
+        By default a new buffer with a listener.
+
+    Raises
+    ------
+    ParameterError
+        If tf2_ros is not installed, or no fixed frame is given.
     """
 
-    def __init__(self, node: Node, callback: Callable[[Any], None], watch: QosWatch) -> None:
-        self._node = node
-        self._watch = watch
-        self._subscription = node.create_subscription(
-            OccupancyGrid,
-            LAND_TOPIC,
-            callback,
-            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL),
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
-        )
+    def __init__(self, node: Node, session: Session, buffer: Any = None) -> None:
+        self._session = session
+        self._fixed_frame = session.fixed_frame
+        if not self._fixed_frame:
+            raise ParameterError("fixed_frame must be given where own_ship_source is tf")
+        if buffer is None:
+            try:
+                import tf2_ros
+            except ImportError:
+                raise ParameterError(
+                    "own_ship_source is tf, but the package tf2_ros is not installed"
+                ) from None
+            buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
+            self._listener = tf2_ros.TransformListener(buffer, node)
+        self._buffer = buffer
 
-    def _incompatible(self, event: Any) -> None:
-        name = str(self._subscription.topic_name)
-        self._watch.heard[name] += 1
-        self._node.get_logger().error(
-            f"a publisher of {name} does not offer reliable, transient local delivery, so its "
-            "chart is not received"
-        )
+    def look_up(self, frame: str, first: float, last: float, axes: str) -> str:
+        """Give the session the poses of a frame from `first` to `last` (s), as far as tf has them.
+
+        Returns what tf does not have, in words; empty if it has all.
+
+        `axes` names the frame's axes that point ahead, to port and up, as in
+        `tsepm_ros.own_ship.attitude.AXES`.
+        """
+        intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
+        for stamp in np.linspace(first, last, intervals + 1).tolist():
+            newest = self._session.own_ship_stamp
+            if stamp < 0 or (newest is not None and stamp <= newest):
+                continue
+            at = Time(nanoseconds=round(stamp * 1e9))
+            if not self._buffer.can_transform(self._fixed_frame, frame, at):
+                return (
+                    f"tf has no transform from {frame!r} to {self._fixed_frame!r} at {stamp:.3f} s"
+                )
+            transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
+            self._session.add_own_ship(_sample(stamp, transform, axes, self._fixed_frame))
+        return ""
+
+
+def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
+    q, world = transform.rotation, east_north_up(frame_id)
+    x, y = (world[:2, :2] @ [transform.translation.x, transform.translation.y]).tolist()
+    try:
+        yaw, pitch, roll = angles_of(world @ rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
+    except ValueError:  # no heading: the session refuses and counts nan
+        yaw = pitch = roll = math.nan
+    return PoseSample(stamp, x, y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)

@@ -6,8 +6,9 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.clock import Clock, ClockType
+from rclpy.qos import DurabilityPolicy
 from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -24,16 +25,15 @@ from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import NodeClocks, run
 from tsepm_ros.nodes.subscriptions import (
     DetectionsSubscription,
-    LandSubscription,
     OfferedSubscription,
+    TfOwnShip,
     newest,
 )
-from tsepm_ros.nodes.tf_own_ship import TfOwnShip
-from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
-from tsepm_ros.session.sensor_check import questions
+from tsepm_ros.session.plausibility import questions
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions
+from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, help_text, settings_from
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -58,6 +58,8 @@ class TrackInitiator(ParameterisedNode):
         self._asked: list[str] = []
         self._ask(parameters)
         self._session = Session(settings_from(parameters), self._report, live=True)
+        method = parameters[SessionOptions].method
+        self.get_logger().info(f"method {method}: splits, evaluates, prunes and merges tracks")
         self._learned = LearnedFile(
             self._session,
             options.learned_file,
@@ -76,7 +78,16 @@ class TrackInitiator(ParameterisedNode):
         self._tracked = OfferedSubscription(
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, qos
         )
-        self._land = LandSubscription(self, self._input.take_land, qos)
+        self._land = OfferedSubscription(
+            self,
+            OccupancyGrid,
+            "land",
+            1,
+            self._input.take_land,
+            qos,
+            refusal="reliable, transient local delivery, so its chart is not received",
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        )
         self._detections = DetectionsSubscription(
             self,
             options.detections_type,
@@ -154,13 +165,13 @@ class TrackInitiator(ParameterisedNode):
         return True
 
     def _subscribe_own_ship(self, qos: QosWatch) -> None:
-        if self._session.source == "none":
+        if self._session.own_ship.source == "none":
             frame = self._session.settings.session.fixed_frame or "of the detections"
             self.get_logger().info(
                 "own_ship_source is none: the sensor is assumed fixed, tracks are in the frame "
                 f"{frame}"
             )
-        elif self._session.source == "tf":
+        elif self._session.own_ship.source == "tf":
             self._session.own_ship.look_up = TfOwnShip(self, self._session).look_up
         else:
             self._own_ship = OfferedSubscription(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -50,53 +50,63 @@ def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.vo
     return records.take(indices(rows), axis=0)
 
 
+def with_rows(table: T, rows: IntArray, **values: Any) -> T:
+    """A table with other values in some rows: of columns, or of the columns of tables in it."""
+    columns: dict[str, Any] = {}
+    for name, value in values.items():
+        column = table.__dict__[name]
+        if isinstance(column, np.ndarray):
+            columns[name] = column.copy()
+            columns[name][rows] = value
+        else:
+            columns[name] = with_rows(column, rows, **value.__dict__)
+    return changed(table, **columns)
+
+
 @dataclass(frozen=True)
 class Rows:
-    """Arrays of equal length, the fields of a subclass; equal rows belong together."""
+    """Columns of equal length, the fields of a subclass: arrays, or tables of such columns."""
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(self.__dict__[_names(type(self))[0]])
+        return len(next(iter(self.__dict__.values())))
 
-    def __getitem__(self, rows: NDArray[np.generic]) -> Self:
-        """The given rows (indices or a mask)."""
-        columns, rows = self.__dict__, indices(rows)
-        return changed(
-            self, **{name: columns[name].take(rows, axis=0) for name in _names(type(self))}
-        )
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
+        """The given rows: indices, a mask, or a slice, which is a view."""
+        row = rows if isinstance(rows, slice) else indices(rows)
+        new, columns = object.__new__(type(self)), self.__dict__
+        for name in self.__dataclass_fields__:
+            column = columns[name]
+            new.__dict__[name] = (
+                column.take(row, axis=0)
+                if isinstance(column, np.ndarray) and not isinstance(row, slice)
+                else column[row]
+            )
+        return new
 
     @classmethod
     def joined(cls, *parts: Self) -> Self:
         """The rows of all parts, in order."""
         if len(parts) == 1:
             return parts[0]
-        return cls(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls))
-        )
+        columns = {}
+        for name in cls.__dataclass_fields__:
+            of = [getattr(part, name) for part in parts]
+            array = isinstance(of[0], np.ndarray)
+            columns[name] = np.concatenate(of) if array else type(of[0]).joined(*of)
+        return cls(**columns)
 
     @classmethod
-    def chosen(cls, parts: Sequence[Self], rows: Sequence[NDArray[np.integer]]) -> Self:
-        """The given rows (indices from 0 to the length of the part) of each part, in order."""
-        ends = np.cumsum([len(of) for of in rows])
-        columns = []
-        for name in _names(cls):
+    def placed(cls, parts: Sequence[Self], places: Sequence[NDArray[np.integer] | slice]) -> Self:
+        """The rows of all parts, each part at its places, which together are all places."""
+        number, columns = sum(map(len, parts)), []
+        for name in cls.__dataclass_fields__:
             values = [getattr(part, name) for part in parts]
-            column = np.empty((ends[-1], *values[0].shape[1:]), np.result_type(*values))
-            for of_part, of, end in zip(values, rows, ends, strict=True):
-                # "clip" writes into the place at once; "raise", the default, copies.
-                of_part.take(of, axis=0, out=column[end - len(of) : end], mode="clip")
+            column = np.empty((number, *values[0].shape[1:]), values[0].dtype)
+            for of_part, place in zip(values, places, strict=True):
+                column[place] = of_part
             columns.append(column)
         return cls(*columns)
-
-
-def _names(kind: type[Rows]) -> tuple[str, ...]:
-    """Names of the fields of a table, which are looked up once."""
-    if kind not in _NAMES:
-        _NAMES[kind] = tuple(field.name for field in fields(kind))
-    return _NAMES[kind]
-
-
-_NAMES: dict[type[Rows], tuple[str, ...]] = {}
 
 
 def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:

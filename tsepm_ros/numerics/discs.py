@@ -8,8 +8,7 @@ Positions within discs: pairs of centres and positions, without lists of Python 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -83,14 +82,10 @@ def _integrals(
 
 ALL_PAIRS = 20_000
 """Pairs of centres and positions up to which every distance is taken."""
-CENTRES_TOGETHER = 8_192
-"""Centres of which pairs are sought together: bounds memory."""
-CANDIDATES_TOGETHER = 1_000_000
-"""Pairs whose distances are taken together: bounds memory."""
-CELL_SIDE = 1.0
-"""Side of a cell, in radii: smaller cells take more searches, larger ones more distances."""
-CELLS_PER_ROOT = 4.0
-"""Cells along each side of the grid at most, over the root of the number of positions."""
+CANDIDATES_TOGETHER = 4_000_000
+"""Pairs whose distances are taken together, at most: bounds memory."""
+STRIPS_PER_ROOT = 4.0
+"""Strips of positions at most, over the root of the number of positions."""
 
 
 def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
@@ -112,8 +107,8 @@ def pairs_within(
 ) -> tuple[IntArray, IntArray] | None:
     """Pairs of centres and positions within their radius, ``|z - c|^2 <= r^2``.
 
-    Of many, positions are sorted by the cells of a grid. A centre looks at those in the cells that
-    the square around its disc touches.
+    Of many, positions are sorted along strips. A centre looks at those between the sides of the
+    square around its disc, in each strip that the square touches.
 
     Parameters
     ----------
@@ -132,20 +127,42 @@ def pairs_within(
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
-        inside = squared_distances(centres, positions) <= (radius * radius)[:, None]
-        centre, position = inside.nonzero()
+        within = squared_distances(centres, positions) <= (radius * radius)[:, None]
+        centre, position = within.nonzero()
         return (centre, position) if len(centre) <= most else None
-    cells = _Cells(positions, float(np.median(radius)))
-    found, number = [], 0
-    for first in range(0, g, CENTRES_TOGETHER):
-        part = slice(first, first + CENTRES_TOGETHER)
-        for centre, position in cells.pairs(centres[part], radius[part]):
-            number += len(centre)
-            if number > most or (late is not None and late()):
-                return None
-            found.append(np.sort((centre + first) * n + position))
-    pairs = np.concatenate(found) if found else np.zeros(0, np.int64)
-    centre, position = np.divmod(pairs, n)
+    low, extent = positions.min(axis=0), np.ptp(positions, axis=0)
+    least = float(extent[1]) / (STRIPS_PER_ROOT * math.sqrt(n))
+    side = max(float(np.median(radius)), least, np.finfo(float).tiny)
+    strips = int(extent[1] / side) + 1
+    margin = 1e-12 * strips * (extent.sum() + float(np.abs(positions).max()))  # of rounding
+    pitch = 2.0 * extent[0] + 4.0 * margin
+    along = (positions[:, 1] - low[1]) // side * pitch + positions[:, 0] - low[0]
+    order = np.argsort(along)
+    along, x, y = along[order], *positions[order].T.copy()
+    found, number, together = [], 0, max(CANDIDATES_TOGETHER // n, 1)
+    for first in range(0, g, together):
+        part = slice(first, first + together)
+        reach, square = radius[part] + margin, radius[part] ** 2
+        east, north = (centres[part] - low).T
+        bottom, top = (
+            np.clip((north + far) // side, 0, strips - 1).astype(np.int64)
+            for far in (-reach, reach)
+        )
+        owner = np.arange(len(reach)).repeat(top - bottom + 1)
+        strip = _counted(bottom, top - bottom + 1) * pitch
+        begin, end = (
+            along.searchsorted(strip + np.clip(east + far, -margin, extent[0] + margin)[owner])
+            for far in (-reach, reach)
+        )
+        centre, place = owner.repeat(end - begin), _counted(begin, end - begin)
+        apart = (x[place] - centres[part, 0][centre]) ** 2
+        apart += (y[place] - centres[part, 1][centre]) ** 2
+        inside = np.flatnonzero(apart <= square[centre])
+        number += len(inside)
+        if number > most or (late is not None and late()):
+            return None
+        found.append(np.sort((centre[inside] + first) * n + order[place[inside]]))
+    centre, position = np.divmod(np.concatenate(found), n)
     return centre, position
 
 
@@ -157,105 +174,11 @@ def pairs_nearer(positions: FloatArray, distance: float) -> tuple[IntArray, IntA
     first, second : (p,) ndarray of int
         Rows, first < second; the pairs are in no order.
     """
-    n = len(positions)
-    if n * n <= ALL_PAIRS:
-        near = squared_distances(positions, positions) <= distance * distance
-        first, second = near.nonzero()
-        once = first < second
-        return first[once], second[once]
-    pairs = cKDTree(positions).query_pairs(distance, output_type="ndarray")
-    return pairs.min(axis=1, initial=n), pairs.max(axis=1, initial=-1)
-
-
-class _Axis(NamedTuple):
-    """Cells of equal side along an axis, m."""
-
-    low: float
-    extent: float
-    number: int
-
-    @classmethod
-    def of(cls, values: FloatArray, radius: float, most: int) -> _Axis:
-        """Cells over the extent of values (n,), no more than `most`."""
-        low = float(values.min())
-        extent = float(values.max()) - low
-        return cls(low, extent, _parts(extent, radius, most))
-
-    def cells(self, values: FloatArray) -> IntArray:
-        """Index of the cell nearest to each value, (n,)."""
-        cell = (values - self.low) / ((self.extent or 1.0) / self.number)
-        return np.clip(cell, 0, self.number - 1, out=cell).astype(np.int64)
-
-
-class _Cells:
-    """Positions sorted by the cells of a grid, row by row, and where each cell begins."""
-
-    def __init__(self, positions: FloatArray, radius: float) -> None:
-        x, y = positions.T.copy()
-        most = max(int(CELLS_PER_ROOT * math.sqrt(len(positions))), 1)
-        self._columns = _Axis.of(x, radius, most)
-        self._rows = _Axis.of(y, radius, most)
-        extent = max(self._columns.extent, self._rows.extent)
-        # Beyond rounding errors of the cells.
-        self._margin = 1e-9 * (extent + float(np.abs(positions).max()))
-        cell = self._rows.cells(y) * self._columns.number + self._columns.cells(x)
-        self._order = np.argsort(cell, kind="stable")
-        self._x, self._y = x[self._order], y[self._order]
-        self._begin = np.zeros(self._columns.number * self._rows.number + 1, np.int64)
-        np.cumsum(np.bincount(cell, minlength=len(self._begin) - 1), out=self._begin[1:])
-
-    def pairs(self, centres: FloatArray, radius: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """Parts of the pairs of these centres; no centre is in two parts."""
-        reach = radius + self._margin
-        x, y = centres.T.copy()
-        left, right = self._columns.cells(x - reach), self._columns.cells(x + reach)
-        lowest, highest = self._rows.cells(y - reach), self._rows.cells(y + reach)
-        rows = highest - lowest + 1
-        owner = np.arange(len(centres)).repeat(rows)
-        base = _counted(lowest, rows) * self._columns.number
-        begin = self._begin.take(base + left.take(owner))
-        number = self._begin.take(base + right.take(owner) + 1) - begin
-        ends = np.cumsum(np.bincount(owner, number, minlength=len(centres)))
-        square = radius * radius
-        first = 0
-        while first < len(centres):
-            before = ends[first - 1] if first else 0.0
-            last = int(np.searchsorted(ends, before + CANDIDATES_TOGETHER, side="right"))
-            last = max(last, first + 1)
-            part = slice(*np.searchsorted(owner, [first, last]))
-            yield self._inside(x, y, square, owner[part], begin[part], number[part])
-            first = last
-
-    def _inside(
-        self,
-        x_of: FloatArray,
-        y_of: FloatArray,
-        square: FloatArray,
-        owner: IntArray,
-        begin: IntArray,
-        number: IntArray,
-    ) -> tuple[IntArray, IntArray]:
-        """Of runs of sorted positions, the pairs that are inside."""
-        centre, row = owner.repeat(number), _counted(begin, number)
-        x = x_of.take(centre)
-        x -= self._x.take(row)
-        y = y_of.take(centre)
-        y -= self._y.take(row)
-        x *= x
-        y *= y
-        x += y
-        inside = np.flatnonzero(x <= square.take(centre))
-        return centre.take(inside), self._order.take(row.take(inside))
-
-
-def _parts(side: float, radius: float, most: int) -> int:
-    """Cells along a side of the grid, m."""
-    wanted = side / (CELL_SIDE * radius) if radius > 0.0 else math.inf
-    return max(math.ceil(wanted), 1) if wanted < most else most
+    first, second = cKDTree(positions).query_pairs(distance, output_type="ndarray").T
+    return first, second
 
 
 def _counted(first: IntArray, number: IntArray) -> IntArray:
     """From each first, as many consecutive numbers as asked for, one after another."""
     ends = np.cumsum(number)
-    total = int(ends[-1]) if len(ends) else 0
-    return np.arange(total) + (first - ends + number).repeat(number)
+    return np.arange(ends[-1]) + (first - ends + number).repeat(number)

@@ -7,8 +7,6 @@ Groups by complete linkage.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -36,17 +34,6 @@ def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
         return np.asarray(np.log(sums) + base)
 
 
-def sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
-    """Sums of values (..., n) over the rows of each group, (..., count)."""
-    if values.ndim == 1:
-        return np.asarray(np.bincount(group, values, minlength=count), float)
-    shape = values.shape[:-1]
-    number = math.prod(shape)
-    place = (count * np.arange(number)[:, None] + group).ravel()
-    found = np.bincount(place, values.ravel(), minlength=number * count)
-    return np.asarray(found.reshape(*shape, count), float)
-
-
 def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Largest score of each group, (count,); -inf for a group without hypotheses."""
     largest = np.full(count, -np.inf)
@@ -54,24 +41,15 @@ def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     return largest
 
 
-def places(group: IntArray, score: FloatArray) -> IntArray:
-    """Rank of each row in its group, 0 for the largest score, (n,)."""
-    order = np.lexsort((-score, group))
-    ordered = group[order]
-    first = np.searchsorted(ordered, ordered)
-    place = np.empty(len(group), np.int64)
-    place[order] = np.arange(len(group)) - first
-    return place
-
-
 def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
-    """Which rows are among a number of the largest scores of their group, (n,); see `places`."""
+    """Which rows are among a number of the largest scores of their group, (n,)."""
     kept = np.ones(len(group), bool)
     if len(group) <= number:
         return kept
     rows = np.flatnonzero(np.bincount(group)[group] > number)
-    if len(rows):
-        kept[rows] = places(group[rows], score[rows]) < number
+    order = rows[np.lexsort((-score[rows], group[rows]))]
+    place = np.arange(len(order)) - np.searchsorted(group[order], group[order])
+    kept[order[place >= number]] = False
     return kept
 
 

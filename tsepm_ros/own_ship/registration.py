@@ -7,6 +7,7 @@ turns the vessel's poses into the sensor's.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -16,10 +17,110 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import horizontal_range_rate, levelled
-from tsepm_ros.own_ship.mounting import Mounting, sensor_covariance
+from tsepm_ros.own_ship.attitude import ahead_and_port, horizontal_range_rate, levelled
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
+from tsepm_ros.parameters import ParameterGroup, parameter
+from tsepm_ros.tracker.clustering import chosen
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, wrap
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mounting(ParameterGroup):
+    """Position and yaw of the sensor in the vessel's frame (REP-103): used with odometry alone.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    x: float = parameter(
+        0.0,
+        "Position of the sensor ahead of the origin of the vessel's frame; only with odometry",
+        unit="m",
+        minimum=-1000.0,
+        maximum=1000.0,
+    )
+    y: float = parameter(
+        0.0,
+        "Position of the sensor to port of the origin of the vessel's frame; only with odometry",
+        unit="m",
+        minimum=-1000.0,
+        maximum=1000.0,
+    )
+    yaw: float = parameter(
+        0.0,
+        "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; "
+        "only with odometry",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    roll: float = parameter(
+        0.0,
+        "Roll of the sensor about its azimuth 0: 3.1416 for a sensor that hangs upside down; "
+        "only with odometry",
+        unit="rad",
+        minimum=-3.1416,
+        maximum=3.1416,
+    )
+
+    @property
+    def offset(self) -> bool:
+        """Whether the sensor is away from the vessel's origin and its heading moves the sensor."""
+        return bool(self.x or self.y)
+
+    @property
+    def given(self) -> bool:
+        """Whether the sensor's pose differs from the vessel's."""
+        return self.offset or self.yaw != 0.0 or self.roll != 0.0
+
+    def sensor_poses(self, vessel: FloatArray) -> FloatArray:
+        """Poses of the sensor: ``p + Rz(yaw) Ry(pitch) Rx(roll) (x, y, 0)``, yaw + mounting yaw.
+
+        Parameters
+        ----------
+        vessel : (n, 5) ndarray
+            x, y, yaw, roll, pitch of the vessel, m and rad.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            x, y, yaw of the sensor.
+        """
+        if not self.given:
+            return vessel[:, :3]
+        yaw, roll, pitch = vessel[:, 2:].T
+        along, across, up = np.full((len(yaw), 3), (self.x, self.y, 0.0)).T
+        ahead, port = ahead_and_port(along, across, up, roll, pitch)
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        east, north = cosine * ahead - sine * port, sine * ahead + cosine * port
+        return vessel[:, :3] + np.stack([east, north, np.full(len(yaw), self.yaw)], axis=1)
+
+
+def sensor_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
+    """Covariance of the sensor's pose, from the vessel's.
+
+    An error of the heading moves the sensor at the end of the lever arm ``a = (a_x, a_y)``::
+
+        J C J',  J = [[1, 0, -a_y], [0, 1, a_x], [0, 0, 1]]
+
+    Parameters
+    ----------
+    covariance : (3, 3) ndarray
+        C, covariance of the vessel's x, y and yaw.
+    arm : (2,) ndarray
+        Vector from the vessel's origin to the sensor, in the axes of the fixed frame, m.
+
+    Returns
+    -------
+    (3, 3) ndarray
+        Covariance of the sensor's x, y and yaw.
+    """
+    jacobian = np.eye(3)
+    jacobian[:2, 2] = -arm[1], arm[0]
+    return jacobian @ covariance @ jacobian.T
+
 
 MAX_ECHO_TIME = 60.0
 """Time from a ping to the reflection of its echo, s, that no sonar reaches: 90 km of range."""
@@ -187,19 +288,9 @@ def selected(sensor_scan: SensorScan, kept: NDArray[np.bool_]) -> SensorScan:
     def select(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else values[kept]
 
-    scan = sensor_scan.scan
     return dataclasses.replace(
         sensor_scan,
-        scan=Scan.trusted(
-            stamp=scan.stamp,
-            range=scan.range[kept],
-            azimuth=scan.azimuth[kept],
-            range_std=select(scan.range_std),
-            azimuth_std=select(scan.azimuth_std),
-            time_offset=select(scan.time_offset),
-            features={name: values[kept] for name, values in scan.features.items()},
-            group=None if scan.group is None else scan.group[kept],
-        ),
+        scan=chosen(sensor_scan.scan, np.flatnonzero(kept)),
         transmit_offset=select(sensor_scan.transmit_offset),
         height=select(sensor_scan.height),
     )
@@ -219,33 +310,15 @@ def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatA
     scan = sensor_scan.scan
     if range is scan.range and (sensor_scan.height is None or "range_rate" not in scan.features):
         return sensor_scan
-    usable = (range >= MIN_MAGNITUDE["range"]) & (range <= MAX_MAGNITUDE["range"])
-
-    def select(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[usable]
-
     features = dict(scan.features)
     if "range_rate" in features:
         height = 0.0 if sensor_scan.height is None else sensor_scan.height
         slant = np.hypot(scan.range, height)
         features["range_rate"] = horizontal_range_rate(features["range_rate"], slant, range)
-    levelled_scan = Scan.trusted(
-        stamp=scan.stamp,
-        range=range[usable],
-        azimuth=wrap(azimuth[usable]),
-        range_std=select(scan.range_std),
-        azimuth_std=select(scan.azimuth_std),
-        time_offset=select(scan.time_offset),
-        features={name: values[usable] for name, values in features.items()},
-        group=None if scan.group is None else scan.group[usable],
-        swept=scan.swept,
-    )
-    return dataclasses.replace(
-        sensor_scan,
-        scan=levelled_scan,
-        transmit_offset=select(sensor_scan.transmit_offset),
-        height=None,
-    )
+    usable = (range >= MIN_MAGNITUDE["range"]) & (range <= MAX_MAGNITUDE["range"])
+    changed = {"range": range, "azimuth": wrap(azimuth), "features": features}
+    moved = Scan.trusted(**vars(scan) | changed)
+    return selected(dataclasses.replace(sensor_scan, scan=moved, height=None), usable)
 
 
 def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:

@@ -102,7 +102,7 @@ _LAYOUT = {
 }
 """Faults of a whole cloud, of detections or of tracked targets."""
 
-_NUMBERS = {
+NUMBERS = {
     "range": ("range", ("not_finite", "not_positive", "too_small", "too_large")),
     "azimuth": ("azimuth", ("not_finite",)),
     "range_std": ("standard deviation of the range", ("not_positive", "too_small", "too_large")),
@@ -113,6 +113,7 @@ _NUMBERS = {
     "time_offset": ("time after the stamp", ("not_finite", "too_large")),
     "transmit_offset": ("transmit delay", ("not_finite", "too_large")),
 }
+"""Quantities of detections in words, and their faults in the order in which they count."""
 _FAULTS = {
     "not_finite": "is nan or infinite",
     "not_positive": "is not a positive number",
@@ -133,7 +134,7 @@ def _of_numbers() -> Iterator[tuple[str, DropReason]]:
     remedy = (
         "None if the sensor marks missing values like this; else check the driver and its units"
     )
-    for name, (quantity, faults) in _NUMBERS.items():
+    for name, (quantity, faults) in NUMBERS.items():
         for fault in faults:
             meaning = f"the {quantity} {_FAULTS[fault]}"
             yield f"{name}_{fault}", DropReason(DETECTIONS, "detection", meaning, remedy)

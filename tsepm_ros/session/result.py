@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import exchanged
+from tsepm_ros.own_ship.attitude import exchanged, stated_axes
+from tsepm_ros.session.plausibility import SensorFigures
 from tsepm_ros.session.scan_queue import Arrival
-from tsepm_ros.session.sensor_check import SensorFigures
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -151,6 +151,8 @@ class ScanResult:
 
     def in_frame(self) -> ScanResult:
         """The result with tracks in the axes of the fixed frame, for everything that names it."""
+        if stated_axes(self.frame_id) != "down":
+            return self
         return replace(
             self,
             new=exchanged(self.new, self.frame_id),

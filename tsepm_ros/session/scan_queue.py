@@ -74,15 +74,24 @@ class ScanOrder:
         self._late_stamps: list[float] = []
 
     def classify(self, stamp: float) -> Arrival:
-        """Classify the next stamp (s) relative to the scans accepted so far."""
-        arrival = self._compare(stamp)
-        if arrival is Arrival.LATE or (arrival is Arrival.SAME_STAMP and self._late_stamps):
-            return self._late(stamp)
-        return arrival
+        """Classify the next stamp (s) relative to the scans accepted so far.
 
-    def is_far_back(self, stamp: float) -> bool:
-        """Whether a stamp (s) is a restart if the next stamp confirms it."""
-        return self._compare(stamp) is Arrival.RESTART
+        One that is far back is a restart if the next stamp confirms it; so are late scans in a row
+        whose stamps rise.
+        """
+        if self._stamp is None:
+            return Arrival.NEXT
+        interval = stamp - self._stamp
+        if interval > 0.0:
+            return Arrival.GAP if interval > self.gap_limit else Arrival.NEXT
+        if -interval > self.restart_jump and interval < 0.0:
+            return Arrival.FAR_BACK
+        if interval == 0.0 and not self._late_stamps:
+            return Arrival.SAME_STAMP
+        if self._late_stamps and stamp <= self._late_stamps[-1]:
+            self._late_stamps.clear()
+        self._late_stamps.append(stamp)
+        return Arrival.RESTART if len(self._late_stamps) >= MAX_LATE_SCANS else Arrival.LATE
 
     def is_confirmed(self, stamp: float, following: float) -> bool:
         """Whether the stamp `following` (s) confirms a restart at a stamp far back (s).
@@ -122,23 +131,6 @@ class ScanOrder:
         self._late_stamps.clear()
         self._stamp = None
 
-    def _late(self, stamp: float) -> Arrival:
-        """Classify a late scan; consecutive late scans with rising stamps are a restart."""
-        if self._late_stamps and stamp <= self._late_stamps[-1]:
-            self._late_stamps.clear()
-        self._late_stamps.append(stamp)
-        return Arrival.RESTART if len(self._late_stamps) >= MAX_LATE_SCANS else Arrival.LATE
-
-    def _compare(self, stamp: float) -> Arrival:
-        if self._stamp is None:
-            return Arrival.NEXT
-        interval = stamp - self._stamp
-        if interval == 0:
-            return Arrival.SAME_STAMP
-        if interval < 0:
-            return Arrival.RESTART if -interval > self.restart_jump else Arrival.LATE
-        return Arrival.GAP if interval > self.gap_limit else Arrival.NEXT
-
 
 QUEUE_LENGTH = 1000
 """Maximum number of scans that wait for own-ship data."""
@@ -156,25 +148,14 @@ class Waiting(NamedTuple):
     arrival : Arrival
     seconds : float
         Time that it waited, s.
+    refusal : Refusal or None
+        Of a scan whose stamp does not permit processing.
     """
 
     scan: SensorScan
     arrival: Arrival
     seconds: float
-
-    @property
-    def usable(self) -> bool:
-        """Whether the stamp permits processing."""
-        return self.arrival not in UNUSABLE
-
-    def refuse(self) -> Refusal | None:
-        """Refuse a scan whose stamp does not permit processing."""
-        if self.usable:
-            return None
-        stamp = self.scan.scan.stamp
-        reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self.arrival.value}"
-        fault = "not set" if stamp == 0.0 else "not later than the last scan's"
-        return Refusal(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
+    refusal: Refusal | None
 
 
 class ScanQueue:
@@ -186,27 +167,28 @@ class ScanQueue:
         Of the scans processed so far.
     length : int, optional
         Maximum number of scans; the oldest scan is dropped beyond it.
+
+    Attributes
+    ----------
+    scans : deque
+        Times of arrival, and the scans that wait.
     """
 
     def __init__(self, order: ScanOrder, length: int = QUEUE_LENGTH) -> None:
         self._order = order
         self._length = length
-        self._scans: deque[tuple[Now, SensorScan]] = deque()
+        self.scans: deque[tuple[Now, SensorScan]] = deque()
         self._arrival: Arrival | None = None  # of the first
-
-    def __len__(self) -> int:
-        """Number of scans that wait."""
-        return len(self._scans)
 
     @property
     def newest_stamp(self) -> float | None:
         """Stamp of the waiting scan that arrived last, s."""
-        return self._scans[-1][1].scan.stamp if self._scans else None
+        return self.scans[-1][1].scan.stamp if self.scans else None
 
     def add(self, arrived: SensorScan, now: Now) -> Refusal | None:
         """Add a scan that arrived at `now`, s; refuse the oldest scan if the queue is full."""
-        self._scans.append((now, arrived))
-        if len(self._scans) <= self._length:
+        self.scans.append((now, arrived))
+        if len(self.scans) <= self._length:
             return None
         self.remove_first()
         return Refusal("queue_full", f"more than {self._length} scans wait for own-ship data")
@@ -228,36 +210,41 @@ class ScanQueue:
         Waiting or None
             None if the queue is empty, or the classification needs the next scan.
         """
-        if not self._scans:
+        if not self.scans:
             return None
         if self._arrival is None:
             self._arrival = self._classify(last)
         if self._arrival is None:
             return None
-        since, scan = self._scans[0]
-        return Waiting(scan, self._arrival, waited(since, now))
+        (since, scan), refusal = self.scans[0], None
+        if self._arrival in UNUSABLE:
+            stamp = scan.scan.stamp
+            reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self._arrival.value}"
+            fault = "not set" if stamp == 0.0 else "not later than the last scan's"
+            refusal = Refusal(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
+        return Waiting(scan, self._arrival, waited(since, now), refusal)
 
     def remove_first(self) -> None:
         """Remove the first scan."""
-        self._scans.popleft()
+        self.scans.popleft()
         self._arrival = None
 
     def clear(self) -> None:
         """Remove all scans."""
-        self._scans.clear()
+        self.scans.clear()
         self._arrival = None
 
     def _classify(self, last: bool) -> Arrival | None:
         """Classify the first scan's stamp; None if that needs the next scan."""
-        _, arrived = self._scans[0]
+        _, arrived = self.scans[0]
         stamp = arrived.scan.stamp
         arrival = self._order.classify(stamp)
-        if not self._order.is_far_back(stamp):
+        if arrival is not Arrival.FAR_BACK:
             return arrival
-        if len(self._scans) == 1:
+        if len(self.scans) == 1:
             return Arrival.FAR_BACK if last else None
-        since, following = self._scans[1]
+        since, following = self.scans[1]
         if not self._order.is_confirmed(stamp, following.scan.stamp):
             return Arrival.FAR_BACK
-        self._scans[0] = since, arrived  # its wait for own-ship data begins only now
+        self.scans[0] = since, arrived  # its wait for own-ship data begins only now
         return Arrival.RESTART

@@ -17,14 +17,14 @@ from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.own_ship.attitude import east_north_up
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import ParameterGroup, parameter
 
 MIN_SOUND_SPEED = 100.0
 """Minimum accepted speed of sound, m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class InitiatorNodeOptions:
+class InitiatorNodeOptions(ParameterGroup):
     """Options of the node `track_initiator` beyond those of a session."""
 
     detections_type: str = parameter(
@@ -77,7 +77,7 @@ class InitiatorNodeOptions:
     )
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         if 0.0 < self.sound_speed < MIN_SOUND_SPEED:
             raise ValueError(
                 f"sound_speed must be 0 or at least {MIN_SOUND_SPEED}; got {self.sound_speed}"
@@ -85,7 +85,7 @@ class InitiatorNodeOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaybackOptions:
+class PlaybackOptions(ParameterGroup):
     """Playback options of `sonar_simulator` and `scan_player`."""
 
     rate_factor: float = parameter(
@@ -110,12 +110,9 @@ class PlaybackOptions:
     )
     loop: bool = parameter(False, "Restart from the beginning at the end", read_only=True)
 
-    def __post_init__(self) -> None:
-        check_group(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatorNodeOptions:
+class SimulatorNodeOptions(ParameterGroup):
     """Options of the node `sonar_simulator`."""
 
     scenario: str = parameter(
@@ -150,12 +147,9 @@ class SimulatorNodeOptions:
     fixed_frame: str = parameter("odom", "Frame of own ship and truth", read_only=True)
     sensor_frame: str = parameter("sonar", "Frame of the detections", read_only=True)
 
-    def __post_init__(self) -> None:
-        check_group(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class PlayerNodeOptions:
+class PlayerNodeOptions(ParameterGroup):
     """Options of the node `scan_player`."""
 
     recording: str = parameter(
@@ -201,12 +195,9 @@ class PlayerNodeOptions:
         "", "Topic of a bag to play as land; empty: found by name", read_only=True
     )
 
-    def __post_init__(self) -> None:
-        check_group(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class DiagnosticsOptions:
+class DiagnosticsOptions(ParameterGroup):
     """Thresholds between healthy and unhealthy values.
 
     Raises
@@ -270,9 +261,6 @@ class DiagnosticsOptions:
         maximum=1e6,
     )
 
-    def __post_init__(self) -> None:
-        check_group(self)
-
 
 OWN_SHIP_SOURCES = ("none", "odometry", "tf")
 """Sources of the sensor's pose."""
@@ -281,7 +269,7 @@ MAX_SWEEP = 600.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class SessionOptions:
+class SessionOptions(ParameterGroup):
     """Method, frames, and limits on the times of arriving data.
 
     Raises
@@ -360,7 +348,7 @@ class SessionOptions:
     )
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         east_north_up(self.fixed_frame)
         if self.sweep not in ("off", "auto") and not 0.0 < self._seconds() <= MAX_SWEEP:
             raise ValueError(
@@ -384,7 +372,7 @@ MIN_TOKEN_LENGTH = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewerNodeOptions:
+class ViewerNodeOptions(ParameterGroup):
     """Options of the node `track_viewer` and of `tsepm watch`."""
 
     host: str = parameter(
@@ -411,7 +399,7 @@ class ViewerNodeOptions:
     )
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         if not self.host:
             raise ValueError("host must not be empty; use 0.0.0.0 for all addresses")
         if self.token and len(self.token) < MIN_TOKEN_LENGTH:

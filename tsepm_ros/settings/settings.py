@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
-from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
 from tsepm_ros.settings.node_options import (
     BridgeNodeOptions,

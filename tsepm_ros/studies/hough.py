@@ -63,10 +63,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import Estimates, HitCounter
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.path_following import PathFollower
+from tsepm_ros.studies.path_following import Estimates, HitCounter, PathFollower
 from tsepm_ros.tracker.association import Pairs
 from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
@@ -123,14 +122,15 @@ class Hough(HitCounter):
         """
         ids = self.begin(observed)
         image = np.concatenate([self._image, ids])
-        ended = self._expired_hits(image)
-        image, beyond = self._newest(image[~ended])
+        ended = image < self.detections.first_id  # older than N scans
+        limit = min(self.common.max_potential_tracks, MAX_VOTES // self.options.angles)
+        beyond = max(int(np.count_nonzero(~ended)) - limit, 0)
+        image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
         kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
         confirmation = self.confirm(kept)
         self._image = image[~np.isin(image, confirmation.hits)]
-        self.detections.forget(self.scan_index + 1 - self.options.window)
         return Step(
             confirmation.tracks,
             ScanStatistics(
@@ -138,6 +138,8 @@ class Hough(HitCounter):
                 detections=len(ids),
                 potential_tracks=len(self._image),
                 started=len(ids),
+                split=len(ids),
+                evaluated=len(kept),
                 terminated=int(np.count_nonzero(ended)),
                 raw_confirmations=len(lines),
                 pruned=confirmation.pruned,
@@ -158,15 +160,6 @@ class Hough(HitCounter):
         best, estimates, _ = self.best(lines)
         tracks = self.tracks(best, estimates)
         return tracks.numbered(np.arange(len(tracks)))
-
-    def _expired_hits(self, image: IntArray) -> BoolArray:
-        """Which detections of the image are older than its N scans."""
-        return self.expired(self.detections[image]["scan"] + 1)
-
-    def _newest(self, image: IntArray) -> tuple[IntArray, int]:
-        """The newest detections, within the limits; and how many are cut."""
-        limit = min(self.common.max_potential_tracks, MAX_VOTES // self.options.angles)
-        return image[-limit:], max(len(image) - limit, 0)
 
     def _lines(self, image: IntArray, votes: int, sensor: FloatArray) -> Paths:
         """Lines through a detection of the last scan that have at least so many votes.

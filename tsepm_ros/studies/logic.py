@@ -102,19 +102,10 @@ class Polynomials:
             np.einsum("nki,nli,nipq->nklpq", weights, weights, hits["covariance"], optimize=True),
         )
 
-    def __len__(self) -> int:
-        """Number of tracks."""
-        return len(self.scale)
-
     @property
     def degree(self) -> int:
         """Order of the polynomials."""
         return self.coefficients.shape[1] - 1
-
-    @property
-    def position(self) -> FloatArray:
-        """Positions at the reference time, (n, 2), m."""
-        return np.ascontiguousarray(self.coefficients[:, 0])
 
     def at(self, track: IntArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted position and its covariance.
@@ -258,7 +249,12 @@ class Logic(PathFollower):
             radius += np.sqrt(2.0) * self.common.max_speed * elapsed.max(axis=0)
         positions = np.ascontiguousarray(detections["position"])
         most = TIMED_PAIRS if self.time_limit.finite else None
-        return splitting.neighbours(positions, predicted.position, radius * (1.0 + 1e-9), most=most)
+        return splitting.neighbours(
+            positions,
+            np.ascontiguousarray(predicted.coefficients[:, 0]),
+            radius * (1.0 + 1e-9),
+            most=most,
+        )
 
     def _distance(
         self,

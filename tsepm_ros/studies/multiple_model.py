@@ -36,12 +36,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import GATING_SHARE, Estimates
+from tsepm_ros.methods.tsepm import GATING_SHARE
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.gaussian import correlated_beyond_one, proper, squared_distance
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.path_following import PAIRING_SHARE, PathFollower
+from tsepm_ros.studies.path_following import PAIRING_SHARE, Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.association import Pairs, nearest_first, within
 from tsepm_ros.tracker.evaluation import normalized_distance

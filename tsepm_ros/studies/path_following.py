@@ -1,29 +1,161 @@
-"""Hit counting along paths, by the steps from hit to hit.
+"""Hit counting along paths that grow from scan to scan, and the heuristic method.
 
-The steps from hit to hit that rules of speed, acceleration and direction look at.
+`PathFollower` extends potential tracks; its `displacements` are the steps from hit to hit, which
+rules of speed, acceleration and direction look at.
 
-Hit counting along paths: potential tracks extended from scan to scan.
+The heuristic method: limits of speed and acceleration from hit to hit.
+
+As Sequential 2014, Section 3.1 describes it, after Leung, Hu, Blanchette, "Evaluation of multiple
+target track initiation techniques in real radar tracking environments", IEE Proc. RSN 143(4), 1996.
+
+Positions r_i of consecutive scans are a track if they satisfy (Eq. 2)::
+
+    v_min T <= |r_i - r_(i-1)| <= v_max T
+    |(r_(i+1) - r_i) - (r_i - r_(i-1))| <= a_max T^2
+
+and, optionally, if the angle between two steps is at most phi (Eqs. 3 and 4). "If there is
+more than one return, the one with the minimum acceleration is used to form the new track."
+
+Readings
+--------
+- T is the time between the detections. Velocities are over each step's own time, the acceleration
+  is their difference over the time between the steps' middles: Eq. 2 where the times are equal.
+- Any M of N scans: every detection of every scan may be a track's first. A track with a detection
+  that satisfies the rules keeps no branch without it; one without waits, with the longer time in
+  the limits. With M = N = 3, the default, the rules hold over three scans in a row.
+- As printed the rules leave no room for errors, which is why the article finds that they do not
+  suit a sonar: `gate_sigmas` widens the limit of the speed by the last hit's error, 0 as printed.
+- Of confirmed tracks that share a detection the one with the smallest of the largest accelerations
+  is published.
 """
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import GATING_SHARE, HitCounter
+from tsepm_ros.methods.tsepm import GATING_SHARE, WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
-from tsepm_ros.tracker import pruning, splitting
-from tsepm_ros.tracker.association import Pairs, best_of_each
+from tsepm_ros.parameters import parameter
+from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.association import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker.measurement import DETECTION, Histories
 from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
-from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.path_fit import NO_HIT, Paths, starting
+from tsepm_ros.tracker.options import CommonOptions, MnOptions, hits_option, window_option
+from tsepm_ros.tracker.path_fit import NO_HIT, Fit, Paths, fit, starting
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
+
+
+@dataclass(frozen=True)
+class Estimates(Rows):
+    """Tracks as estimated from their hits.
+
+    Attributes
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At the last scan's stamp.
+    evaluation : (n,) ndarray
+        The method's figure; smaller is better.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    evaluation: FloatArray
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What became of the tracks that reached confirmation in a scan.
+
+    Attributes
+    ----------
+    tracks : TrackArrays
+        Those that were published.
+    hits : (n, most) ndarray of int
+        Their detections' ids, with NO_HIT.
+    pruned, merged : int
+        The others: refused, and with a hit of a better one.
+    """
+
+    tracks: TrackArrays
+    hits: IntArray
+    pruned: int
+    merged: int
+
+
+class HitCounter(WindowedMethod):
+    """A method that counts the hits of paths and puts out those that share no detection."""
+
+    def fit(self, hits: NDArray[np.void]) -> Fit:
+        """Fit the states to the hits (n, m) of n tracks."""
+        return fit(hits, self.stamp, self.sensor, "unweighted")
+
+    def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
+        """The method's figure, (n,), small for a target; f_1 (TSEPM 2018, Eq. 23) if not another.
+
+        Parameters
+        ----------
+        hits : (n, m) ndarray of DETECTION
+        fitted : Fit
+        """
+        return evaluation.normalized_distance(hits, fitted)
+
+    def accept(self, estimates: Estimates) -> BoolArray:
+        """Which tracks may be published, (n,): those with a finite state estimate."""
+        finite = np.isfinite(estimates.covariance).all(axis=(1, 2))
+        return np.asarray(finite & np.isfinite(estimates.state).all(axis=1))
+
+    def estimate(self, paths: Paths) -> Estimates:
+        """Fit and evaluate paths, block by block of equal hit counts."""
+        n = len(paths)
+        estimates = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
+        for rows, ids in paths.of_equal_count():
+            hits = self.detections[ids]
+            fitted = self.fit(hits)
+            estimates.state[rows], estimates.covariance[rows] = fitted.state, fitted.covariance
+            estimates.evaluation[rows] = self.evaluate(hits, fitted)
+        return estimates
+
+    def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
+        """Figure, (n,): of tracks that share a detection that of the smallest is published."""
+        return estimates.evaluation
+
+    def best(self, paths: Paths) -> tuple[Paths, Estimates, int]:
+        """The best paths that share no detection, and how many are refused before."""
+        estimates = self.estimate(paths)
+        accepted = self.accept(estimates)
+        candidates, estimates = paths[accepted], estimates[accepted]
+        rows = disjoint(candidates.hits, self.preference(candidates, estimates))
+        return candidates[rows], estimates[rows], len(paths) - len(candidates)
+
+    def confirm(self, raw: Paths) -> Confirmation:
+        """Estimate the tracks that reached M hits and publish the best that share no detection."""
+        best, estimates, refused = self.best(raw)
+        return Confirmation(
+            self.tracks(best, estimates),
+            best.hits,
+            pruned=refused,
+            merged=len(raw) - refused - len(best),
+        )
+
+    def tracks(self, paths: Paths, estimates: Estimates) -> TrackArrays:
+        """Paths as tracks, their places as ids."""
+        return tracks_from_hits(
+            self.detections,
+            paths.hits,
+            stamp=self.stamp,
+            scan_index=self.scan_index,
+            state=estimates.state,
+            covariance=estimates.covariance,
+            evaluation=estimates.evaluation,
+        )
 
 
 @dataclass(frozen=True)
@@ -155,7 +287,6 @@ class PathFollower(HitCounter):
         begun = free[: self.max_tracks]
         started = self.started(ids[begun], taken(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
-        self.detections.forget(self.scan_index + 2 - self.options.window)
         return Step(
             confirmation.tracks,
             ScanStatistics(
@@ -163,6 +294,8 @@ class PathFollower(HitCounter):
                 detections=len(detections),
                 potential_tracks=len(self.potential),
                 started=len(started),
+                split=len(children) + len(started),
+                evaluated=int(np.count_nonzero(reached)),
                 terminated=terminated,
                 raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
                 pruned=confirmation.pruned,
@@ -263,7 +396,7 @@ class PathFollower(HitCounter):
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
         most = TIMED_PAIRS if self.time_limit.finite else MAX_PAIRS
-        parent, row, cut = splitting.split_within(
+        parent, row, cut = splitting.split_paths(
             gate, gated, most, length, self.late_after(PAIRING_SHARE)
         )
         return parent, row, cut + gated.cut
@@ -317,3 +450,77 @@ class PathFollower(HitCounter):
         """Keep the potential tracks of the most hits; returns them and the number cut."""
         kept = keep_best(-tracks.hit_count.astype(float), self.max_tracks)
         return tracks[kept], len(tracks) - len(kept)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeuristicOptions(MnOptions):
+    """Options of the heuristic method."""
+
+    min_hits: int = hits_option(3, minimum=3)
+    window: int = window_option(3, minimum=3)
+    min_step_speed: float = parameter(
+        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
+    )
+    max_acceleration: float = parameter(
+        1.0, "Maximum acceleration (a_max)", unit="m/s^2", positive=True, maximum=1e4
+    )
+    max_turn: float = parameter(
+        math.pi,
+        "Maximum angle between two steps (phi); pi: no limit",
+        unit="rad",
+        positive=True,
+        maximum=math.pi,
+    )
+    gate_sigmas: float = parameter(
+        0.0,
+        "Margin of the speed limit for errors, in standard deviations of the last hit",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+
+class Heuristic(PathFollower):
+    """The heuristic method: limits of speed and acceleration over consecutive scans."""
+
+    Options = HeuristicOptions
+    options: HeuristicOptions
+    operating_points = MappingProxyType(
+        {
+            f"{hits}/{scans}, {limit:g} m/s^2, {sigmas:g} sigma": {
+                "min_hits": hits,
+                "window": scans,
+                "max_acceleration": limit,
+                "gate_sigmas": sigmas,
+            }
+            for hits, scans, limit, sigmas in (
+                (5, 5, 1.0, 0.0),
+                (4, 4, 1.0, 0.0),
+                (3, 3, 0.3, 0.0),
+                (3, 3, 1.0, 0.0),
+                (6, 8, 2.0, 2.0),
+                (4, 5, 2.0, 2.0),
+                (3, 3, 2.0, 2.0),
+            )
+        }
+    )
+    every_detection_starts = True
+
+    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+        """The detections that satisfy the rules after each track's last hits, by acceleration."""
+        options = self.options
+        parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
+        acceleration = np.where(first, 0.0, displacements.acceleration)
+        kept = displacements.faster_than(options.min_step_speed)
+        kept &= first | (acceleration <= options.max_acceleration)
+        kept &= first | (displacements.turn <= options.max_turn)
+        return Pairs(parent[kept], row[kept], acceleration[kept]), cut
+
+    def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
+        """Largest acceleration of each track, (n,), m/s^2; 0 of two hits."""
+        n, count = hits.shape
+        largest = np.zeros(n)
+        for last in range(2, count):
+            three = hits[:, last - 2 : last + 1]
+            displacements = Displacements.of(three["position"], three["time"])
+            largest = np.maximum(largest, displacements.acceleration)
+        return largest

@@ -1,4 +1,8 @@
-"""Track splitting and merging (Split-merge 2016), the predecessor of TSEPM.
+"""Track splitting without evaluation (2016), and with Kennedy's test for clutter.
+
+Split-merge 2016
+----------------
+Track splitting and merging (Split-merge 2016), the predecessor of TSEPM.
 
 Li D., Zhang Y., Lin Y., Liu J., "A novel track initiation method for track splitting and merging",
 2016.
@@ -14,8 +18,8 @@ they share more than M/2 measurements. Scan by scan the measurements of the merg
 
 and its state and covariance are estimated again from them by least squares (Eqs. 12 and 13).
 
-Readings
---------
+Readings:
+
 - The rule is "N_a <= N and N_v >= M": Step 3 has the first inequality reversed (TSEPM 2018 corrects
   it).
 - sigma_l is half the major axis of the 0.9 ellipse of the position's error (TSEPM 2018, Eq. 4).
@@ -29,6 +33,30 @@ Readings
   the mixture with equal weights, the spread of their means included. Averaging them as two
   measurements of one target, the other reading, would halve the variance.
 - The position is Eq. 4's, R is from the unscented transform (`conversion.unscented`).
+
+The clutter test
+----------------
+Track splitting with Kennedy's test for clutter: the reference of TSEPM 2018, Section 5.
+
+Kennedy H. L., "Clutter-based test statistics for automatic track initiation", Acta Automatica
+Sinica 34(3), 266-273, 2008, as TSEPM 2018 describes it: "a tentative track is confirmed when the
+track-is-on-clutter hypothesis is rejected".
+
+The tree of splits, the M/N rule and the least-squares fit are those of `tsepm`. With lambda the
+clutter density and d_k the distance of a hit from the one before, the statistic (Eqs. 24 and 25) ::
+
+    f_2 = 2 lambda sum_k pi d_k^2
+
+(with `clutter_density` "estimated" lambda_k, the density at each hit, in place of one lambda) is
+chi-square distributed with 2 M - 2 degrees of freedom for nearest points of pure clutter, and
+small for a target: tracks at or below the quantile of the test's size are published. There is no
+merging.
+
+Readings:
+
+- Small values indicate a target (Sections 3.4 and 3.5 contradict each other).
+- V(k) is the area out to the associated point, not the gate's.
+- Where a limit cuts confirmations, those of smaller f_2 are kept.
 """
 
 from __future__ import annotations
@@ -41,14 +69,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.hit_counting import WindowedMethod
-from tsepm_ros.methods.tsepm import Candidates, Tsepm
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.measurement import unscented
 from tsepm_ros.tracker.method import Observation, Step
 from tsepm_ros.tracker.options import MnOptions
-from tsepm_ros.tracker.tracks import ConfirmedTrack
+from tsepm_ros.tracker.path_fit import ESTIMATORS
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,13 +120,20 @@ class SplitMerge(Tsepm):
         """
         return WindowedMethod.reason(self, track)
 
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        super().forget()
+        self._unscented = DetectionWindow()
+
     def step(self, observed: Observation) -> Step:
         """Step of `Tsepm` on detections with the unscented transform's covariances.
 
         See `Method.step`.
         """
         detections = unscented(observed.detections, self.sensor)
-        return super().step(replace(observed, detections=detections))
+        self._unscented.forget(observed.scan_index + 1 - self.options.window)
+        ids, window = self._unscented.append(detections), self._unscented
+        return super().step(replace(observed, detections=detections, ids=ids, window=window))
 
     @property
     def threshold(self) -> float:
@@ -138,3 +174,41 @@ def combined(hits: NDArray[np.void]) -> NDArray[np.void]:
     np.add.at(covariance, scan, hits["covariance"] + deviation[:, :, None] * deviation[:, None, :])
     combined["covariance"] = covariance / number[:, None, None]
     return combined
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClutterTestOptions(MnOptions):
+    """Options of the clutter test."""
+
+    evaluation: ClassVar[str] = "clutter_statistic"
+
+    gate_probability: float = parameter(
+        0.9,
+        "Probability P that a detected target falls into the gate (Eq. 5)",
+        positive=True,
+        maximum=0.999999,
+    )
+    clutter_test_size: float = parameter(
+        0.05,
+        "Nominal fraction of clutter tracks that pass the test",
+        positive=True,
+        maximum=0.999999,
+    )
+    estimator: str = parameter("unweighted", "Fit of a track, as with tsepm", choices=ESTIMATORS)
+
+
+class ClutterTest(Tsepm):
+    """Track splitting with Kennedy's test for clutter, without merging."""
+
+    Options = ClutterTestOptions  # type: ignore[assignment]
+    options: ClutterTestOptions  # type: ignore[assignment]
+    operating_points = MappingProxyType(
+        {
+            f"size {size:g}": {"clutter_test_size": size}
+            for size in (0.001, 0.003, 0.01, 0.03, 0.05, 0.1, 0.2)
+        }
+    )
+
+    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
+        """Every candidate is a track of its own."""
+        return self.tracks(candidates), 0

@@ -1,17 +1,9 @@
-"""The demonstration: a source and the track initiator, evaluated and drawn.
+"""A source of scans and the track initiator as two processes, evaluated and drawn.
 
-A node that stores the messages of a detection source and of the track initiator.
-
-The table of the demonstration: each target with its true start and its errors.
-
-Evaluation and picture of a recorded run.
+With a scenario the source is `sonar_simulator`, with a recording it is `scan_player`.
 
 The track messages do not contain the hits. The recorded messages are therefore processed offline
 by the same algorithm. The review checks that both give the same tracks, bit for bit.
-
-A source of scans and the track initiator as two processes, evaluated and drawn.
-
-With a scenario the source is `sonar_simulator`, with a recording it is `scan_player`.
 """
 
 from __future__ import annotations
@@ -26,7 +18,6 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +39,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
 from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
 from tsepm_ros.tools.pictures.plan_position import save
 from tsepm_ros.tools.pictures.run_scene import (
@@ -73,8 +65,8 @@ class TopicCollector(Node):
     ----------
     detections, own_ship : list
         Messages in order of arrival.
-    tracks : list of (int, record)
-        Stamp (ns) and record of each confirmed track.
+    tracks : list of record
+        Of each confirmed track.
     processed : int
         Scans that the initiator has processed.
     heard : int
@@ -85,7 +77,7 @@ class TopicCollector(Node):
         super().__init__("run_recorder", **node_options)
         self.detections: list[PointCloud2] = []
         self.own_ship: list[Odometry] = []
-        self.tracks: list[tuple[int, object]] = []
+        self.tracks: list[Any] = []
         self.processed = 0
         self.heard = 0
         self.create_subscription(PointCloud2, "tracks", self._on_tracks, DEPTH)
@@ -101,21 +93,14 @@ class TopicCollector(Node):
         self.heard += 1
 
     def _on_tracks(self, message: PointCloud2) -> None:
-        stamp = time_to_ns(message.header.stamp)
         records = read_track_cloud(message)
-        self.tracks.extend((stamp, record) for record in records[records["revision"] == 0])
+        self.tracks.extend(records[records["revision"] == 0])
         self.processed += 1
         self.heard += 1
 
 
 HEADER = ["target", "track", "found after [s]", "pings", "hits"]
 HEADER += ["position error [m]", "1 sigma [m]", "velocity error [m/s]", "1 sigma [m/s]"]
-
-
-def target_table(scene: RunScene) -> str:
-    """Table of each target's true start, with its errors and their standard deviations."""
-    header, *rows = target_rows(scene)
-    return text_table(header, rows)
 
 
 def target_rows(scene: RunScene) -> list[list[str]]:
@@ -142,28 +127,24 @@ def _row(target: int, scene: RunScene) -> list[str]:
     ]
 
 
-@dataclass
-class Review:
-    """Table and picture of a run.
-
-    Attributes
-    ----------
-    table : str
-    scene : RunScene
-        Content of the picture.
-    failure : str
-        Reason of the failure; empty if the run succeeded.
-    """
-
-    table: str
-    scene: RunScene
-    failure: str = ""
+Review = tuple[str, RunScene, str]
+"""Table of a run, content of its picture, and the reason of the failure, if any."""
 
 
 def replay(
-    collector: TopicCollector, parameters: Mapping[str, Value]
-) -> tuple[list[ScanResult], Session]:
+    collector: TopicCollector, name: str, parameters: Mapping[str, Value]
+) -> tuple[list[ScanResult], list[ConfirmedTrack], RunScene, str]:
     """Process the recorded messages offline.
+
+    Returns
+    -------
+    results : list of ScanResult
+    tracks : list of ConfirmedTrack
+        The starts.
+    scene : RunScene
+        Content of the picture, without the truth.
+    failure : str
+        A sentence if the node's tracks are others.
 
     Raises
     ------
@@ -179,35 +160,38 @@ def replay(
     for message in sorted(collector.detections, key=lambda m: time_to_ns(m.header.stamp)):
         message_input.take_detections(message, now=0.0)
         results.extend(session.process())
-    return results, session
+    tracks = [track for result in results for track in result.new]
+    settings = session.settings
+    views = [ScanView.of(result, settings.sensor, settings.mounting.yaw) for result in results]
+    scene = RunScene(f"{name}, method {settings.session.method}", views)
+    states = [track_states(np.array([record]))[0].tolist() for record in collector.tracks]
+    if states == [track.state.tolist() for track in tracks]:
+        return results, tracks, scene, ""
+    failure = "the node's tracks differ from the same messages processed offline"
+    return results, tracks, scene, failure
 
 
 def review_simulation(
     collector: TopicCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
 ) -> Review:
     """Evaluate a simulated run against its truth."""
-    results, session = replay(collector, parameters)
+    name = f"{scenario.name}, seed {seed}"
+    results, tracks, scene, failure = replay(collector, name, parameters)
     simulator = Simulator(scenario, seed)
     scans = list(simulator)
-    tracks = [track for result in results for track in result.new]
     processed = [result.stamp for result in results]
     stamps = [simulated.scan.stamp for simulated in scans]
     origins = origins_of(processed, stamps, [simulated.origin for simulated in scans])
-    scene = _run_scene(
-        f"{scenario.name}, seed {seed}, method {session.settings.session.method}", results, session
-    )
     scene.judged = judge_starts(simulator, tracks, origins)
     scene.truth = [
         np.array([(one.scan.stamp, *one.truth[target][0::2]) for one in scans])
         for target in range(len(simulator.targets))
     ]
-    review = Review(table=target_table(scene), scene=scene)
+    header, *rows = target_rows(scene)
     missing = len(simulator.targets) - len(scene.true_starts)
-    if not _same_as_node(collector, tracks):
-        review.failure = "the node's tracks differ from the same messages processed offline"
-    elif missing:
-        review.failure = f"{missing} of {len(simulator.targets)} targets were not truly started"
-    return review
+    if missing and not failure:
+        failure = f"{missing} of {len(simulator.targets)} targets were not truly started"
+    return text_table(header, rows), scene, failure
 
 
 def review_recording(
@@ -217,13 +201,10 @@ def review_recording(
     tolerance: float,
 ) -> Review:
     """Evaluate a recorded run by the distance of its starts from the recorded targets."""
-    results, session = replay(collector, parameters)
-    tracks = [track for result in results for track in result.new]
+    results, tracks, scene, failure = replay(collector, "recording", parameters)
     shift = results[0].stamp - recording.scans[0].time if results else 0.0
-    truth = [path + np.array([shift, 0.0, 0.0]) for path in truth_paths(recording.targets)]
-    distances = [_distance(track, truth) for track in tracks]
-    scene = _run_scene(f"recording, method {session.settings.session.method}", results, session)
-    scene.truth = truth
+    scene.truth = [path + np.array([shift, 0.0, 0.0]) for path in truth_paths(recording.targets)]
+    distances = [_distance(track, scene.truth) for track in tracks]
     scene.elsewhere = {
         track.track_id
         for track, distance in zip(tracks, distances, strict=True)
@@ -242,30 +223,10 @@ def review_recording(
         if distance <= tolerance
     ]
     header = ["track", "found after [s]", "pings", "distance [m]", "1 sigma [m]", "speed [m/s]"]
-    review = Review(
-        table=f"new tracks within {tolerance:g} m of a target\n" + text_table(header, rows),
-        scene=scene,
-    )
-    if not _same_as_node(collector, tracks):
-        review.failure = "the node's tracks differ from the same messages processed offline"
-    elif recording.targets and not rows:
-        review.failure = "no recorded target was started"
-    return review
-
-
-def _run_scene(title: str, results: Sequence[ScanResult], session: Session) -> RunScene:
-    settings = session.settings
-    views = [ScanView.of(result, settings.sensor, settings.mounting.yaw) for result in results]
-    return RunScene(title, views)
-
-
-def _same_as_node(collector: TopicCollector, tracks: Sequence[ConfirmedTrack]) -> bool:
-    if len(collector.tracks) != len(tracks):
-        return False
-    records = np.array([record for _, record in collector.tracks])
-    if not len(records):
-        return True
-    return bool((track_states(records) == np.array([track.state for track in tracks])).all())
+    if recording.targets and not rows and not failure:
+        failure = "no recorded target was started"
+    table = f"new tracks within {tolerance:g} m of a target\n" + text_table(header, rows)
+    return table, scene, failure
 
 
 def _distance(track: ConfirmedTrack, truth: Sequence[FloatArray]) -> float:
@@ -314,7 +275,11 @@ def _demonstrate(options: argparse.Namespace) -> int:
     try:
         options.parameter = {"own_ship_source": "odometry", **given_values(options.parameter)}
         make_groups(TRACK_INITIATOR, options.parameter)
-        scene = _scene(options)
+        scene: Scenario | Recording = (
+            read_recording(options.recording)
+            if options.recording
+            else load_scenario(options.scenario)
+        )
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
@@ -331,32 +296,37 @@ def _demonstrate(options: argparse.Namespace) -> int:
         review = review_simulation(collector, scene, options.seed, options.parameter)
     else:
         review = review_recording(collector, scene, options.parameter, options.tolerance)
-    return _report(review, options.picture)
+    table, drawn, failure = review
+    save(drawn, options.picture)
+    print(f"\n{headline(drawn)}\n\n{table}\n\npicture: {options.picture}")
+    if failure:
+        print(f"failed: {failure}", file=sys.stderr)
+    return 1 if failure else 0
+
+
+ARGUMENTS: Arguments = {
+    "--scenario": {"default": "four_targets", "help": "shipped name or .yaml file"},
+    "--seed": {"type": int, "default": 2, "help": "seed of the simulation"},
+    "--recording": {"help": "folder of a recording, in place of a scenario"},
+    "--rate": {"type": float, "default": 60.0, "help": "speed relative to real time"},
+    "--tolerance": {
+        "type": float,
+        "default": 60.0,
+        "help": "maximum distance of a start from its recorded target, m",
+    },
+    "--picture": {
+        "type": Path,
+        "default": Path("build/demo.png"),
+        "help": "default build/demo.png",
+    },
+}
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="tsepm_demo", description=__doc__)
-    parser.add_argument("--scenario", default="four_targets", help="shipped name or .yaml file")
-    parser.add_argument("--seed", type=int, default=2, help="seed of the simulation")
-    parser.add_argument("--recording", help="folder of a recording, in place of a scenario")
-    parser.add_argument("--rate", type=float, default=60.0, help="speed relative to real time")
+    add_arguments(parser, ARGUMENTS)
     add_values(parser)
-    parser.add_argument(
-        "--tolerance",
-        type=float,
-        default=60.0,
-        help="maximum distance of a start from its recorded target, m",
-    )
-    parser.add_argument(
-        "--picture", type=Path, default=Path("build/demo.png"), help="default build/demo.png"
-    )
     return parser.parse_args(arguments)
-
-
-def _scene(options: argparse.Namespace) -> Scenario | Recording:
-    if options.recording:
-        return read_recording(options.recording)
-    return load_scenario(options.scenario)
 
 
 def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[int]]:
@@ -379,7 +349,11 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     executor.add_node(collector)
     try:
         with _process(*initiator) as tracker:
-            _wait_for_initiator(executor, collector, tracker)
+            until = time.monotonic() + MAX_IDLE_TIME
+            while not (collector.count_publishers("tracks") or tracker.poll() is not None):
+                executor.spin_once(timeout_sec=0.1)
+                if time.monotonic() > until:
+                    break
             if tracker.poll() is not None:
                 return collector, [tracker.returncode]
             with _process(*source) as player:
@@ -427,17 +401,6 @@ def _watch(
                 return
 
 
-def _wait_for_initiator(
-    executor: SingleThreadedExecutor, collector: TopicCollector, tracker: subprocess.Popen[bytes]
-) -> None:
-    """Spin until the initiator publishes tracks, or has ended."""
-    until = time.monotonic() + MAX_IDLE_TIME
-    while not collector.count_publishers("tracks") and time.monotonic() < until:
-        executor.spin_once(timeout_sec=0.1)
-        if tracker.poll() is not None:
-            return
-
-
 def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
     """Wait for the end of a process, interrupted or not; returns its exit code."""
     if interrupt:
@@ -447,15 +410,6 @@ def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
     except subprocess.TimeoutExpired:
         process.kill()
         return process.wait()
-
-
-def _report(review: Review, picture: Path) -> int:
-    save(review.scene, picture)
-    print(f"\n{headline(review.scene)}\n\n{review.table}\n\npicture: {picture}")
-    if review.failure:
-        print(f"failed: {review.failure}", file=sys.stderr)
-        return 1
-    return 0
 
 
 if __name__ == "__main__":

@@ -1,10 +1,6 @@
-"""Terminal: progress and tables.
+"""Terminal: progress of long work, and tables as text and in Markdown.
 
-Progress of long work on a terminal; nothing is shown in a pipe or a file.
-
-Every command shows its progress by these functions.
-
-Tables as text, for the terminal and in Markdown.
+Every command shows its progress by these functions; nothing is shown in a pipe or a file.
 """
 
 from __future__ import annotations

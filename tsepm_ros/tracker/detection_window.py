@@ -18,16 +18,21 @@ class DetectionWindow:
 
     Ids count from 0 in order of arrival. Removing old scans leaves the other ids unchanged:
     hypotheses refer to detections by integers, and the window bounds the memory.
+
+    Attributes
+    ----------
+    first_id : int
+        Id of the oldest detection that is not forgotten.
     """
 
     def __init__(self) -> None:
         self._detections = np.zeros(0, DETECTION)
         self._not_held = np.zeros(0)
-        self._first_id = 0
+        self.first_id = 0
 
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
-        first = self._first_id + len(self._detections)
+        first = self.first_id + len(self._detections)
         # As blocks of bytes, which is many times faster than field by field.
         parts = [part.view(_BLOCK) for part in (self._detections, detections)]
         self._detections = np.concatenate(parts).view(DETECTION)
@@ -39,22 +44,22 @@ class DetectionWindow:
         old = int(np.searchsorted(self._detections["scan"], before_scan))
         self._detections = self._detections[old:]
         self._not_held = self._not_held[old:]
-        self._first_id += old
+        self.first_id += old
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
-        return taken(self._detections, ids - self._first_id)
+        return taken(self._detections, ids - self.first_id)
 
     def note_held(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
         """Note the probabilities that detections belong to confirmed tracks, (n,) each."""
-        np.multiply.at(self._not_held, ids - self._first_id, 1.0 - np.minimum(probability, 1.0))
+        np.multiply.at(self._not_held, ids - self.first_id, 1.0 - np.minimum(probability, 1.0))
 
     def held_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Probability that the detections with the given ids belong to a confirmed track, (...).
 
         The probabilities of different tracks count as independent.
         """
-        probability: NDArray[np.float64] = 1.0 - self._not_held[ids - self._first_id]
+        probability: NDArray[np.float64] = 1.0 - self._not_held[ids - self.first_id]
         return probability
 
     def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
@@ -77,17 +82,17 @@ class DetectionWindow:
         for scan, index in hits:
             first, last = np.searchsorted(scans, [scan, scan + 1])
             row = first + np.flatnonzero(self._detections["index"][first:last] == index)
-            ids += (self._first_id + row).tolist()
+            ids += (self.first_id + row).tolist()
         return np.array(ids, np.int64)
 
     def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Positions of the detections with the given ids, (..., 2), m."""
-        positions: NDArray[np.float64] = self._detections["position"][ids - self._first_id]
+        positions: NDArray[np.float64] = self._detections["position"][ids - self.first_id]
         return positions
 
     def clutter_densities(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Clutter densities at the detections with the given ids, (...), 1/m^2."""
-        densities: NDArray[np.float64] = self._detections["clutter_density"][ids - self._first_id]
+        densities: NDArray[np.float64] = self._detections["clutter_density"][ids - self.first_id]
         return densities
 
     def __len__(self) -> int:

@@ -18,12 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed
-from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
+from tsepm_ros.tracker.clutter.excess import PredictiveDensity
 from tsepm_ros.tracker.clutter.seen_extent import Extent
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
+
+NEW_TRACK_EXISTENCE = 0.99
+"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +47,19 @@ class ScanStatistics:
         the most at once).
     started : int
         Potential tracks started.
+    split : int
+        Potential tracks that the scan's detections made: started, and children of others.
+    evaluated : int
+        Potential tracks that were evaluated; hopeless ones are not.
     terminated : int
         Potential tracks ended by the method's own rule.
     raw_confirmations : int
         Tracks that reached confirmation, before pruning and merging; hopeless ones included.
     pruned : int
-        Of these, removed by their evaluation; hopeless ones included.
+        Removed by their evaluation: of these, hopeless ones included; by `score`, which evaluates
+        all in each scan, of all potential tracks.
     merged : int
-        Of these, removed by merging into another.
+        Of these, removed by merging into another, or into a confirmed track.
     confirmed : int
         Confirmed tracks that were published.
     cut_potential_tracks, cut_confirmations : int
@@ -71,6 +80,8 @@ class ScanStatistics:
     potential_tracks: int = 0
     hopeless_tracks: int = 0
     started: int = 0
+    split: int = 0
+    evaluated: int = 0
     terminated: int = 0
     raw_confirmations: int = 0
     pruned: int = 0
@@ -107,6 +118,10 @@ class Observation:
         Median of the last intervals, s; 0 while it is unknown.
     detections : (d,) ndarray of DETECTION
         Converted to the fixed frame; `clutter_density` is that after learning.
+    window : DetectionWindow
+        The detections of the last scans, these included.
+    ids : (d,) ndarray of int
+        Their ids in the window.
     clutter_density_before, clutter_density : (d,) ndarray
         Clutter density at each detection before and after this scan was learned from, 1/m^2,
         times the density of its range rate, s/m, where it has one.
@@ -144,6 +159,8 @@ class Observation:
     interval: float
     median_interval: float
     detections: NDArray[np.void]
+    window: DetectionWindow
+    ids: IntArray
     clutter_density_before: FloatArray
     clutter_density: FloatArray
     held_density: FloatArray
@@ -206,6 +223,18 @@ class Step:
     revised: TrackArrays = NO_TRACKS
     replaced: tuple[int, ...] = ()
     target_hits: TargetHits | None = None
+
+    @property
+    def existences(self) -> FloatArray:
+        """Probability that each new track's target exists, (n,), given or not."""
+        if self.existence is None:
+            return np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
+        return self.existence
+
+    def where(self, rows: NDArray[np.generic]) -> Step:
+        """The step with the new tracks in the given rows only (indices or a mask)."""
+        existence = None if self.existence is None else self.existence[rows]
+        return changed(self, tracks=self.tracks.where(rows), existence=existence)
 
 
 class Method(ABC):

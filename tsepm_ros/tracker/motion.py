@@ -31,7 +31,6 @@ stays possible: the covariance of the turning mode grows until a detection exclu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
 from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density, mixture
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.measurement import covariance_at, major_sigma
@@ -560,14 +559,14 @@ MIN_MODE_PROBABILITY = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
-class InteractingModels:
+class InteractingModels(Rows):
     """States of tracks in the two modes: constant velocity and turning.
 
     Attributes
     ----------
-    probability : (2, n) ndarray
+    probability : (n, 2) ndarray
         Probability of each mode.
-    state, covariance : (2, n, 4), (2, n, 4, 4) ndarray
+    state, covariance : (n, 2, 4), (n, 2, 4, 4) ndarray
         State and its covariance in each mode.
     """
 
@@ -579,8 +578,10 @@ class InteractingModels:
     def of(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
         """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
         turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
-        probability = np.array([[1.0 - turning], [turning]]).repeat(len(state), axis=1)
-        return cls(probability, np.stack([state, state]), np.stack([covariance, covariance]))
+        probability = np.array([[1.0 - turning, turning]]).repeat(len(state), axis=0)
+        return cls(
+            probability, np.stack([state, state], axis=1), np.stack([covariance] * 2, axis=1)
+        )
 
     def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingModels:
         """Predict the tracks to the next scan, over times (n,), s, of either sign.
@@ -594,43 +595,18 @@ class InteractingModels:
         v_max^2 / 4 over `TURN_TIME`.
         """
         begun = 1.0 / SCANS_TO_TURN
-        change = np.array([[1.0 - begun, begun], [1.0 - GOES_ON, GOES_ON]])[..., None]
-        joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY)[:, None]
+        change = np.array([[1.0 - begun, begun], [1.0 - GOES_ON, GOES_ON]])[:, None]
+        joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY).T[..., None]
         probability = joint.sum(axis=0)
         longest = max(float(np.abs(elapsed).max(initial=0.0)), TURN_TIME)
         turn_noise = (0.5 * max_speed) ** 2 / longest
-        mixed = mixture(joint / probability, self.state[:, None], self.covariance[:, None])
-        noise = np.array([[PROCESS_NOISE], [PROCESS_NOISE + turn_noise]])
-        return InteractingModels(probability, *predict(*mixed, elapsed, noise))
+        before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
+        mixed = mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
+        noise = np.array([PROCESS_NOISE, PROCESS_NOISE + turn_noise])
+        return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over both modes."""
-        return mixture(self.probability, self.state, self.covariance)
-
-    def modes(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Probability (n,), state (n, 4) and covariance (n, 4, 4) of each mode."""
-        return zip(self.probability, self.state, self.covariance, strict=True)
-
-    def with_rows(self, rows: IntArray, other: InteractingModels) -> InteractingModels:
-        """The tracks, with the given rows replaced by the tracks of `other`."""
-        replaced = InteractingModels(
-            self.probability.copy(), self.state.copy(), self.covariance.copy()
-        )
-        replaced.probability[:, rows] = other.probability
-        replaced.state[:, rows] = other.state
-        replaced.covariance[:, rows] = other.covariance
-        return replaced
-
-    def where(self, rows: NDArray[np.generic]) -> InteractingModels:
-        """The tracks in the given rows (indices or a mask)."""
-        return InteractingModels(
-            self.probability[:, rows], self.state[:, rows], self.covariance[:, rows]
-        )
-
-    def joined(self, other: InteractingModels) -> InteractingModels:
-        """These tracks, followed by those of `other`."""
-        return InteractingModels(
-            np.concatenate([self.probability, other.probability], axis=1),
-            np.concatenate([self.state, other.state], axis=1),
-            np.concatenate([self.covariance, other.covariance], axis=1),
+        return mixture(
+            self.probability.T, self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
         )

@@ -3,14 +3,18 @@
 Options that all methods share.
 
 The rule M/N as options: M hits within N scans confirm a track.
+
+Options of the likelihood-ratio method.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
 from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.tracker.path_fit import ESTIMATORS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,11 +39,12 @@ class CommonOptions:
         minimum=0.0,
         maximum=1e4,
     )
-    limit_speed: bool = parameter(
-        True,
-        "Limit the speed of new tracks: the state of a track that probably exceeds "
-        "max_speed is conditioned on a lower speed. false: the state as the method's "
-        "source defines it. Held tracks are limited in any case",
+    limit_speed: str = parameter(
+        "auto",
+        "Limit the speed of new tracks. on: the state of a track that probably exceeds max_speed "
+        "is conditioned on a lower speed; off: the state as the method's source defines it; auto: "
+        "on with the method score, off with the other methods. Held tracks are limited in any case",
+        choices=("auto", "on", "off"),
     )
     max_detections: int = parameter(
         200_000, "Maximum number of detections of a scan; a scan with more is refused", minimum=1
@@ -127,16 +132,17 @@ class CommonOptions:
             )
 
     def resolved(self, most_tracks_true: bool) -> CommonOptions:
-        """The options of a method: `detection_probability` is "estimated" or "given".
+        """The options of a method, without "auto": it depends on whether most tracks are true.
 
         With a `target_extent`, targets have several detections: `plots` is "on" for "auto".
         """
-        probability, plots = self.detection_probability, self.plots
-        if probability == "auto":
-            probability = "estimated" if most_tracks_true else "given"
-        if plots == "auto" and self.target_extent:
-            plots = "on"
-        return replace(self, detection_probability=probability, plots=plots)
+        automatic: dict[str, Any] = {
+            "detection_probability": "estimated" if most_tracks_true else "given",
+            "limit_speed": "on" if most_tracks_true else "off",
+            "plots": "on" if self.target_extent else "auto",
+        }
+        chosen = {name: value for name, value in automatic.items() if getattr(self, name) == "auto"}
+        return replace(self, **chosen)
 
 
 MAX_HITS = 32
@@ -185,3 +191,69 @@ class MnOptions:
             raise ValueError(
                 f"window must be at least min_hits; got {self.window} and {self.min_hits}"
             )
+
+
+MIN_HITS = 3
+"""Hits of a confirmed track, at least: two hits cannot check the velocity."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreOptions:
+    """Options of the likelihood-ratio method.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    false_tracks_per_hour: float = parameter(
+        1.0,
+        "Target false-track rate, per hour over the whole coverage; sets the threshold",
+        minimum=1e-30,
+        maximum=1e6,
+    )
+    miss_probability: float = parameter(
+        0.02,
+        "Probability that the correct hypothesis of a target is deleted; sets the "
+        "deletion threshold",
+        positive=True,
+        maximum=0.5,
+    )
+    window: int = parameter(
+        16, "Scans after which an unconfirmed hypothesis ends", minimum=3, maximum=64
+    )
+    gate_probability: float = parameter(
+        0.99,
+        "Probability that a detected target falls into the gate",
+        positive=True,
+        maximum=0.999999,
+    )
+    process_noise: float = parameter(
+        0.001,
+        "Spectral density of a target's acceleration: the variance of each velocity component "
+        "grows by this per second",
+        unit="m^2/s^3",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    estimator: str = parameter(
+        "weighted",
+        "Fit of a confirmed track. weighted: weighted least squares on positions; polar: "
+        "maximum likelihood of ranges and azimuths, slower, and equal within 2 % for "
+        "azimuth errors up to 3 degrees",
+        choices=ESTIMATORS[1:],
+    )
+    max_per_detection: int = parameter(
+        100,
+        "Maximum number of hypotheses with the same last detection; the best are kept",
+        minimum=1,
+    )
+
+    def __post_init__(self) -> None:
+        check_group(self)
+
+    @property
+    def deletion_threshold(self) -> float:
+        """Log-likelihood ratio below which a hypothesis is deleted: ln of the miss probability."""
+        return math.log(self.miss_probability)

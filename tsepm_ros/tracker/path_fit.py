@@ -12,15 +12,16 @@ with m hits each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed, taken
-from tsepm_ros.numerics.gaussian import inverse_or_nan
+from tsepm_ros.numerics.gaussian import inverse_or_nan, squared_distance
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.measurement import (
@@ -97,6 +98,8 @@ WEIGHTED_PASSES = 2
 POLAR_PASSES = 10
 POLAR_TOLERANCE = 1e-3
 """Largest correction of a converged polar fit, in standard deviations of each component."""
+GOOD_FIT = 0.99
+"""Probability up to which the squared distance of hits from their track is no misfit."""
 MIN_SENSOR_DISTANCE = 3.0
 """Smallest distance of a hit from its sensor for a polar fit, in standard deviations of the fit."""
 
@@ -183,6 +186,54 @@ def fit_paths(
         fitted = fit(window[hits], stamp, sensor, estimator)
         state[rows], covariance[rows] = fitted.state, fitted.covariance
     return state, covariance
+
+
+def figures_of_hits(
+    window: DetectionWindow,
+    hits: Sequence[Sequence[tuple[int, int]]],
+    stamp: FloatArray,
+    state: FloatArray,
+    position_sigma: FloatArray,
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray], FloatArray]:
+    """Misfits, strengths and last errors of new tracks, by those of their hits in the window.
+
+    Parameters
+    ----------
+    window : DetectionWindow
+    hits : sequence of sequence of (int, int)
+        Those of each of n tracks, as in `ConfirmedTrack.hits`.
+    stamp, state, position_sigma : (n,), (n, 4), (n,) ndarray
+        Of the tracks; the standard deviation of the position along its major axis, m.
+
+    Returns
+    -------
+    misfit : (n,) ndarray
+        Factors by which the covariances of the tracks are too small for their hits. The squared
+        distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is beyond
+        their `GOOD_FIT`, it is divided by them (Birge's ratio); else the factor is 1.
+    strengths : tuple of (n,) ndarray
+        Number of hits with a strength, and the sum of their exponents.
+    hit_sigma : (n,) ndarray
+        Standard deviation of the last hit along its major axis, m; `position_sigma` where the hit
+        is forgotten.
+    """
+    misfit, hit_sigma = np.ones(len(hits)), position_sigma.copy()
+    strength_hits, strength_total = np.zeros((2, len(hits)))
+    for track, ids in enumerate(map(window.find, hits)):
+        if not len(ids):
+            continue
+        found = window[ids]
+        strength = found["strength"][np.isfinite(found["strength"])]
+        strength_hits[track], strength_total[track] = len(strength), strength.sum()
+        hit_sigma[track] = major_sigma(found["covariance"][-1:])[0]
+        freedom = 2 * len(ids) - 4
+        if freedom > 0:
+            elapsed = found["time"][:, None] - stamp[track]
+            expected = state[track, 0::2] + elapsed * state[track, 1::2]
+            square = squared_distance(found["position"] - expected, found["covariance"]).sum()
+            if square > chdtri(freedom, 1.0 - GOOD_FIT):
+                misfit[track] = square / freedom
+    return misfit, (strength_hits, strength_total), hit_sigma
 
 
 def _fit_positions(

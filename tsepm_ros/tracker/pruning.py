@@ -1,15 +1,29 @@
-"""Track pruning (TSEPM 2018, Section 3.5): the M/N rule and the evaluation's threshold."""
+"""Pruning: potential tracks that are too old, or whose evaluation is too bad, are deleted.
+
+Of TSEPM 2018 (Section 3.5): the M/N rule, and the threshold of the evaluation (Eq. 26).
+
+Of the likelihood-ratio method, with s the score and s* the largest with the same newest detection::
+
+    deleted       s <= ln(miss_probability), s <= s* + ln(1e-4), not among the `max_per_detection`
+                  best with that detection, or `window` scans old; the weakest beyond a limit
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.numerics import grouped
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.tracker.hypotheses import run_begins
 
 READINGS = ("literal", "squared")
+RELATIVE_PRUNING = math.log(1e-4)
+"""Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
 
 
 def confirmed(hit_count: NDArray[np.int64], min_hits: int) -> BoolArray:
@@ -50,3 +64,45 @@ def clutter_threshold(size: float, min_hits: int) -> float:
 def keep(evaluation: NDArray[np.float64], threshold: float) -> BoolArray:
     """Which evaluations do not exceed the threshold (Step 6, pruning rule b)."""
     return evaluation <= threshold
+
+
+def prune(
+    score: FloatArray, newest: IntArray, deletion: float, most: int, limit: int
+) -> tuple[IntArray, int]:
+    """Which hypotheses are kept, of all branches of a scan.
+
+    ``s > ln(miss_probability)``, ``s > s* + ln(1e-4)`` with s* the best of the same newest
+    detection, and s among the best of it.
+
+    Parameters
+    ----------
+    score : (n,) ndarray
+        Log-likelihood ratios s.
+    newest : (n,) ndarray of int
+        Id of the newest detection of each.
+    deletion : float
+        ln(miss_probability).
+    most : int
+        With the same newest detection.
+    limit : int
+        Of all.
+
+    Returns
+    -------
+    kept : (k,) ndarray of int
+        Rows, in the order of their newest detections.
+    cut : int
+        Further hypotheses, which were beyond the limit.
+    """
+    rows = np.flatnonzero(score > deletion)
+    rows = rows[np.argsort(newest[rows], kind="stable")]
+    begin = run_begins(newest[rows])
+    number = np.diff(begin, append=len(rows))
+    best = np.repeat(np.maximum.reduceat(score[rows], begin), number)
+    kept = score[rows] > best + RELATIVE_PRUNING
+    if number.max(initial=0) > most:
+        run = np.repeat(np.arange(len(begin)), number)
+        kept &= grouped.among_best(run, score[rows], most)
+    rows = rows[kept]
+    within = keep_best(-score[rows], limit)
+    return rows[within], len(rows) - len(within)

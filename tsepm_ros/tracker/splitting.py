@@ -1,4 +1,14 @@
-"""Gating and track splitting (TSEPM 2018, Eqs. 4-5, Section 3.2, Step 2)."""
+"""Splitting: a potential track goes on by each detection in its gate, and every other starts one.
+
+Of TSEPM 2018 (Eqs. 4-5, Section 3.2, Step 2): `gate`, `split_paths`, `residual`.
+
+Of the likelihood-ratio method, with x, P the state of a hypothesis, S its innovation covariance::
+
+    predicted     x <- F x,  P <- F P F' + Q
+    child         by each z with d' S^-1 d <= gamma (d = z - H x)
+    missed        without a detection of the scan
+    started       by every detection; its velocity has variance v_max^2 / 4 on each axis
+"""
 
 from __future__ import annotations
 
@@ -12,10 +22,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best, taken
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    changed,
+    keep_best,
+    taken,
+)
 from tsepm_ros.numerics.discs import pairs_within
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.tracker import range_rates
+from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker.evaluation import (
+    FADED_AT_START,
+    MAX_PAIRS_TOGETHER,
+    fading_after_hit,
+    fading_predicted,
+    first_amplitudes,
+    further_amplitudes,
+)
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
+from tsepm_ros.tracker.measurement import covariance_at, major_sigma
+from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.path_fit import starting
+from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 MAX_GATED = 5_000_000
 """Largest number of detections in all gates of a scan; above, only the nearest are used."""
@@ -23,6 +53,8 @@ SPLIT_BLOCK = 1_000_000
 """Children processed together where a limit applies: bounds memory, not the result."""
 TIMED_BLOCK = 50_000
 """The same where the time is limited."""
+GATE_MARGIN = 1.5
+"""The error at the predicted position may be this much larger than at the detection's."""
 ROUNDING = 1e-9
 """Relative margin of a radius beyond rounding errors."""
 TIMED_GATED = 500_000
@@ -202,7 +234,7 @@ def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray)
     return inside
 
 
-def split(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
+def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
     """Split every potential track into one child per gated detection (Section 3.2).
 
     Parameters
@@ -240,7 +272,7 @@ def left_out(gated: Gated) -> IntArray:
     return np.flatnonzero(cut)
 
 
-def split_within(
+def split_paths(
     gate_of_track: IntArray,
     gated: Gated,
     limit: int,
@@ -252,7 +284,7 @@ def split_within(
     Parameters
     ----------
     gate_of_track, gated
-        As in `split`.
+        As in `children`.
     limit : int
         Largest number of children.
     cost : callable
@@ -263,14 +295,14 @@ def split_within(
     Returns
     -------
     parent, detection : (c,) ndarray of int
-        As in `split`.
+        As in `children`.
     cut : int
         Children left out.
     """
     counts = gated.count[gate_of_track]
     total = int(counts.sum())
     if total <= limit:
-        return *split(gate_of_track, gated), 0
+        return *children(gate_of_track, gated), 0
     parent = detection = np.zeros(0, np.int64)
     costs = np.zeros(0)
     size = SPLIT_BLOCK if late is None else min(TIMED_BLOCK, SPLIT_BLOCK)
@@ -278,10 +310,206 @@ def split_within(
     for begin, end in itertools.pairwise([*np.unique(blocks), len(counts)]):
         if late is not None and len(parent) and late():
             break
-        rows, added = split(gate_of_track[begin:end], gated)
+        rows, added = children(gate_of_track[begin:end], gated)
         parent = np.concatenate([parent, rows + begin])
         detection = np.concatenate([detection, added])
         costs = np.concatenate([costs, cost(rows + begin, added)])
         best = keep_best(costs, limit)
         parent, detection, costs = parent[best], detection[best], costs[best]
     return parent, detection, total - len(parent)
+
+
+def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
+    """The hypotheses after a time interval, s, with nearly constant velocity."""
+    state, covariance = motion.predict(
+        hypotheses.state, hypotheses.covariance, interval, process_noise
+    )
+    faded = fading_predicted(hypotheses.faded)
+    return changed(hypotheses, state=state, covariance=covariance, faded=faded)
+
+
+def split(
+    expected: ExpectedDetections,
+    gate_probability: float,
+    late: Callable[[], bool] | None = None,
+) -> tuple[IntArray, IntArray, int]:
+    """Split every hypothesis: pairs with the detections that may be its next, no fewer than gated.
+
+    The gate is ``d' S^-1 d <= gamma``, of probability P_G; here its circumscribed circle of radius
+    ``sqrt(gamma) sigma_max(S)``. Where it is `late`, only the nearest detections of each.
+
+    Parameters
+    ----------
+    expected : ExpectedDetections
+    gate_probability : float
+        P_G.
+    late : callable, optional
+        Whether the time is over.
+
+    Returns
+    -------
+    hypothesis, detection : (p,) ndarray of int
+        Rows of each pair, ascending.
+    cut : int
+        Pairs left out by a limit, see `neighbours`.
+    """
+    detections = expected.detections
+    if not len(expected.hypotheses) or not len(detections):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
+    reach = motion.gate_reach(gate_probability, detections)
+    if expected.of_hypothesis is not None:
+        centres, spread = expected.of_hypothesis
+        radius = reach * major_sigma(spread) * (1.0 + ROUNDING)
+    else:
+        centres, radius = _widest(expected, reach)
+    positions = np.ascontiguousarray(detections["position"])
+    return neighbours(positions, centres, radius, late)
+
+
+def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Positions of the hypotheses (n, 2), and radii that hold the gate of any detection."""
+    state, covariance = expected.hypotheses.state, expected.hypotheses.covariance
+    detections = expected.detections
+    widest = detections[np.argmax(detections["azimuth_std"])].copy()
+    widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
+    positions = np.ascontiguousarray(state[:, 0::2])
+    every = np.broadcast_to(widest, len(positions))
+    error = major_sigma(covariance_at(every, positions, expected.sensor))
+    longest = np.abs(detections["time"] - expected.stamp).max()
+    position_sigma = major_sigma(covariance[:, 0::2, 0::2])
+    speed_sigma = major_sigma(covariance[:, 1::2, 1::2])
+    sigma = np.hypot(position_sigma + longest * speed_sigma, GATE_MARGIN * error)
+    speed = np.hypot(state[:, 1], state[:, 3])
+    return positions, reach * sigma + longest * speed
+
+
+def held_penalty(observed: Observation, row: IntArray, strength: FloatArray) -> FloatArray:
+    """``ln((lambda + held density) / lambda)``, (p,): a hit's loss by held tracks.
+
+    Where the strength speaks for a target, by `strength` (p,), it speaks for the held one as well.
+    """
+    ratio = observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
+    return np.log1p(ratio[row] * np.exp(np.maximum(strength, 0.0)))
+
+
+def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
+    """Start a hypothesis from every detection.
+
+    The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
+    axis. The first range rate, if measured, updates it along the line of sight and contributes to
+    the score.
+
+    Parameters
+    ----------
+    observed : Observation
+        The scan.
+    max_speed : float
+        v_max, m/s.
+    window : int
+        Hits that a hypothesis may have.
+
+    Returns
+    -------
+    Hypotheses
+        Of one hit each.
+    """
+    detections = observed.detections
+    path = starting(observed.ids, observed.scan_index, window)
+    state, covariance = np.zeros((len(path), 4)), np.zeros((len(path), 4, 4))
+    state[:, 0::2] = detections["position"]
+    covariance[:, 0::2, 0::2] = detections["covariance"]
+    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    state, covariance, score = range_rates.begun(
+        state, covariance, detections, observed.clutter_sensor
+    )
+    # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
+    elapsed = observed.stamp - detections["time"]
+    if elapsed.any():
+        state, covariance = motion.predict(state, covariance, elapsed)
+    strength = first_amplitudes(observed)
+    score = score + strength.score
+    given_held = score - held_penalty(observed, np.arange(len(path)), strength.score)
+    return Hypotheses(
+        path.hits,
+        path.hit_count,
+        path.first_scan,
+        state,
+        covariance,
+        score,
+        given_held,
+        np.full(len(path), FADED_AT_START),
+        *strength,
+    )
+
+
+def expand(
+    expected: ExpectedDetections,
+    parts: tuple[Hypotheses, FloatArray, Hypotheses],
+    pairs: tuple[IntArray, IntArray],
+    kept: IntArray,
+    observed: Observation,
+) -> Tree:
+    """The tree of the branches that are kept.
+
+    Given the held tracks, a hit adds less by `held_penalty`.
+
+    Parameters
+    ----------
+    expected : ExpectedDetections
+    parts : tuple of Hypotheses, (p,) ndarray, Hypotheses
+        Those that leave the scan out, the scores of the children, and those that start in it.
+    pairs : tuple of (p,) ndarray of int
+        Hypothesis and detection of each child.
+    kept : (k,) ndarray of int
+        Rows of the parts, put together, in the order of their newest detections.
+    observed : Observation
+    """
+    missed, score, started = parts
+    number = int(np.count_nonzero(kept < len(missed)))
+    ended = kept[number:] - len(missed)
+    is_child = ended < len(score)
+    made = ended[is_child]
+    children = [
+        _children(expected, pairs[0][rows], pairs[1][rows], score[rows], observed)
+        for rows in np.array_split(made, len(made) // MAX_PAIRS_TOGETHER + 1)
+    ]
+    hypotheses = Hypotheses.placed(
+        (
+            missed[kept[:number]],
+            Hypotheses.joined(*children),
+            started[ended[~is_child] - len(score)],
+        ),
+        (slice(number), number + np.flatnonzero(is_child), number + np.flatnonzero(~is_child)),
+    )
+    return Tree(hypotheses, number, observed.ids)
+
+
+def _children(
+    expected: ExpectedDetections,
+    parent: IntArray,
+    row: IntArray,
+    score: FloatArray,
+    observed: Observation,
+) -> Hypotheses:
+    """The children of hypotheses and detections, with their scores, (p,)."""
+    hypotheses = expected.hypotheses
+    hits = hypotheses.hits.take(parent, axis=0)
+    count = hypotheses.hit_count[parent]
+    hits[np.arange(len(parent)), count] = observed.ids[row]
+    strength = further_amplitudes(hypotheses, parent, observed, row)
+    given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
+    given_held -= held_penalty(observed, row, strength.increment)
+    state, covariance = expected.updated(parent, row)
+    return Hypotheses(
+        hits,
+        count + 1,
+        hypotheses.first_scan[parent],
+        state,
+        covariance,
+        score,
+        given_held,
+        fading_after_hit(hypotheses.faded[parent]),
+        strength.hits,
+        strength.total,
+        hypotheses.strength_score[parent] + strength.increment,
+    )

@@ -15,22 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
-from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker import merging, motion, path_fit, range_rates
 from tsepm_ros.tracker.clustering import chosen
+from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
-from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
-from tsepm_ros.tracker.maintenance import ipda
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, HeldAssociation
 from tsepm_ros.tracker.maintenance.features import Environment
-from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY, HeldAssociation
-from tsepm_ros.tracker.maintenance.shape import Hulls, further_plots
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
-from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, measured_polar
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, major_sigma, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
-from tsepm_ros.tracker.plot_extraction import PlotExtraction
-from tsepm_ros.tracker.recent_hits import RecentHits
+from tsepm_ros.tracker.plot_extraction import PlotExtraction, further_plots
 from tsepm_ros.tracker.scan import Scan, check_scan
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -43,8 +41,6 @@ from tsepm_ros.tracker.sensor import (
 )
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
-NEW_TRACK_EXISTENCE = 0.99
-"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
 WHOLE_SHARE = 0.75
@@ -109,6 +105,8 @@ class Tracker:
         Makes plots of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
+    window : DetectionWindow
+        Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Held tracks whose starts the last scan corrected, as they are now: each with the hits that
         are its own after all, and its number of revisions.
@@ -147,8 +145,6 @@ class Tracker:
         self.revised = TrackArrays.of([])
         self.learned = Learned.initial(self.sensor)
         self.plots = PlotExtraction(self.sensor, self.common)
-        self._hulls = Hulls()
-        self._hits = RecentHits()
         self._judged: tuple[Scan, UsableDetections] | None = None
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -159,7 +155,7 @@ class Tracker:
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
         self._observed: Observation | None = None
-        self._recent: list[Scan] = []
+        self.window = DetectionWindow()
         self.method.forget()
 
     def with_settings(self, method: Method) -> tuple[Tracker, bool]:
@@ -190,7 +186,7 @@ class Tracker:
         other._judged = None
         other._use(method)
         if not kept:
-            other._observed = None
+            other._observed, other.window = None, DetectionWindow()
         return other, kept
 
     def _use(self, method: Method) -> None:
@@ -222,20 +218,12 @@ class Tracker:
             If it is no `Scan`, the stamp is not later than the last one, or the scan has more than
             `max_detections` detections. The scan is then not taken and nothing has changed.
         """
-        limit, ids = TimeLimit(self.max_scan_time), []
-        again = self._scans_to_repeat(scan)  # with plots from now on; as a rule none
-        for one in (*again, scan):
-            observed = self.observe(one, limit)  # measure, associate, learn
-            room = ipda.room_for(limit, len(self.maintenance.held))
-            step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
-            new, counts = self._hold(observed, step, room)
-            ids.append(new.track_id)
-            if one is not scan:
-                self.maintenance.keep_ended()
-        if again:
-            new = self.maintenance.current
-            new = new.where(np.isin(new.track_id, np.concatenate(ids)))
-            counts = changed(counts, confirmed=len(new))
+        check_scan(scan, self.stamp, self.common.max_detections)
+        limit = TimeLimit(self.max_scan_time)
+        observed = self.observe(scan, limit)  # measure, associate, learn
+        room = room_for(limit, len(self.maintenance.held))
+        step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
+        new, counts = self._hold(observed, step, room)
         used = self._usable(scan)
         self.statistics = changed(
             counts,
@@ -247,45 +235,13 @@ class Tracker:
         self.totals = self.totals + self.statistics
         return new
 
-    def _scans_to_repeat(self, scan: Scan) -> list[Scan]:
-        """Learn from the next scan how closely its detections lie together.
-
-        Where that shows that targets have several, the scans before it are observed again, with
-        plots: what was learned from them is forgotten, and held tracks that are one target's become
-        one. These scans are returned, oldest first.
-
-        Raises
-        ------
-        ValueError
-            As `process` does. Nothing has changed then.
-        """
-        check_scan(scan, self.stamp, self.common.max_detections)
-        window = self.options.window
-        recent, self._recent = self._recent, [*self._recent, scan][-window:]
-        if self.common.plots == "off":
-            return []
-        seen, held = self.learned.clutter_map.seen, self.maintenance.held
-        if not self.plots.learn(self._usable(scan).scan, seen, held, self._stays):
-            return []
-        again = recent[max(len(recent) - window + 1, 0) :]
-        for one in [*again, scan]:
-            self.plots.observe(self._usable(one).scan)
-        before = recent[: len(recent) - len(again)]
-        self.stamp = before[-1].stamp if before else None
-        self.scan_index -= len(again)
-        self._hits = RecentHits()
-        self.learned = self.learned.anew(self.sensor)
-        self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
-        if again:
-            self.method.forget()
-        return again
-
     def observe(self, scan: Scan, time_limit: TimeLimit) -> Observation:
         """Measure a scan, associate its detections with the held tracks, and learn from it.
 
         The held tracks take their detections at the density that was known before.
         """
         interval = self._count_in(scan)
+        active = self.plots.active
         detections = self._detections(scan)
         strengths = self._clutter.judge_strengths(detections, self.scan_index, self.options.window)
         in_zone, environment = self._zones(detections)
@@ -294,14 +250,18 @@ class Tracker:
         held_density, held_association = self._carry_held(scan, detections, before, environment)
         self._learn_from_held(detections, held_density < before)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
+        self._learn_plots(active)
         self._clutter.learn_strengths(detections, self._reach)
-        self._hits.append(self.scan_index, detections, self.options.window)
+        self.window.forget(self.scan_index + 1 - self.options.window)
+        ids = self.window.append(detections)
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
             median_interval=self.learned.scan_interval.median,
             detections=detections,
+            window=self.window,
+            ids=ids,
             clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
@@ -387,6 +347,14 @@ class Tracker:
                 self.scan_index, detections["index"], detections["features"], is_clutter
             )
 
+    def _learn_plots(self, active: bool) -> None:
+        """Learn whether targets have several detections; tracks of one target become one then."""
+        own, held = self.maintenance.nearest_detections, self.maintenance.held
+        if self.method.most_tracks_true:
+            self.plots.learn(own, held, self.clutter_density)
+        if self.plots.active and not active:
+            self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
+
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from held tracks' detections, if these have its errors."""
         track_id, row = self.maintenance.own_detections
@@ -406,7 +374,7 @@ class Tracker:
         reach = self._reach * REACH_SCANS
         area = math.pi * reach**2
         targets, moving = self._held_targets, self.maintenance.detections_of_moving
-        return self._clutter.learn(self._scan.stamp, self._view, weight, area, targets, moving)
+        return self._clutter.learn(self._scan.stamp, self._view(), weight, area, targets, moving)
 
     def _view(self) -> View:
         """What the scan looked at."""
@@ -435,7 +403,7 @@ class Tracker:
         found, rows = usable.scan, usable.rows
         if usable.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.plots_of(found, self._joined if self.plots.hulls else None)
+        made = self.plots.plots_of(found, self.clutter_density, self._stays)
         measured = found if made is None else made.scan
         as_stated = found.azimuth_std is not None or not self.method.most_tracks_true
         own = np.zeros(len(measured), bool) if made is None else made.own_range_std
@@ -463,25 +431,6 @@ class Tracker:
         detections = convert(scan, self.sensor, self.scan_index)
         return self._clutter_at(scan.range, scan.azimuth, detections).is_persistent
 
-    def _joined(self, scan: Scan, label: IntArray) -> tuple[IntArray, FloatArray]:
-        """The groups of a scan, those of a hull as one; the hulls are learned first."""
-        tracks = self.maintenance.held.tracks.predicted(scan.stamp)
-        clutter = self._clutter_at(scan.range, scan.azimuth).density()
-        around = self._clutter_at(*self._poses.polar(tracks.state[:, 0::2])).known_density()
-        extent, std = self.plots.extent, self.sensor.azimuth_std
-        self._hulls.learn(scan, label, clutter, tracks, around, extent, std)
-        return self._hulls.joined(scan, label, tracks)
-
-    def _waiting(self, tracks: TrackArrays) -> BoolArray:
-        """Which newly confirmed tracks (n,) wait until it is clear that they are no older one's."""
-        extent, held = self.plots.waiting_extent, self.maintenance.held.tracks
-        if extent is None or not len(tracks):
-            return np.zeros(len(tracks), bool)
-        range_ = np.hypot(*(tracks.state[:, 0::2] - self._poses.middle[:2]).T)
-        reach = max(extent.along, float(extent.across_at(range_).max()))
-        interval = self.learned.scan_interval.median
-        return self._hulls.waiting(tracks, held, reach, interval)
-
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
         covered = looked_at(self._scan, self.sensor, self._poses, positions)
@@ -491,56 +440,60 @@ class Tracker:
         self, observed: Observation, step: Step, room: int
     ) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
-        self.revised = self.maintenance.revise(self._proper(step.revised), step.replaced)
-        step = changed(step, tracks=self._proper(step.tracks))
-        confirmed = len(step.tracks)
-        existence = step.existence
-        if existence is None:
-            existence = np.full(confirmed, NEW_TRACK_EXISTENCE)
-        step, existence = self._recognised(step, existence)
-        waiting = self._waiting(step.tracks)
-        if waiting.any():
-            step = changed(step, tracks=step.tracks.where(~waiting))
-            existence = existence[~waiting]
-        cut = max(len(step.tracks) - room, 0)
+        self.revised, counts = step.revised, step.statistics
+        confirmed, merged, cut = len(step.tracks), 0, 0
+        if confirmed or len(step.revised) or step.replaced:
+            step = self._merged(step)
+            merged = confirmed - len(step.tracks)
+            if self.method.most_tracks_true:
+                held, origin = self.maintenance.held.tracks, self._poses.middle[:2]
+                step = step.where(~self.plots.waits(step.tracks, held, origin))
+            cut = max(len(step.tracks) - room, 0)
         if cut:
-            best = ipda.best_held(existence, step.tracks.evaluation, room)
-            step, existence = changed(step, tracks=step.tracks.where(best)), existence[best]
-        new = self._add(step, existence)
+            step = step.where(best_held(step.existences, step.tracks.evaluation, room))
+        new = self._add(step)
         if len(self.maintenance.released):
             new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
         self._observed = observed
-        withheld = confirmed - len(new)
         return new, changed(
-            step.statistics,
-            confirmed=step.statistics.confirmed - withheld,
-            cut_confirmations=step.statistics.cut_confirmations + cut,
+            counts,
+            merged=counts.merged + merged,
+            confirmed=counts.confirmed - confirmed + len(new),
+            cut_confirmations=counts.cut_confirmations + cut,
         )
 
-    def _recognised(self, step: Step, existence: FloatArray) -> tuple[Step, FloatArray]:
-        """The step without the starts that are of held tracks, which go on from them."""
+    def _merged(self, step: Step) -> Step:
+        """The step without the starts that are of held tracks, which go on from them.
+
+        The held tracks are corrected too.
+        """
+        maintenance, tracks = self.maintenance, self._proper(step.tracks)
+        step, revised = changed(step, tracks=tracks), self._proper(step.revised)
         if not self.method.most_tracks_true:
-            return step, existence
-        ids = self.maintenance.recognised(step.tracks, self.covered_area)
-        again = ids >= 0
-        if not again.any():
-            return step, existence
-        found = step.tracks.where(again).numbered(ids[again])
-        revised = self.maintenance.revise(found, (), existence[again])
-        self.revised = self.revised.joined(revised)
-        return changed(step, tracks=step.tracks.where(~again)), existence[~again]
+            self.revised = maintenance.revise(revised, step.replaced)
+            return step
+        ids = merging.published_owners(tracks, maintenance.held.tracks)
+        owned = ids >= 0
+        revised, step = revised.joined(tracks.where(owned).numbered(ids[owned])), step.where(~owned)
+        self.revised = maintenance.revise(revised, step.replaced)
+        ids = maintenance.recognised(step.tracks, self.covered_area)
+        again = step.where(ids >= 0)
+        found = again.tracks.numbered(ids[ids >= 0])
+        found = maintenance.revise(found, (), again.existences)
+        self.revised = self.revised.joined(found)
+        return step.where(ids < 0)
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
         """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
         tracks = tracks.proper()  # what follows inverts the covariances
-        if not self.common.limit_speed or not len(tracks):
+        if self.common.limit_speed == "off" or not len(tracks):
             return tracks
         state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
         if state is tracks.state:
             return tracks
         return changed(tracks, state=state, covariance=covariance).proper()
 
-    def _add(self, step: Step, existence: FloatArray) -> TrackArrays:
+    def _add(self, step: Step) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
 
         Those that are published at once are returned.
@@ -550,8 +503,14 @@ class Tracker:
             self._clutter.withdraw(step.target_probability)
         if step.target_hits is not None:
             self.learned.strengths.discount(*step.target_hits)
+        if not len(tracks):
+            return tracks
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
-        return self.maintenance.add(tracks, existence, histories, *self._hits.of(tracks))
+        sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
+        figures = path_fit.figures_of_hits(
+            self.window, tracks.hits, tracks.stamp, tracks.state, sigma
+        )
+        return self.maintenance.add(tracks, step.existences, histories, *figures)
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""

@@ -221,9 +221,11 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     @overload
     def __getitem__(self, row: int) -> ConfirmedTrack: ...
     @overload
-    def __getitem__(self, row: slice) -> TrackArrays: ...
-    def __getitem__(self, row: int | slice) -> ConfirmedTrack | TrackArrays:
-        """One track, or the tracks of a slice."""
+    def __getitem__(self, row: slice | NDArray[np.generic]) -> TrackArrays: ...
+    def __getitem__(self, row: int | slice | NDArray[np.generic]) -> ConfirmedTrack | TrackArrays:
+        """One track, or the tracks of a slice, of indices or of a mask."""
+        if isinstance(row, np.ndarray):
+            return self.where(row)
         if isinstance(row, slice):
             return self.where(np.arange(len(self))[row])
         numbers = {name: self.__dict__[name][row].item() for name in _SCALARS}

@@ -6,22 +6,26 @@ import csv
 import dataclasses
 import itertools
 import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from support.builders import detections
 
-from tsepm_ros.studies.reproduction import (
-    figures_5_to_8,
-    monte_carlo,
-    published,
-    split_merge_2016,
-    table_1,
-)
-from tsepm_ros.studies.reproduction import runs as paired
-from tsepm_ros.studies.reproduction.document import Column, Picture, Table, write
+from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.studies.reproduction import monte_carlo, published, split_merge_2016, tsepm_2018
+from tsepm_ros.studies.reproduction import report as paired
 from tsepm_ros.studies.reproduction.monte_carlo import Started
-from tsepm_ros.studies.reproduction.reproduce_command import SOURCES, Source
-from tsepm_ros.studies.reproduction.runs import Setting
+from tsepm_ros.studies.reproduction.report import (
+    SOURCES,
+    Line,
+    Panel,
+    Picture,
+    Setting,
+    Table,
+    write,
+)
 from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.evaluation.intervals import Estimate
@@ -34,6 +38,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 )
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
 ROWS = {row.name: row for row in published.TABLE_1}
@@ -48,27 +53,29 @@ def test_the_table_has_all_its_rows():
 
 @pytest.mark.parametrize("name", sorted(set(ROWS) - LOW_IN_PRINT))
 def test_p_d_is_a_closed_form(name):
-    assert table_1.detection(ROWS[name]) == pytest.approx(ROWS[name].detection, abs=1e-4)
+    assert tsepm_2018.detection(ROWS[name]) == pytest.approx(ROWS[name].detection, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", sorted(LOW_IN_PRINT))
 def test_one_factor_too_many_explains_the_rows_that_the_closed_form_misses(name):
-    assert table_1.detection_with_slip(ROWS[name]) == pytest.approx(ROWS[name].detection, abs=1e-4)
+    assert tsepm_2018.detection_with_slip(ROWS[name]) == pytest.approx(
+        ROWS[name].detection, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("name", sorted(set(ROWS) - NO_GATE_FITS))
 def test_p_f_1_is_a_first_passage_chain(name):
     row = ROWS[name]
     within = 1e-3 if name == "5/8" else 2e-4
-    fitted = table_1.false_before(row, table_1.FITTED_MARGIN)
+    fitted = tsepm_2018.false_before(row, tsepm_2018.FITTED_MARGIN)
     assert fitted == pytest.approx(row.false_before, abs=within)
-    stated = table_1.false_before(row, monte_carlo.STATED_MARGIN)
+    stated = tsepm_2018.false_before(row, monte_carlo.STATED_MARGIN)
     assert stated == pytest.approx(row.false_before, abs=3.5e-3)
 
 
 def test_rows_that_fit_no_reading_are_named():
-    assert set(table_1.unmatched_detection()) == LOW_IN_PRINT
-    assert set(table_1.unmatched_false_before()) == NO_GATE_FITS
+    assert set(tsepm_2018.unmatched_detection()) == LOW_IN_PRINT
+    assert set(tsepm_2018.unmatched_false_before()) == NO_GATE_FITS
 
 
 def near_print(factor, half_width=0.0):
@@ -78,38 +85,97 @@ def near_print(factor, half_width=0.0):
 
 
 def test_rows_that_cannot_be_compared_are_named():
-    assert table_1._log_distance(near_print(1.5)) == pytest.approx(np.log(1.5))
+    assert tsepm_2018._log_distance(near_print(1.5)) == pytest.approx(np.log(1.5))
     values = near_print(1.5)
     values[0] = Estimate(0.0, 0.0, 0.1)
     values[1] = Estimate(3.0 * published.TABLE_1[1].false_after, 0.0, 1.0)
-    assert table_1._left_out(values) == "3/4, 7/9, 8/9"
-    assert table_1._worst(values) == "3/5: 3.00"
+    assert set(ROWS) - set(tsepm_2018._log_ratios(values)) == {"3/4", "7/9", "8/9"}
+    assert tsepm_2018._worst(values) == "3/5: 3.00"
     nothing = near_print(0.0)
-    assert table_1._log_distance(nothing) == np.inf
-    assert table_1._worst(nothing) == "-"
+    assert tsepm_2018._log_distance(nothing) == np.inf
+    assert tsepm_2018._worst(nothing) == "-"
 
 
 def test_published_values_are_rounded():
     shifted = [Estimate(e.value + 0.9e-4, e.low + 0.9e-4, e.high) for e in near_print(1.0, 0.5e-4)]
-    assert table_1._inside(shifted) == len(ROWS)
+    assert tsepm_2018._inside(shifted) == len(ROWS)
     beyond = [Estimate(e.value + 1.1e-4, e.low + 1.1e-4, e.high) for e in near_print(1.0, 0.5e-4)]
-    assert table_1._inside(beyond) == 0
+    assert tsepm_2018._inside(beyond) == 0
 
 
 def test_the_fixed_margin_gates_as_errors_of_that_size_would():
     """Where all errors are the same, Eq. 4's margin is the fixed one, so that nothing differs."""
-    same = list(monte_carlo.table_1_cases().values())[-1]
-    fixed = dataclasses.replace(same, fixed_margin=True)
+    same = list(monte_carlo.table_1_cases().values())[2]
+    fixed = dataclasses.replace(same, method="fixed margin")
     scene = SimulatedScene.drawn(same.scenario, [1, 0])
     row = ROWS["3/4"]
     counts = [
-        monte_carlo._table_1_counts(scene, row, "squared", case.fixed_margin)
-        for case in (same, fixed)
+        monte_carlo._table_1_counts(scene, row, "squared", case.method) for case in (same, fixed)
     ]
     assert counts[0][monte_carlo.Counted.WRONG] > 0
-    assert counts[0] == pytest.approx(counts[1], rel=0.02)
+    assert counts[0][:6] == pytest.approx(counts[1][:6], rel=0.02)
     stated, with_margin = list(monte_carlo.table_1_cases().values())[:2]
-    assert stated.scenario == with_margin.scenario and with_margin.fixed_margin
+    assert stated.scenario == with_margin.scenario and with_margin.method == "fixed margin"
+
+
+def distances_by_hand(method, hits, used):
+    """The distance of each hit from the line through the hits that may be used, by matrices."""
+    largest = np.zeros(len(hits))
+    for row, track in enumerate(hits):
+        for place, hit in enumerate(track):
+            others = used(track, place)
+            if len(others) < 2:
+                continue
+            designs, weights = [], []
+            for other in (*others, hit):
+                one = np.zeros((2, 4))
+                time = other["time"] - method.stamp
+                one[0, :2] = one[1, 2:] = 1.0, time
+                designs.append(one)
+                weights.append(other["covariance"])
+            design = np.concatenate(designs[:-1])
+            inverse = np.linalg.pinv(design)
+            state = inverse @ np.concatenate([other["position"] for other in others])
+            errors = block_diag(*weights[:-1])
+            covariance = designs[-1] @ inverse @ errors @ inverse.T @ designs[-1].T + weights[-1]
+            misfit = hit["position"] - designs[-1] @ state
+            value = misfit @ np.linalg.solve(covariance, misfit)
+            largest[row] = max(largest[row], value)
+    return largest
+
+
+@pytest.mark.parametrize(
+    ("kind", "used"),
+    [
+        (monte_carlo.Predicted, lambda track, place: np.delete(track, place)),
+        (monte_carlo.PredictedByEarlier, lambda track, place: track[:place]),
+    ],
+)
+def test_a_hit_is_predicted_from_hits_without_it(kind, used):
+    options = TsepmOptions(min_hits=5, window=8)
+    method = kind(SensorModel(), CommonOptions(), options)
+    rng = np.random.default_rng(1)
+    times = np.sort(rng.uniform(0.0, 90.0, (20, 5)), axis=1)
+    places = np.array([4000.0, 3000.0]) + rng.normal(0.0, 300.0, (20, 5, 2))
+    hits = detections(places, times, variance=1e4)
+    ids = method.detections.append(hits.ravel()).reshape(20, 5)
+    method.stamp = 90.0
+    candidates = method.estimated(ids)
+    expected = distances_by_hand(method, hits, used)
+    np.testing.assert_allclose(candidates.evaluation, expected, rtol=1e-6)
+    np.testing.assert_allclose(candidates.distance, expected, rtol=1e-6)
+
+
+def test_a_merged_group_may_be_judged_by_any_of_its_members():
+    """In clutter of 3e-6 merging hides true members behind a better fit of false ones."""
+    runs = [monte_carlo.run_comparison(monte_carlo.DENSITIES[3], [1, run]) for run in range(3)]
+    for run in runs:
+        found, _, _, by_any, reached, left = run["tsepm, f1 literal"]
+        assert by_any >= found
+        assert reached >= left > 0
+        errors = np.reshape(run["weights"], (-1, len(monte_carlo.WEIGHTS)))
+        assert np.isfinite(errors).all()
+    assert sum(run["tsepm, f1 squared"][3] for run in runs) == 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,42 +187,38 @@ def curves_of(shares):
     """Curves over the errors of the marks' figure, with these P_D in 400 runs."""
     found = np.arange(400)[:, None] < 400 * np.array(shares)
     runs = [[{"model": [float(one), 0.0, 1.0]} for one in column] for column in found.T]
-    return figures_5_to_8.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
+    return tsepm_2018.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
 
 
 def test_a_curve_falls_only_if_it_falls_at_every_step():
     falling, rising_first = (0.9, 0.8, 0.7, 0.5, 0.3), (0.7, 0.9, 0.8, 0.5, 0.2)
-    assert figures_5_to_8.falls(curves_of(falling), "model") == paired.HOLDS
-    assert figures_5_to_8.falls(curves_of(rising_first), "model").startswith(paired.FAILS)
+    assert tsepm_2018.falls(curves_of(falling), "model") == paired.HOLDS
+    assert tsepm_2018.falls(curves_of(rising_first), "model").startswith(paired.FAILS)
     flat = (0.9, 0.9, 0.8, 0.5, 0.2)
-    assert figures_5_to_8.falls(curves_of(flat), "model").startswith(paired.OPEN)
+    assert tsepm_2018.falls(curves_of(flat), "model").startswith(paired.OPEN)
 
 
 def test_a_curve_falls_faster_only_if_each_step_does():
-    assert figures_5_to_8.falls_faster(curves_of((0.9, 0.85, 0.8, 0.5, 0.2)), "model") == (
-        paired.HOLDS
-    )
+    assert tsepm_2018.falls_faster(curves_of((0.9, 0.85, 0.8, 0.5, 0.2)), "model") == (paired.HOLDS)
     slow_at_last = curves_of((0.99, 0.8, 0.7, 0.5, 0.49))
-    assert figures_5_to_8.falls_faster(slow_at_last, "model").startswith(paired.FAILS)
+    assert tsepm_2018.falls_faster(slow_at_last, "model").startswith(paired.FAILS)
 
 
 def test_the_gate_is_hit_as_often_as_by_simulation():
     rng = np.random.default_rng(3)
     error, n = 120.0, 200_000
-    sensor = figures_5_to_8.sensor_at(error)
+    sensor = tsepm_2018.sensor_at(error)
     target = np.array([[5000.0, 5000.0], [5060.0, 5000.0]])
     range_ = np.hypot(*target.T) * (1 + sensor.range_std_fraction * rng.standard_normal((n, 2)))
     azimuth = np.arctan2(*target.T[::-1]) + sensor.azimuth_std * rng.standard_normal((n, 2))
     x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
     inside = np.hypot(*np.diff([x, y], axis=2)[..., 0]) <= 120.0 + 2.146 * error
     # Five standard errors, and what linearising the polar errors leaves.
-    assert figures_5_to_8.gate_hit_probability(error, 1) == pytest.approx(inside.mean(), abs=4e-3)
+    assert tsepm_2018.gate_hit_probability(error, 1) == pytest.approx(inside.mean(), abs=4e-3)
 
 
 def test_the_gate_probability_falls_below_what_is_claimed():
-    falling = [
-        figures_5_to_8.gate_hit_probability(error, 1) for error in (15.0, 75.0, 120.0, 300.0)
-    ]
+    falling = [tsepm_2018.gate_hit_probability(error, 1) for error in (15.0, 75.0, 120.0, 300.0)]
     assert all(one > other for one, other in itertools.pairwise(falling))
     assert falling[-1] < published.GATE_PROBABILITY
 
@@ -298,14 +360,17 @@ def toy_source(setting):
     rows = [["mean", Estimate(1.0, 0.5, 1.5)], ["runs", len(runs)]]
     return [
         "A text.",
-        Table("toy", [Column("what"), Column("figure", ".2f")], rows),
-        Picture("toy", "A picture", lambda figure: figure.subplots().plot([1, 2])),
+        Table("toy", {"what": "", "figure": ".2f"}, rows),
+        Picture("toy", "A picture", [Panel([Line([0, 1], [1, 2], "a line")])]),
     ]
 
 
 def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
-    monkeypatch.setitem(SOURCES, "toy", Source("Toy 1999", toy_source))
+    monkeypatch.setitem(SOURCES, "toy", "Toy 1999")
+    module = ModuleType("tsepm_ros.studies.reproduction.toy")
+    monkeypatch.setattr(module, "reproduce", toy_source, raising=False)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
     arguments = ["reproduce", "toy", "--runs", "3", "--seed", "4", "--workers", "1"]
     assert main([*arguments, "--out", str(tmp_path)]) == 0
     text = (tmp_path / "report.md").read_text()
@@ -324,7 +389,7 @@ def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
 
 def test_without_matplotlib_the_report_says_that_there_are_no_pictures(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    picture = Picture("toy", "A picture", lambda figure: None)
+    picture = Picture("toy", "A picture", [])
     assert write([picture], tmp_path / "report.md") == [tmp_path / "report.md"]
     assert "needs matplotlib" in (tmp_path / "report.md").read_text()
 
@@ -339,9 +404,9 @@ def test_tables_and_pictures_are_written(tmp_path):
     pytest.importorskip("matplotlib")
     setting = Setting(folder=tmp_path / "runs", runs=1)
     errors = [point for point in monte_carlo.ERRORS if point.value in (15.0, 75.0, 120.0)]
+    densities = monte_carlo.DENSITIES[:2]
     parts = [
-        *table_1.parts(setting),
-        *figures_5_to_8.parts(setting, monte_carlo.DENSITIES[:2], errors),
+        *tsepm_2018.reproduce(setting, densities, errors),
         *split_merge_2016.reproduce(setting),
     ]
     write(parts, tmp_path / "report.md")

@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from tsepm_ros.studies.reproduction import environment_2018 as environment
 from tsepm_ros.studies.reproduction import published as published
-from tsepm_ros.studies.reproduction.runs import FAILS, HOLDS
+from tsepm_ros.studies.reproduction.report import FAILS, HOLDS
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tracker.association import Pairs, nearest_first
 
@@ -83,7 +83,7 @@ def test_long_histories_decide_as_known_means_do(offset):
     made = environment.decide(np.random.default_rng(1), trials, offset, (300, 300))
     share = norm.cdf(0.5 * offset * np.sqrt(environment.FEATURES))
     error = np.sqrt(share * (1.0 - share) / trials)
-    assert made.each.value == pytest.approx(share, abs=4.0 * error + 1e-3)
+    assert made[0].value == pytest.approx(share, abs=4.0 * error + 1e-3)
 
 
 def test_a_longer_history_draws_all_plots():
@@ -91,8 +91,8 @@ def test_a_longer_history_draws_all_plots():
         environment.decide(np.random.default_rng(1), 1000, 1.0, histories)
         for histories in ((10, 10), (30, 5))
     )
-    assert equal.each.low > 0.75
-    assert unlike.each.high < 0.55
+    assert equal[0].low > 0.75
+    assert unlike[0].high < 0.55
 
 
 def test_the_command_writes_the_chapter(tmp_path):

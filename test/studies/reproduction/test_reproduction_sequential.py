@@ -10,21 +10,20 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from tsepm_ros.studies.reproduction import monte_carlo, sequential_2014
 from tsepm_ros.studies.reproduction import published as published
-from tsepm_ros.studies.reproduction import sequential_2014
-from tsepm_ros.studies.reproduction.document import write
-from tsepm_ros.studies.reproduction.runs import Setting
+from tsepm_ros.studies.reproduction.report import Setting, write
 from tsepm_ros.studies.reproduction.sequential_2014 import MAIN, Counts
 from tsepm_ros.studies.sequential import SequentialOptions
 
 
 def test_the_scene_is_the_published_one():
-    targets = np.array(sequential_2014.hexagon(np.random.default_rng(1)))
+    targets = np.array(monte_carlo.hexagon(np.random.default_rng(1)))
     place = targets[:, 0::2]
     np.testing.assert_allclose(np.hypot(*place.T), 6000.0)
     np.testing.assert_allclose(np.hypot(*(place - np.roll(place, 1, axis=0)).T), 6000.0)
     np.testing.assert_allclose(np.hypot(*targets[:, 1::2].T), 5.0)
-    scenario = sequential_2014.case(12.0, 0.9)
+    scenario = monte_carlo.hexagon_case(12.0, 0.9)
     assert scenario.duration == 120.0
     assert scenario.sensor.clutter_density * scenario.area == pytest.approx(30.0)
     assert scenario.own_ship.pose(50.0)[:2].tolist() == pytest.approx([0.0, -200.0])
@@ -32,12 +31,12 @@ def test_the_scene_is_the_published_one():
 
 
 def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan():
-    one = sequential_2014.case(12.0, 1.0)
+    one = monte_carlo.hexagon_case(12.0, 1.0)
     exact = dataclasses.replace(
         one.sensor, range_std_fraction=1e-6, azimuth_std=1e-6, clutter_density=1e-12
     )
-    counts = sequential_2014.run_hexagon(dataclasses.replace(one, sensor=exact), [1, 0])
-    for gate, matching in sequential_2014.READINGS:
+    counts = monte_carlo.run_hexagon(dataclasses.replace(one, sensor=exact), [1, 0])
+    for gate, matching in monte_carlo.MATCHED:
         for kind in ("true", "near", "all"):
             assert counts[f"{gate}, {matching}: {kind}"] == [0.0] * 5 + [6.0] * 6
     for name in sequential_2014.ESTIMATORS:
@@ -50,13 +49,13 @@ def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan()
 
 def test_the_plain_reading_is_the_default_of_the_method():
     options = SequentialOptions()
-    gate, matching = sequential_2014.DEFAULT_READING
-    assert (gate, sequential_2014.MATCHINGS[matching]) == (options.gate_error, options.matching)
+    gate, matching = monte_carlo.DEFAULT_READING
+    assert (gate, monte_carlo.MATCHINGS[matching]) == (options.gate_error, options.matching)
 
 
 def counts(period, rows):
     array = np.array(rows, float)
-    return Counts(period, 0.9, *sequential_2014.DEFAULT_READING, array, array, array)
+    return Counts(period, 0.9, *monte_carlo.DEFAULT_READING, array, array, array)
 
 
 def test_times_become_scans():
@@ -92,13 +91,16 @@ def test_no_unbiased_estimate_has_the_published_speed_error():
 def test_the_chapter_is_written(tmp_path):
     pytest.importorskip("matplotlib")
     setting = Setting(folder=tmp_path / "runs", runs=3)
-    parts = sequential_2014.reproduce(setting, {MAIN: sequential_2014.case(*MAIN)})
+    parts = sequential_2014.reproduce(setting, {MAIN: monte_carlo.hexagon_case(*MAIN)})
     write(parts, tmp_path / "report.md")
     rows = list(csv.reader((tmp_path / "sequential_2014_starts.csv").open()))
     assert rows[1][:4] == ["published", "-", "-", "-"]
-    assert {(row[2], row[3]) for row in rows[2:]} == set(sequential_2014.READINGS)
+    assert {(row[2], row[3]) for row in rows[2:]} == set(monte_carlo.MATCHED)
     errors = list(csv.reader((tmp_path / "sequential_2014_table_1.csv").open()))
     assert [row[2] for row in errors[1:4]] == ["82.3", "114.5", "210.6"]
+    others = list(csv.reader((tmp_path / "sequential_2014_conventional.csv").open()))
+    assert [row[0] for row in others[1:]] == list(monte_carlo.CONVENTIONAL)
+    assert float(others[-1][1]) > 0.5, "the method of the source starts its targets"
     for name in ("figures_8_9", "figures_10_11"):
         assert (tmp_path / f"sequential_2014_{name}.png").exists()
 
@@ -107,7 +109,7 @@ def test_runs_depend_on_the_seed_and_the_run_alone(tmp_path):
     setting = Setting(folder=tmp_path / "one", runs=2, seed=3)
     again = dataclasses.replace(setting, folder=tmp_path / "other", runs=1)
     [first], [second] = (
-        one.results(sequential_2014.run_hexagon, [sequential_2014.case(*MAIN)])
+        one.results(monte_carlo.run_hexagon, [monte_carlo.hexagon_case(*MAIN)])
         for one in (setting, again)
     )
     assert first[0] == second[0] != first[1]

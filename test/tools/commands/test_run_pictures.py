@@ -65,7 +65,7 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
 def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
     capsys, recording, tmp_path, monkeypatch
 ):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.plan_position", None)
     assert main(["run", recording, "--picture", str(tmp_path / "a.png")]) == 2
     captured = capsys.readouterr()
     assert "need matplotlib" in captured.err

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.init_command import QUESTIONS, completed, expected, parameters
+from tsepm_ros.tools.commands.init_command import QUESTIONS, completed, parameters
 from tsepm_ros.tracker.sensor import SensorModel
 
 BY_NAME = {question.name: question for question in QUESTIONS}
@@ -16,12 +16,6 @@ BY_NAME = {question.name: question for question in QUESTIONS}
 def sensor(**given: float) -> SensorModel:
     made: SensorModel = make_groups(TRACK_INITIATOR, parameters(completed(given)))[SensorModel]
     return made
-
-
-def test_without_answers_the_sensor_is_the_default():
-    made, default = sensor(), SensorModel()
-    for name in vars(default):
-        assert getattr(made, name) == pytest.approx(getattr(default, name), rel=1e-5), name
 
 
 def test_widths_of_beam_and_cell_are_uniform_distributions():
@@ -49,14 +43,6 @@ def test_a_sector_lies_about_its_middle():
 def test_pings_follow_each_other_as_sound_allows(range_, speed, interval):
     answers = completed({"max_range": range_, "sound_speed": speed})
     assert answers["interval"] == pytest.approx(interval)
-
-
-def test_what_is_not_asked_is_learned():
-    values = parameters(completed({"false_tracks": 0.5, "extent": 3.0, "max_speed": 4.0}))
-    assert values["clutter_density"] == values["detection_probability"] == "estimated"
-    assert not {"sensor.clutter_density", "sensor.detection_probability"} & set(values)
-    assert values["score.false_tracks_per_hour"] == 0.5
-    assert (values["target_extent"], values["max_speed"]) == (3.0, 4.0)
 
 
 @pytest.mark.parametrize(
@@ -97,14 +83,3 @@ def test_answers_that_contradict_each_other_are_refused():
         parameters(completed({"min_range": 500.0, "max_range": 100.0}))
     with pytest.raises(ValueError, match="range_std and range_std_fraction"):
         parameters(completed({"range_error": 0.0}))
-
-
-@pytest.mark.long
-def test_more_clutter_needs_more_pings():
-    estimates = [estimate for _, estimate in expected(completed({"range_error": 1.0}))]
-    thresholds = [estimate.threshold for estimate in estimates]
-    assert thresholds == sorted(thresholds)
-    scans = [estimate.scans_until(0.5) or 99 for estimate in estimates]
-    assert 3 <= scans[0] < scans[-1]
-    for estimate, half in zip(estimates, scans, strict=True):
-        assert (estimate.scans_until(0.9) or 99) >= half

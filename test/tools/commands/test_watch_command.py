@@ -50,14 +50,6 @@ def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
     assert [str(row[0]) for row in page["frames"][-1]["tracks"]] == [track_id]
 
 
-@pytest.mark.long
-def test_the_page_of_a_scenario_has_its_truth(tmp_path):
-    path = tmp_path / "run.html"
-    assert main(["run", "four_targets", "--html", str(path), "--out", str(tmp_path / "out")]) == 0
-    page = held_by(path.read_text())
-    assert len(page["truth"]) == 4 and page["info"]["north"] is True
-
-
 def test_the_page_says_what_was_dropped(capsys, recording, tmp_path):
     with open(f"{recording}/detections.csv", "a") as file:
         file.write("\n90.0,-1.0,0.0\n")

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tools.design import design_report
-from tsepm_ros.tools.design.design_case import Case
-from tsepm_ros.tools.design.design_report import remedies
-from tsepm_ros.tools.design.prediction import TargetStatistics
-from tsepm_ros.tools.design.search import WINDOWS, Candidate, FirstEstimate, PingIncrements
+from tsepm_ros.tools.commands import design_command as design_report
+from tsepm_ros.tools.design.prediction import Case, TargetStatistics
+from tsepm_ros.tools.design.search import (
+    WINDOWS,
+    Candidate,
+    PingIncrements,
+    remedies,
+)
 from tsepm_ros.tools.evaluation.intervals import Estimate
 
 UNKNOWN = Estimate.unknown()
@@ -56,19 +58,6 @@ def test_a_case_names_the_place_and_the_strength_of_its_targets(values, where):
 def test_pings_up_to_the_threshold_are_limited_by_the_longest_window(increment, pings):
     line = design_report.increments_line(PingIncrements(2.0, -1.0, increment), 10.0)
     assert line.partition("threshold 10.0: ")[2].startswith(pings)
-
-
-@pytest.mark.parametrize(
-    ("found", "end"),
-    [
-        ([0.0, 0.0, 0.0], "no target is found in time"),
-        ([0.0, 0.1, 0.4], "score finds about 0.40 of the targets in time"),
-        ([0.0, 0.5, 0.8], "of the targets in time, half of the targets within 2 pings (12 s)"),
-    ],
-)
-def test_first_line_ends_with_what_is_reached(found, end):
-    estimate = FirstEstimate(16, 8.0, np.array(found))
-    assert design_report.first_line(estimate, Case(sensor=SensorModel())).endswith(end)
 
 
 def test_a_rate_that_is_not_simulated_is_a_dash():

@@ -10,26 +10,29 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.design_case import Case
 from tsepm_ros.tools.design.expected_counts import (
     Gating,
     clutter_pass_share,
     expected_counts,
     target_pass_share,
 )
-from tsepm_ros.tools.design.prediction import ONE_PROCESS, false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.design.prediction import (
+    ONE_PROCESS,
+    Case,
+    false_tracks_per_hour,
+    target_statistics,
+)
 from tsepm_ros.tools.evaluation.measures import measures_of
 from tsepm_ros.tools.evaluation.performance import study
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
 from tsepm_ros.tools.terminal import named_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.pruning import clutter_threshold
 
 SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
@@ -62,14 +65,6 @@ def test_rules_confirm_no_more_clutter_than_they_are_said_to():
     measured = false_tracks_per_hour(case, "tsepm", options, scans=400, seed=3)
     assert 0.3 * rule.false_per_hour < measured.high
     assert measured.low < rule.false_per_hour <= 60.0
-
-
-@pytest.mark.long
-def test_one_hit_fewer_would_break_the_wish():
-    case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
-    rule = next(r for r in search.rules_within(case, TsepmOptions(), 30.0) if r.window == 8)
-    options = {"min_hits": rule.min_hits - 1, "window": rule.window}
-    assert false_tracks_per_hour(case, "tsepm", options, scans=400, seed=3).low > 30.0
 
 
 @pytest.mark.long

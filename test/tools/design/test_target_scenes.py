@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tools.design import design_case as scenes_module
-from tsepm_ros.tools.design.design_case import DETECTIONS_PER_TARGET, Case, target_scenes
-from tsepm_ros.tools.design.prediction import MIN_TARGETS, target_statistics
+from tsepm_ros.tools.design import prediction as scenes_module
+from tsepm_ros.tools.design.prediction import (
+    DETECTIONS_PER_TARGET,
+    MIN_TARGETS,
+    Case,
+    target_scenes,
+    target_statistics,
+)
 from tsepm_ros.tools.design.search import known_within
 from tsepm_ros.tools.evaluation.workers import Workers
 

@@ -65,27 +65,6 @@ def test_the_information_is_the_curvature_of_the_divergence(seed):
     np.testing.assert_allclose(root.T @ hessian @ root, np.eye(4), rtol=0, atol=2e-4)
 
 
-def test_a_batch_is_its_members():
-    rng = np.random.default_rng(3)
-    positions, poses = rng.uniform(1000, 5000, (2, 3, 5, 2)), rng.uniform(-500, 500, (5, 2))
-    bounds = cramer_rao(positions, TIMES, poses, GROWING, 60.0)
-    assert bounds.shape == (2, 3, 4, 4)
-    alone = cramer_rao(positions[1, 2], TIMES, poses, GROWING, 60.0)
-    np.testing.assert_allclose(bounds[1, 2], alone, rtol=1e-9)
-
-
-def test_the_figure_of_the_design():
-    # 5 hits in 6 scans, T = 10 s, 5 km, 10 m, 2 degrees: 125.8 m and 4.10 m/s. Of the 5 of 6 it is
-    # the third scan that was missed; with any other, one of the two is off by 5 % at least. The
-    # course across the line of sight comes nearest.
-    sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
-    times = np.array([0.0, 10.0, 30.0, 40.0, 50.0])
-    positions = line(np.array([5000.0, 0.0, 0.0, 5.0]), times - 50.0)
-    variance = np.diag(cramer_rao(positions, times, (0.0, 0.0), sensor, 50.0))
-    assert math.sqrt(variance[0] + variance[2]) == pytest.approx(125.8, rel=0.005)
-    assert math.sqrt(variance[1] + variance[3]) == pytest.approx(4.10, rel=0.005)
-
-
 @pytest.mark.parametrize("times", [[], [5.0], [5.0, 5.0]])
 def test_hits_at_one_time_bound_no_velocity(times):
     with pytest.raises(ValueError, match="times"):

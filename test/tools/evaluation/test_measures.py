@@ -9,7 +9,7 @@ import pytest
 from support.run_summaries import NOTHING, run_of, start
 
 from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
-from tsepm_ros.tools.evaluation.measures import HEADINGS, RunSummary, measures_of
+from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of
 from tsepm_ros.tools.evaluation.simulated_run import Outcome
 from tsepm_ros.tools.simulation import Scenario
 
@@ -95,13 +95,6 @@ def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():
     assert figures.gospa.value == pytest.approx(math.sqrt(1400.0))
 
 
-def test_targets_held_are_those_of_the_last_scan():
-    made = run_of(held=1, targets=2)
-    lost = RunSummary(2, (), (*made.scans[:3], NOTHING))
-    assert measures_of(SCENE, [made, lost]).held == proportion(1, 4)
-    assert measures_of(SCENE, [made, lost], 3).held == proportion(2, 4)
-
-
 def test_what_is_not_known_has_no_figure():
     nothing_held = {"held": -1, "localisation": math.nan, "missed": math.nan}
     figures = measures_of(SCENE, [run_of(false_held=math.nan, **nothing_held)] * 3)
@@ -110,13 +103,3 @@ def test_what_is_not_known_has_no_figure():
     for name in ("held", "gospa", "nees", "pure_nees", "position_to_bound", "confirmation_95"):
         assert math.isnan(getattr(figures, name).value)
         assert figures.text(name) == "-"
-
-
-def test_no_events_still_leave_room_for_some():
-    figures = measures_of(SCENE, [run_of()] * 100)
-    assert figures.false_per_run.value == 0.0
-    assert figures.false_per_run.high == pytest.approx(0.0369, rel=0.01)
-
-
-def test_every_figure_has_a_heading_of_its_own():
-    assert len(set(HEADINGS.values())) == len(HEADINGS)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import pytest
 
 from tsepm_ros.methods.registry import available_methods, method_class
@@ -25,11 +23,6 @@ def test_every_method_takes_the_options_of_its_points(method):
             assert getattr(made.options, name) == value
 
 
-def test_other_processes_can_make_a_point():
-    for point in operating_points(available_methods()):
-        assert pickle.loads(pickle.dumps(point)).make(BOX).options == point.make(BOX).options
-
-
 def test_an_option_goes_to_the_methods_that_have_it():
     points = operating_points(["tsepm", "score"], {"miss_probability": 0.01, "max_speed": 5.0})
     for point in points:
@@ -45,11 +38,6 @@ def test_an_option_that_a_sweep_varies_replaces_it():
     assert len(points) == 1 + len(method_class("score").operating_points)
 
 
-def test_an_option_that_no_method_has_is_refused():
-    with pytest.raises(ValueError, match="min_hits is not an option of score"):
-        operating_points(["score"], {"min_hits": 4})
-
-
 def test_points_know_the_code_that_they_depend_on():
     (version,) = {point.version for point in operating_points(available_methods())}
     assert version == code_key()
@@ -58,3 +46,8 @@ def test_points_know_the_code_that_they_depend_on():
 def test_the_key_of_stored_runs_is_of_every_module_and_of_further_files(tmp_path):
     (tmp_path / "peer.py").write_text("rule = 3\n")
     assert code_key(tmp_path / "peer.py") != code_key()
+
+
+def test_an_option_that_no_method_has_is_refused():
+    with pytest.raises(ValueError, match="min_hits is not an option of score"):
+        operating_points(["score"], {"min_hits": 4})

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.tools.evaluation.measures import HEADINGS, measures_of
+from tsepm_ros.tools.evaluation.measures import HEADINGS
 from tsepm_ros.tools.evaluation.performance import (
     TABLES,
     Plan,
     evaluate,
     markdown,
-    study,
     write_csv,
 )
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
@@ -97,21 +96,6 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(tmp_path, expected):
     assert found == expected
 
 
-def test_more_runs_add_the_missing_ones_only(tmp_path, expected):
-    evaluate(plan(runs=1), tmp_path)
-    before = {path: path.read_text() for path in tmp_path.iterdir()}
-    assert tables(plan(), tmp_path) == expected
-    for path, text in before.items():
-        assert path.read_text().startswith(text)
-        assert len(path.read_text().splitlines()) == 5
-
-
-@pytest.mark.long
-def test_fewer_runs_than_are_there_are_the_first_ones(tmp_path, expected):
-    evaluate(plan(runs=6), tmp_path)
-    assert tables(plan(), tmp_path) == expected
-
-
 @pytest.mark.long
 def test_a_killed_process_costs_the_run_that_it_was_writing(tmp_path, expected):
     evaluate(plan(), tmp_path)
@@ -133,11 +117,6 @@ def test_horizons_give_what_shorter_evaluations_give(tmp_path):
     assert (at_5.scans, at_7.scans) == (5, 7)
     assert repr(at_5.measures) == repr(alone.measures)
     assert repr(at_5.measures) != repr(at_7.measures)
-
-
-def test_figures_are_those_of_a_study_of_the_same_seed(tmp_path):
-    (found,) = evaluate(plan(TSEPM), tmp_path)
-    assert repr(found.measures[0]) == repr(measures_of(BOX, study(BOX, TSEPM, range(4), 5)))
 
 
 def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):

@@ -8,7 +8,6 @@ import json
 import pytest
 from support.run_summaries import run_of, start
 
-from tsepm_ros.tools.evaluation.measures import RunSummary
 from tsepm_ros.tools.evaluation.performance import run_file
 from tsepm_ros.tools.evaluation.result_files import RunFile
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
@@ -26,12 +25,6 @@ def file(tmp_path) -> RunFile:
     for index, record in RECORDS.items():
         made.append(index, record)
     return made
-
-
-def test_runs_are_found_again(file, tmp_path):
-    assert run_file(tmp_path, BOX, POINT, 1).results == RECORDS == file.results
-    again = run_file(tmp_path, BOX, POINT, 1).results
-    assert {index: RunSummary.from_json(one) for index, one in again.items()} == SUMMARIES
 
 
 def test_a_header_says_what_the_runs_depend_on(file):
@@ -65,16 +58,6 @@ def test_a_file_under_another_s_name_is_refused(file, tmp_path):
     file.path.replace(other.path)
     with pytest.raises(ValueError, match="was made by another version"):
         run_file(tmp_path, BOX, POINT, 2)
-
-
-@pytest.mark.parametrize("lost", [1, 5, 40])
-def test_a_run_whose_line_was_cut_off_is_not_there(file, tmp_path, lost):
-    content = file.path.read_bytes()
-    file.path.write_bytes(content[:-lost])
-    again = run_file(tmp_path, BOX, POINT, 1)
-    assert again.results == {index: RECORDS[index] for index in (0, 1)}
-    again.append(4, RECORDS[4])
-    assert file.path.read_bytes() == content
 
 
 def test_a_header_that_was_cut_off_is_written_again(file, tmp_path):

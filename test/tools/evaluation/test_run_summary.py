@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-from support.run_summaries import run_of, start
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.methods.registry import available_methods
@@ -57,30 +56,6 @@ def test_a_record_comes_back_from_json_to_the_bit():
     text = json.dumps(kept.as_json(), allow_nan=False)
     again = RunSummary.from_json(json.loads(text))
     assert repr(again) == repr(kept)
-
-
-def test_a_record_counts_what_was_judged():
-    made = simulate(MOVING, [3, 1], point("tsepm"))
-    judged, kept = made.judged(), summarise(made)
-    for outcome in Outcome:
-        assert kept.count(outcome) == sum(one.outcome is outcome for one in judged)
-    assert kept.wrong == kept.count(Outcome.FALSE) + kept.count(Outcome.MISPLACED) > 0
-    true = [one for one in judged if one.outcome is Outcome.TRUE]
-    mine = [one for one in kept.starts if one.outcome is Outcome.TRUE]
-    assert [one.nees for one in mine] == [one.nees for one in true]
-    assert [one.time for one in mine] == [one.track.stamp for one in true]
-    assert kept.targets == 1
-
-
-def test_counts_by_hand():
-    made = run_of(
-        start(1), start(2, Outcome.REDUNDANT), start(3, Outcome.MISPLACED), false=(0, 2, 0, 5)
-    )
-    assert made.count(*Outcome) == 10
-    assert made.wrong == 8
-    assert made.first(3).wrong == 2
-    assert made.first(2).count(Outcome.REDUNDANT) == 0
-    assert made.first(3).count(Outcome.TRUE, Outcome.REDUNDANT) == 2
 
 
 class Seer:
@@ -144,13 +119,6 @@ def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
     (alone,) = SimulatedRun.judged(made)
     assert alone.pure
     assert np.isnan(start_bound(made, alone)).all()
-
-
-def test_a_scene_without_targets_is_recorded_too():
-    scene = Scenario("empty", scans=3, clutter_box=(0.0, 1000.0, 0.0, 1000.0))
-    kept = run((scene, [1, 1], point("tsepm")))
-    assert kept.targets == 0
-    assert kept.starts == ()
 
 
 class Corrector:

@@ -7,12 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from support.run_summaries import as_json
 
 from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of
-from tsepm_ros.tools.evaluation.performance import run, study
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, with_poses
-from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.evaluation.performance import study
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, with_poses
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
@@ -25,12 +23,6 @@ TSEPM = OperatingPoint("tsepm")
 def box() -> list[RunSummary]:
     """The published method, 5/8, literal, over 8 scans of the box scene."""
     return list(study(BOX, TSEPM, range(RUNS), 2018))
-
-
-@pytest.fixture(scope="module")
-def few() -> list[RunSummary]:
-    """The first of them."""
-    return list(study(BOX, TSEPM, range(6), 2018))
 
 
 @pytest.mark.long
@@ -50,25 +42,6 @@ def test_false_tracks_in_the_box_scene_are_the_design_s(box):
     error = np.std(false, ddof=1) * math.sqrt(1 / RUNS + 1 / 500)
     assert error < 0.8
     assert abs(np.mean(false) - 21.6) < 3.3 * error
-
-
-def test_run_i_has_its_own_seed_and_does_not_depend_on_the_others(few):
-    assert as_json([run((BOX, [2018, 3], TSEPM))]) == as_json(few[3:4]) != as_json(few[4:5])
-    some = study(BOX, TSEPM, [0, 5, 2], 2018)
-    assert as_json(some) == as_json([few[0], few[5], few[2]])
-    assert as_json(study(BOX, TSEPM, range(3), 2019)) != as_json(few[:3])
-
-
-def test_two_workers_give_the_same_numbers_as_one(few):
-    by_two = study(BOX, TSEPM, range(6), 2018, Workers(processes=2))
-    assert as_json(by_two) == as_json(few)
-
-
-def test_options_reach_the_method(few):
-    squared = run((BOX, [2018, 0], OperatingPoint("tsepm", options={"pruning_reading": "squared"})))
-    assert squared.count(*Outcome) > few[0].count(*Outcome)
-    with pytest.raises(ValueError, match="colour is not an option"):
-        run((BOX, [1, 1], OperatingPoint("tsepm", options={"colour": "red"})))
 
 
 def test_simulated_echoes_are_placed_on_their_targets_whatever_the_ship_does():

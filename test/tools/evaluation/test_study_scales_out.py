@@ -32,11 +32,6 @@ def expected(scenario):
 
 
 @pytest.mark.long
-def test_two_processes_give_the_same_numbers_as_one(scenario, expected):
-    assert as_json(study(scenario, TSEPM, RUNS, SEED, Workers(processes=2))) == expected
-
-
-@pytest.mark.long
 def test_a_dead_worker_costs_nothing_but_time(scenario, expected):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -16,14 +16,10 @@ from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
     ScanView,
     headline,
-    position_at,
-    truth_paths,
-    velocity_seconds,
 )
 from tsepm_ros.tools.replay.offline import recording_results
-from tsepm_ros.tools.replay.recording import RecordedMotion, simulated_recording
+from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
-from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
@@ -47,61 +43,6 @@ def test_a_simulated_recording_has_what_the_simulator_says(simulated):
         np.testing.assert_array_equal(origin, one.origin)
     assert len(recording.targets) == 4
     np.testing.assert_array_equal(recording.targets[2][5].state, again[5].truth[2])
-
-
-def test_its_own_ship_is_known_until_the_last_echo(simulated):
-    simulator, recording, _ = simulated
-    assert [motion.time for motion in recording.own_ship[:3]] == [50.0, 51.0, 52.0]
-    assert recording.own_ship[-1].time >= recording.scans[-1].time + 2 * 8000.0 / 1500.0
-    x, y, yaw = simulator.scenario.own_ship.pose(7.0)
-    motion = recording.own_ship[7]
-    assert (motion.state[0], motion.state[2], motion.yaw) == (x, y, yaw)
-
-
-def test_no_scan_of_it_is_dropped_and_each_is_seen_where_it_was_placed(simulated):
-    _, recording, _ = simulated
-    session = Session(MOVING)
-    results = list(recording_results(recording, session, "bow"))
-    assert len(results) == 6
-    assert not session.dropped
-    for result in results:
-        view = ScanView.of(result, MOVING.sensor)
-        expected = convert(result.scan, MOVING.sensor, 0)["position"]
-        np.testing.assert_array_equal(view.detections, expected)
-        time = result.stamp - 50.0 + float(result.scan.time_offset.min())
-        there = simulated[0].scenario.own_ship.pose(time)[:2]
-        assert view.sensor[2] == pytest.approx(np.radians(40.0))
-        assert np.isnan(ScanView.of(result, MOVING.sensor, None).sensor[2])
-        assert np.hypot(*(view.sensor[:2] - there)) < 5.0 * 1.0, "within a second's way"
-
-
-def test_truth_is_interpolated_and_unknown_outside_its_time():
-    def motion(time, x, y):
-        return RecordedMotion(time, np.array([x, 0.0, y, 0.0]))
-
-    (path,) = truth_paths({7: [motion(10.0, 0.0, 5.0), motion(20.0, 100.0, 7.0)]})
-    np.testing.assert_allclose(position_at(path, 15.0), [50.0, 6.0])
-    assert position_at(path, 9.0) is None
-    assert position_at(path, 20.5) is None
-
-
-def test_a_tracks_velocity_is_drawn_over_a_round_time_as_a_30th_of_the_scene():
-    track = ConfirmedTrack(
-        track_id=0,
-        stamp=0.0,
-        state=np.array([0.0, 6.0, 0.0, 8.0]),
-        covariance=np.eye(4),
-        hits=(),
-        evaluation=0.0,
-        score=0.0,
-        scan_count=1,
-        age=0.0,
-    )
-    one = TrackArrays.of([track])
-    corners = np.array([[0.0, 0.0], [10_000.0, 3000.0]])
-    scene = RunScene("run", [ScanView(0.0, corners, None, one, one)])
-    assert velocity_seconds(scene) == 30.0, "at most 333 m at 10 m/s"
-    assert velocity_seconds(RunScene("nothing")) > 0
 
 
 def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
@@ -198,13 +139,6 @@ def test_hits_are_those_of_the_scans_since_the_last_restart():
     np.testing.assert_array_equal(hits[7], [[3, 3.0, 1.0], [4, 4.0, 0.0]])
 
 
-def test_a_trail_has_the_positions_of_every_scan_that_held_the_track():
-    scans = [view(1), view(2, held=[track_at(7, 5.0)]), view(3, held=[track_at(7, 6.0)]), view(4)]
-    trails = RunScene("run", scans).trails()
-    np.testing.assert_array_equal(trails[7], [[5.0, 0.0], [6.0, 0.0]])
-    assert RunScene("run", scans).trails(1) == {}
-
-
 def test_a_way_says_where_the_track_coasted_and_was_withheld():
     coasting = replace(track_at(7, 6.0), time_since_hit=0.1)
     held = [[track_at(7, 5.0)], [coasting], [], [track_at(7, 8.0)]]
@@ -214,22 +148,6 @@ def test_a_way_says_where_the_track_coasted_and_was_withheld():
     np.testing.assert_array_equal(scene.ways()[7], expected)
     np.testing.assert_array_equal(scene.ways(2)[7], expected[:2])
     np.testing.assert_array_equal(scene.trails()[7], [[5.0, 0.0], [6.0, 0.0], [8.0, 0.0]])
-
-
-def test_a_trail_is_dashed_where_the_track_coasts_and_no_line_where_it_is_withheld():
-    pytest.importorskip("matplotlib")
-    import matplotlib.pyplot as plt
-
-    from tsepm_ros.tools.pictures.plan_marks import draw_trail
-
-    figure, axes = plt.subplots()
-    x = [0.0, 1.0, 2.0, np.nan, 4.0]
-    draw_trail(axes, np.column_stack([x, np.zeros(5), [0.0, 0.0, 0.1, np.nan, 0.0]]))
-    dashed, solid = axes.lines
-    assert dashed.is_dashed() and not solid.is_dashed()
-    np.testing.assert_array_equal(dashed.get_xdata(), x)
-    np.testing.assert_array_equal(solid.get_xdata(), [0.0, 1.0, np.nan, np.nan, 4.0])
-    plt.close(figure)
 
 
 OUTCOMES = {
@@ -312,21 +230,6 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"fixed echo", "own ship and its way", "held to the end: its trail"} <= set(labels)
     plt.close(figure)
-
-
-@pytest.mark.parametrize("size", [0.3, 5.0, 300.0, 2e4])
-def test_the_axes_are_around_the_data_at_any_range(size):
-    pytest.importorskip("matplotlib")
-    from tsepm_ros.tools.pictures.plan_marks import plan_limits
-
-    nothing = TrackArrays.of([])
-    points = np.array([[0.0, 0.0], [size, 0.2 * size]])
-    scene = RunScene("run", [ScanView(0.0, points, None, nothing, nothing)])
-    (left, right), (low, high) = plan_limits(scene)
-    assert right - left == pytest.approx(1.06 * size)
-    assert high - low == pytest.approx(0.4 * 1.06 * size)
-    scene.scans[0] = ScanView(0.0, points[:1], None, nothing, nothing)
-    assert (np.ptp(plan_limits(scene), axis=1) > 0).all()
 
 
 @pytest.mark.parametrize("size", [5.0, 2e4])
@@ -428,23 +331,6 @@ def test_a_run_without_scans_is_not_animated(tmp_path):
     with pytest.raises(ValueError, match="there is no scan to animate"):
         animate(RunScene("run"), tmp_path / "run.gif")
     assert not list(tmp_path.iterdir())
-
-
-def test_every_entry_of_a_legend_has_a_handle_and_held_and_new_tracks_differ():
-    pytest.importorskip("matplotlib")
-    from matplotlib.colors import rgb_to_hsv, to_rgb
-
-    from tsepm_ros.tools.pictures import plan_position
-
-    scans = [replace(view(0), fixed_echoes=np.zeros((1, 2)))]
-    entries = plan_position._frame_legend(RunScene("run", scans, [np.zeros((2, 3))]), 60.0)
-    assert "fixed echo" in [entry.get_label() for entry in entries]
-    for entry in entries:
-        drawn = entry.get_linestyle() != "None" or entry.get_marker() not in ("", "None", None)
-        assert drawn, entry.get_label()
-    colours = (plan_position.TRACK_COLOUR, plan_position.NEW_TRACK_COLOUR)
-    held, new = (rgb_to_hsv(to_rgb(colour))[0] for colour in colours)
-    assert min(abs(held - new), 1 - abs(held - new)) > 0.15, "a sixth of the circle of hues"
 
 
 def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):

@@ -185,12 +185,6 @@ def test_a_bag_that_cannot_be_read_is_refused_by_name(tmp_path, storage, fault):
             run(path)
 
 
-def test_metadata_that_is_none_is_refused_by_name(tmp_path):
-    (tmp_path / "metadata.yaml").write_text("rosbag2: [")
-    with pytest.raises(ValueError, match="cannot be read"):
-        Bag(tmp_path)
-
-
 def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
     folder = write_bag(tmp_path / "bag", simulated(), "sqlite3")
     metadata = folder / "metadata.yaml"
@@ -272,14 +266,6 @@ def test_topics_are_found_by_name_in_any_namespace():
     assert find_topics(topics, {}) == {role: f"/boat/{role}" for role in roles}
 
 
-def test_a_drivers_own_topics_are_found_by_type():
-    topics = {
-        **{"/sonar/targets": "marine_acoustic_msgs/msg/SonarRanges", "/nav/odom": ODOMETRY},
-        **{"/tracks": POINTS, "/tracks/odometry": ODOMETRY, "/rosout": "rcl_interfaces/msg/Log"},
-    }
-    assert find_topics(topics, {}) == {DETECTIONS: "/sonar/targets", OWN_SHIP: "/nav/odom"}
-
-
 def test_topics_may_be_given_with_or_without_the_slash():
     topics = {"/a": POINTS, "/b": POINTS, "/c": ODOMETRY, "/d": ODOMETRY}
     given = {DETECTIONS: "b", OWN_SHIP: "/c", TRACKED: "a"}
@@ -335,16 +321,6 @@ def fingerprint(results):
     return stamps + b"|".join(track_points(part)[0].tobytes() for part in parts)
 
 
-@pytest.mark.parametrize("number", [10, pytest.param(100, marks=pytest.mark.long)])
-def test_replays_of_a_bag_are_the_same_to_the_bit(tmp_path, number):
-    paths = [write_bag(tmp_path / storage, simulated(), storage) for storage in STORAGES]
-    replays = [fingerprint(run(paths[k % 2])[0]) for k in range(number)]
-    assert len(replays[0]) > 3000, "some tracks"
-    assert set(replays) == {replays[0]}
-    other = write_bag(tmp_path / "other", simulated(seed=6))
-    assert fingerprint(run(other)[0]) != replays[0]
-
-
 def test_corrupt_messages_are_left_out_and_counted(tmp_path):
     good = simulated()
     bad = [Entry(1003.0, "/detections", POINTS, b"\x00\x01"), Entry(1003.0, *good[0][1:3], b"")]
@@ -385,41 +361,6 @@ def test_detections_that_are_no_detections_are_dropped_with_the_nodes_reasons(tm
     assert session.dropped == {"missing_field": 1, "tracked_missing_field": 1}
 
 
-def test_a_downstream_tracker_of_the_bag_is_listened_to(tmp_path):
-    entries = simulated()
-    [first] = {result.stamp for result in run(write_bag(tmp_path / "a", entries))[0][-1:]}
-    nothing = [
-        Entry(entry.time - 1e-3, "/tracked", POINTS, track_message(entry.message.header))
-        for entry in entries
-        if entry.topic == "/detections"
-    ]
-    both = sorted(entries + nothing, key=lambda entry: entry.time)
-    results, session = run(write_bag(tmp_path / "b", both), "tracked_timeout:=6.0")
-    assert results[-1].stamp == first
-    assert not session.dropped
-    ended = [track_id for result in results for track_id in result.ended]
-    assert ended, "the tracker lists nothing, so what is started ends"
-
-
-def track_message(header):
-    """An empty cloud in the layout of tracks."""
-    from msg_adapters.point_cloud import point_fields
-    from msg_adapters.track_cloud import TRACK_DTYPE
-
-    make = STORE.types["sensor_msgs/msg/PointField"]
-    return STORE.types[POINTS](
-        header=STORE.types["std_msgs/msg/Header"](stamp=header.stamp, frame_id="odom"),
-        height=1,
-        width=0,
-        fields=[make(**values) for values in point_fields(TRACK_DTYPE)],
-        is_bigendian=False,
-        point_step=TRACK_DTYPE.itemsize,
-        row_step=0,
-        data=np.zeros(0, np.uint8),
-        is_dense=True,
-    )
-
-
 @pytest.mark.parametrize(("late", "lost"), [(1.5, 0), (30.0, 10)])
 def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_path, late, lost):
     # Every pose comes later by some time; own_ship_timeout is 2 s.
@@ -431,38 +372,6 @@ def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_pa
     results, session = run(write_bag(tmp_path / "bag", entries))
     assert len(results) == 10 - lost
     assert sum(session.dropped.values()) == lost
-
-
-def test_what_the_detections_do_not_say_is_noted():
-    made = make_groups(TRACK_INITIATOR, {"sound_speed": 1500.0})
-    said: list[str] = []
-    given = MessageInput(Session(settings_from(made)), made[InitiatorNodeOptions], said.append)
-    scan = STORE.types["sensor_msgs/msg/LaserScan"](
-        header=cloud(1.0, "laser", range=[]).header,
-        **{"angle_min": 0.0, "angle_max": 1.0, "angle_increment": 1.0, "time_increment": 0.0},
-        **{"scan_time": 1.0, "range_min": 0.0, "range_max": 9000.0},
-        ranges=np.array([100.0, 200.0], np.float32),
-        intensities=np.array([1.0, 2.0, 3.0], np.float32),
-    )
-    given.take_detections(scan, now=0.0)
-    given.take_detections(scan, now=1.0)
-    sentence = "the numbers of intensities and detections differ: intensities are not used"
-    assert given.assumptions == {sentence}
-    assert said == [sentence], "once"
-
-
-def test_detections_that_a_message_drops_are_counted():
-    session = Session(settings_from(make_groups(TRACK_INITIATOR, {})))
-    given = MessageInput(session, InitiatorNodeOptions())
-    ranges = [100.0, -5.0, np.nan, 200.0]
-    given.take_detections(cloud(1.0, "sonar", range=ranges, azimuth=[0.0] * 4), now=0.0)
-    assert sum(session.dropped.values()) == 2
-
-
-def test_without_an_own_ship_the_detections_frame_is_fixed(tmp_path):
-    entries = [entry for entry in simulated() if entry.type_name == POINTS]
-    results, _ = run(write_bag(tmp_path / "bag", entries), source="none")
-    assert {result.frame_id for result in results} == {"sonar"}
 
 
 def test_a_scan_at_which_the_algorithm_fails_is_lost_and_counted(tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from support.bag_files import GRID, PARAMETERS, Entry, grid, simulated, write_bag
 
 from msg_adapters.message_input import MessageInput
@@ -11,8 +10,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import parse_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, Bag, find_topics
+from tsepm_ros.tools.replay.bag import Bag, find_topics
 from tsepm_ros.tools.replay.offline import bag_results
 
 EVERYTHING = np.ones((100, 100), bool)
@@ -51,19 +49,3 @@ def test_a_chart_in_another_frame_is_refused(tmp_path):
     results, session = run(bag(tmp_path, frame="map"))
     assert session.dropped["land_frame"] == 1
     assert sum(len(result.new) for result in results) >= 2
-
-
-@pytest.mark.parametrize("topic", ["/land", "/boat/land", "/harbour/chart"])
-def test_its_topic_is_found_by_name_or_given(tmp_path, topic, capsys):
-    path = bag(tmp_path, topic=topic)
-    arguments = [part for one in PARAMETERS for part in ("-p", one)]
-    assert main(["run", str(path), "--land", topic, *arguments]) == 0
-    assert "on_land" in capsys.readouterr().err
-    with Bag(path) as opened:
-        named = find_topics(opened.topics, {})
-    assert named.get(LAND) == (topic if topic.endswith("/land") else None)
-
-
-def test_a_topic_of_another_type_is_refused(tmp_path):
-    with Bag(bag(tmp_path)) as opened, pytest.raises(ValueError, match="the type of land must be"):
-        find_topics(opened.topics, {LAND: "/detections", DETECTIONS: "/detections"})

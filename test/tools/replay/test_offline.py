@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -31,32 +29,6 @@ def own_ship(seconds: float, period: float = 1.0, yaw: float | None = 0.0):
         RecordedMotion(period * k, np.array([100.0, 0.0, 200.0, 0.0]), yaw)
         for k in range(int(seconds / period) + 1)
     ]
-
-
-def test_every_scan_of_a_recording_is_processed():
-    results, dropped = process_recording(Recording(scans(8)), Settings(), "bow")
-    assert [result.stamp for result in results] == [12.0 * k for k in range(8)]
-    assert sum(len(result.new) for result in results) == 1
-    assert not dropped
-
-
-@pytest.mark.parametrize(
-    ("angle", "reference", "yaw", "direction"),
-    [
-        pytest.param("azimuth", "bow", 0.0, (1, 0), id="azimuth, ship heads east"),
-        pytest.param("azimuth", "bow", math.pi / 2, (0, 1), id="azimuth, ship heads north"),
-        pytest.param("bearing", "bow", math.pi / 2, (0, 1), id="bearing from the bow"),
-        pytest.param("bearing", "north", 0.3, (0, 1), id="bearing from north"),
-        pytest.param("bearing", "north", None, (0, 1), id="bearing from north, no heading"),
-    ],
-)
-def test_tracks_lie_where_own_ship_and_bearing_say(angle, reference, yaw, direction):
-    recording = Recording(scans(8, angle), own_ship(100.0, yaw=yaw))
-    results, dropped = process_recording(recording, MOVING, reference)
-    (track,) = [track for result in results for track in result.new]
-    expected = np.array([100.0, 200.0]) + 2000.0 * np.array(direction)
-    np.testing.assert_allclose(track.position, expected, atol=1.0)
-    assert not dropped
 
 
 @pytest.mark.parametrize("angle", ["azimuth", "bearing"])
@@ -113,10 +85,3 @@ def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
     (expected,) = one.process()
     for name in ("sensor_pose", "sensor_velocity"):
         np.testing.assert_array_equal(getattr(found.scan, name), getattr(expected.scan, name))
-
-
-def test_a_fixed_frame_names_the_recordings_own():
-    settings = Settings(session=SessionOptions(own_ship_source="odometry", fixed_frame="map"))
-    results, dropped = process_recording(Recording(scans(8), own_ship(100.0)), settings, "bow")
-    assert {result.frame_id for result in results} == {"map"}
-    assert (len(results), dropped) == (8, {})

@@ -59,7 +59,7 @@ def test_the_messages_of_a_stamp_are_one_frame():
     live.take(DETECTIONS, detections(100.0, [1.0, 2.0], [3.0, 4.0]))
     live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0), held(2, 10.0, 20.0)))
     live.take(POTENTIAL, tracks(100.0, held(0, 50.0, 60.0, score=5.0, evaluation=-5.0)))
-    assert live.pending
+
     ((frame, facts),) = live.take_frames()
     assert (frame["number"], frame["stamp"], frame["frame_id"]) == (1, 100.0, "odom")
     assert frame["detections"] == [100, 200, 300, 400]
@@ -67,15 +67,7 @@ def test_the_messages_of_a_stamp_are_one_frame():
     assert frame["potential"] == [[5000, 6000, 3000, 4000, 50]]
     assert (facts["1"]["confirmed"], facts["2"]["confirmed"]) == (None, 100.0)
     assert facts["2"]["reason"].startswith("3 hits in 4 pings; log-likelihood ratio 10.5")
-    assert not live.pending and not live.errors
-
-
-def test_facts_are_said_once():
-    live = Live()
-    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
-    assert set(live.take_frames()[0][1]) == {"1"}
-    live.take(TRACKS, tracks(112.0, held(1, 0.0, 0.0)))
-    assert live.take_frames()[0][1] == {}
+    assert live.take_frames() == [] and not live.errors
 
 
 def test_a_track_stays_known_while_the_held_tracks_of_a_scan_are_on_their_way():
@@ -89,31 +81,13 @@ def test_a_track_stays_known_while_the_held_tracks_of_a_scan_are_on_their_way():
     assert live.take_frames()[0][1] == {}
 
 
-def test_what_arrives_late_completes_the_newest_frame():
-    live = Live()
-    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
-    assert live.frames()[0]["detections"] == []
-    live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
-    (frame,) = live.frames()
-    assert (frame["number"], frame["detections"], len(frame["tracks"])) == (1, [100, 200], 1)
-
-
 def test_what_arrives_after_the_next_scan_is_left_out():
     live = Live()
     live.take(TRACKS, tracks(100.0))
     live.take(TRACKS, tracks(112.0))
     assert [frame["number"] for frame in live.frames()] == [1, 2]
     live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
-    assert not live.pending
-
-
-def test_a_message_of_a_scan_that_is_not_drawn_yet_is_taken():
-    live = Live()
-    live.take(TRACKS, tracks(100.0))
-    live.take(TRACKS, tracks(112.0))
-    live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
-    live.take(DETECTIONS, detections(112.0, [3.0, 4.0]))
-    assert [frame["detections"] for frame in live.frames()] == [[100, 200], [300, 400]]
+    assert live.take_frames() == []
 
 
 @pytest.mark.parametrize("again", [0.0, 50.0, 100.0])

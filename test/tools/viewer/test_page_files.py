@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import gzip
 import hashlib
 import json
 import re
@@ -18,7 +17,6 @@ from tsepm_ros.tools.viewer.page_state import (
     page_file,
     self_contained_page,
     served_page,
-    write_page,
 )
 
 TITLE = '<script>alert("1")</script> & "sea"'
@@ -52,15 +50,3 @@ def test_the_policy_of_the_file_names_exactly_its_scripts_and_style():
         digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()) for text in found]
         assert rules[rule].split() == [f"'sha256-{digest.decode()}'" for digest in digests]
     assert page.count("<script>") == len(SCRIPTS)
-
-
-def test_the_file_holds_the_recording():
-    page = self_contained_page("title", RECORDING)
-    data = re.search(r'id="recording">([^<]*)</script>', page)[1]
-    assert gzip.decompress(base64.b64decode(data)).decode() == RECORDING
-
-
-def test_equal_recordings_give_equal_files(tmp_path):
-    for name in ("deep/one.html", "other.html"):
-        write_page(tmp_path / name, "title", RECORDING)
-    assert (tmp_path / "deep/one.html").read_bytes() == (tmp_path / "other.html").read_bytes()

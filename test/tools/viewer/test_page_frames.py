@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from support.pages import held
 
-from msg_adapters.track_markers import confidence_ellipse
 from tsepm_ros.tools.viewer.page_frames import (
     MAX_POTENTIAL,
-    ellipses,
     encode,
     make_frame,
     potential_rows,
@@ -38,14 +36,6 @@ def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last
     assert np.abs(numbers) == pytest.approx(np.abs(expected) * units, abs=0.51)
 
 
-def test_ellipses_are_those_of_the_markers():
-    rng = np.random.default_rng(1)
-    roots = rng.normal(0.0, 40.0, (50, 2, 2))
-    covariances = roots @ roots.transpose(0, 2, 1)
-    for row, covariance in zip(ellipses(covariances), covariances, strict=True):
-        assert row == pytest.approx(confidence_ellipse(covariance), rel=1e-9)
-
-
 def test_what_is_not_finite_is_left_out_and_the_frame_is_json():
     broken = held(1, math.nan, 0.0)
     blind = held(2, 5.0, 6.0, covariance=np.full((4, 4), np.inf), time_since_hit=math.nan)
@@ -67,10 +57,6 @@ def test_what_is_not_finite_is_left_out_and_the_frame_is_json():
     assert make_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None
 
 
-def test_the_heading_is_wrapped():
-    assert make_frame(0.0, "", own_ship=(0.0, 0.0, 7.0))["own_ship"][2] == 717  # 7 - 2 pi
-
-
 def test_what_is_far_beyond_any_sea_stays_a_number():
     frame = make_frame(
         0.0, "", detections=np.array([[1e300, -1e300]]), tracks=[held(1, 1e200, 0.0)]
@@ -89,11 +75,6 @@ def test_evidence_is_summed_over_the_hypotheses_of_a_detection_and_the_best_is_d
     assert [row[0] for row in rows] == [300, 100], "one per newest detection"
     # log(exp(4) + exp(4) / 3) = 4 + log(4 / 3)
     assert [row[4] for row in rows] == [20, 43]
-
-
-def test_a_method_without_scores_has_no_evidence():
-    (row,) = potential_rows([potential(1.0, math.nan, 0)])
-    assert row[4] is None
 
 
 def test_only_the_nearest_to_confirmation_are_drawn():

@@ -37,10 +37,6 @@ def test_an_error_is_worse_than_stale_and_levels_may_be_numbers():
     assert health["level"] == 2
 
 
-def test_diagnostics_of_other_nodes_change_nothing():
-    assert health_of_message(array(status("battery: charge", b"\x02"))) is None
-
-
 def test_a_run_says_what_it_dropped_and_what_helps():
     health = health_of_run(5, {"heading_unknown": 2, "of_an_adapter": 1}, ["gap before 3 s"])
     assert health["level"] == 1

@@ -20,30 +20,6 @@ def numbers(message) -> list[int]:
     return [frame["number"] for frame in message.get("frames", [])]
 
 
-def test_a_new_browser_gets_everything():
-    state = live_state(5)
-    state.put_health({"level": 0, "entries": []})
-    message, version = since(state)
-    assert message["all"] is True
-    assert message["info"]["kind"] == "live"
-    assert numbers(message) == [1, 2, 3, 4, 5]
-    assert message["health"] == {"level": 0, "entries": []}
-    assert set(message["facts"]) == {"7"}
-    assert since(state, version) == ({}, version), "nothing has changed since"
-
-
-def test_of_missed_frames_the_newest_is_sent_and_all_facts():
-    state = live_state(1)
-    _, version = since(state)
-    for number in range(2, 10):
-        track = held(number, 0.0, 0.0)
-        state.put(numbered(number, track), track_facts([track], None))
-    message, _ = since(state, version)
-    assert numbers(message) == [9]
-    assert set(message["facts"]) == {str(number) for number in range(2, 10)}
-    assert "all" not in message and "info" not in message and "health" not in message
-
-
 def test_a_frame_with_the_same_number_replaces_the_last_one():
     state = live_state(3)
     _, version = since(state)
@@ -51,18 +27,6 @@ def test_a_frame_with_the_same_number_replaces_the_last_one():
     message, _ = since(state, version)
     assert numbers(message) == [3] and len(message["frames"][0]["tracks"]) == 2
     assert numbers(since(state)[0]) == [1, 2, 3]
-
-
-def test_changes_are_sent_once():
-    state = live_state(1)
-    _, version = since(state)
-    state.put_health({"level": 2, "entries": []})
-    message, version = since(state, version)
-    assert message == {"health": {"level": 2, "entries": []}}
-    state.put_info(title="other")
-    message, version = since(state, version)
-    assert message["info"]["title"] == "other" and message["info"]["kind"] == "live"
-    assert since(state, version)[0] == {}
 
 
 def test_the_number_of_frames_is_bounded():

@@ -19,7 +19,7 @@ from tsepm_ros.tools.pictures.run_scene import truth_paths
 from tsepm_ros.tools.replay.offline import recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
-from tsepm_ros.tools.viewer.recorded_scene import RecordedScene
+from tsepm_ros.tools.viewer.page_frames import RecordedScene
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 
 SCENARIO = load_scenario("four_targets")
@@ -36,17 +36,6 @@ def recorded(scenario=SCENARIO, seed: int = 1):
         scene.add(result, run.tracker)
         tracks += result.new
     return json.loads(scene.document(run.dropped)), tracks, run
-
-
-def test_every_scan_and_track_is_there():
-    page, tracks, run = recorded()
-    assert [frame["number"] for frame in page["frames"]] == list(range(1, SCENARIO.scans + 1))
-    assert page["info"] == {"kind": "recording", "title": "four targets", "north": True}
-    assert len(page["truth"]) == 4 and page["health"]["level"] == 0
-    assert set(page["facts"]) == {str(track.track_id) for track in tracks} != set()
-    last = page["frames"][-1]
-    assert [row[0] for row in last["tracks"]] == run.tracker.current.track_id.tolist()
-    assert last["own_ship"][:2] == [0, 0]
 
 
 def test_a_track_that_ends_says_when_and_why():

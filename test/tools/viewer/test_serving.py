@@ -10,14 +10,15 @@ import pytest
 from support.pages import Watcher, held
 from support.patience import WAIT
 
+from tsepm_ros.tools.viewer.live_frames import DIAGNOSTICS
+
 pytest.importorskip("tornado")
 pytest.importorskip("sensor_msgs")
 
 from msg_adapters import make_header, odometry_message, track_cloud
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.live_frames import DIAGNOSTICS, OWN_SHIP, TRACKS
-from tsepm_ros.tools.viewer.serving import LiveFeed
+from tsepm_ros.tools.viewer.live_frames import OWN_SHIP, TRACKS, LiveFeed
 
 
 def tracks(stamp: float, *held_tracks):
@@ -26,11 +27,6 @@ def tracks(stamp: float, *held_tracks):
 
 def pose(x: float) -> PoseSample:
     return PoseSample(100.0, x, 2.0, 0.5, None, frame_id="odom")
-
-
-def diagnostics(name: str, message: str):
-    status = SimpleNamespace(name=name, level=1, message=message, values=[])
-    return SimpleNamespace(status=[status])
 
 
 class Feed(LiveFeed):
@@ -50,7 +46,7 @@ class Feed(LiveFeed):
 def feed() -> Iterator[Feed]:
     one = Feed()
     yield one
-    one.stop()
+    one.server.stop()
 
 
 @pytest.fixture
@@ -80,15 +76,6 @@ def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(feed, browse
     assert len(feed.poses_read) == 1
 
 
-def test_health_is_that_of_the_track_initiator(feed, browser):
-    feed.take(DIAGNOSTICS, diagnostics("boat: own ship", "no data yet"))
-    wait_for(lambda: browser.health)
-    feed.take(DIAGNOSTICS, diagnostics("battery: charge", "empty"))
-    feed.take(TRACKS, tracks(100.0))
-    wait_for(lambda: browser.frames)
-    assert [entry["message"] for entry in browser.health["entries"]] == ["no data yet"]
-
-
 def test_a_message_that_cannot_be_read_is_reported_with_its_topic(feed, browser):
     broken = tracks(100.0, held(7, 10.0, 20.0))
     broken.fields = broken.fields[:2]
@@ -111,3 +98,17 @@ def test_a_browser_is_told_only_of_changes_of_what_is_published(feed, browser):
     feed.take(TRACKS, tracks(100.0))
     wait_for(lambda: browser.frames)
     assert told() == [False, True]
+
+
+def diagnostics(name: str, message: str):
+    status = SimpleNamespace(name=name, level=1, message=message, values=[])
+    return SimpleNamespace(status=[status])
+
+
+def test_health_is_that_of_the_track_initiator(feed, browser):
+    feed.take(DIAGNOSTICS, diagnostics("boat: own ship", "no data yet"))
+    wait_for(lambda: browser.health)
+    feed.take(DIAGNOSTICS, diagnostics("battery: charge", "empty"))
+    feed.take(TRACKS, tracks(100.0))
+    wait_for(lambda: browser.frames)
+    assert [entry["message"] for entry in browser.health["entries"]] == ["no data yet"]

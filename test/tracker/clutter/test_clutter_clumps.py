@@ -14,15 +14,27 @@ from support.lumpy_seas import LumpySea
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.overdispersion import (
+from tsepm_ros.tracker.clutter.excess import (
     MAX_VARIANCE,
     RECENT,
+    Batch,
+    Cells,
     ClutterClumps,
     PredictiveDensity,
 )
-from tsepm_ros.tracker.clutter.polar_grid import Cells
 
 SONAR = SensorModel()
+
+
+def taken(
+    clumps: ClutterClumps, made: ClutterMap, cells: Cells, weight: np.ndarray
+) -> PredictiveDensity:
+    """Take a scan as a batch; what makes its density uncertain."""
+    batch, density = Batch(made.grid.shape[1]), made.at(cells)
+    batch.take(cells, (weight, weight), weight, np.ones(made.grid.shape[1]))
+    batch.densities.append(density)
+    clumps.update(batch, made.counted_area)
+    return clumps.predictive(cells, density, made.counted_area)
 
 
 def along_path(predictive: PredictiveDensity, row: int, hits: int) -> float:
@@ -76,14 +88,15 @@ def test_a_path_counts_its_own_hits_where_nothing_else_was_seen():
 def test_neighbours_are_those_that_a_loop_counts():
     rng = np.random.default_rng(3)
     made = ClutterMap(SONAR)
-    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    clumps = ClutterClumps(made.grid)
     columns = made.grid.shape[1]
     before: list[list[tuple[int, int, float]]] = []
     for _ in range(5):
         cells = Cells(rng.integers(0, 6, 80), rng.integers(-3, 3, 80) % columns)
         weight = rng.random(80)
         made.update(cells, weight)
-        found = clumps.update(made, cells, weight, made.at(cells))
+        taken(clumps, made, cells, weight)
+        found = clumps.around(cells, made.at(cells), made.counted_area)
         around = np.zeros(80)
         for age, scan in enumerate(reversed(before)):
             for row, column, other in scan:
@@ -91,10 +104,10 @@ def test_neighbours_are_those_that_a_loop_counts():
                     apart = abs(column - cells.column[place])
                     near = min(apart, columns - apart) + abs(row - cells.row[place]) <= 1
                     around[place] += near * other * (1.0 - 1.0 / RECENT) ** age
-        np.testing.assert_allclose(found.around, around, atol=1e-12)
+        np.testing.assert_allclose(found.counted, around, atol=1e-12)
         share = 0.3 * rng.random(80)
-        clumps.withdraw(share)
-        before.append(list(zip(*cells, weight * (1.0 - share), strict=True)))
+        weight *= 1.0 - share  # they turn out to be targets'
+        before.append(list(zip(*cells, weight, strict=True)))
 
 
 class Learned:
@@ -111,19 +124,19 @@ class Learned:
 
     def __init__(self, sea: LumpySea, scans: int) -> None:
         self.sea, self.map = sea, ClutterMap(sea.sensor)
-        self.clumps = ClutterClumps(self.map.grid.shape, self.map.grid.wraps)
+        self.clumps = ClutterClumps(self.map.grid)
         for _ in range(scans):
             self.places = sea.scan()
             cells, weight = self.map.grid.cells(*self.places), np.ones(len(self.places[0]))
             self.map.update(cells, weight)
-            self.predictive = self.clumps.update(self.map, cells, weight, self.map.at(cells))
+            self.predictive = taken(self.clumps, self.map, cells, weight)
 
     def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[PredictiveDensity, np.ndarray]:
         """Predictive density at further places, and the true density over the map's."""
         cells = self.map.grid.cells(*places)
         density = self.map.at(cells)
         nothing = np.zeros(len(density))
-        predictive = deepcopy(self.clumps).update(self.map, cells, nothing, density)
+        predictive = taken(deepcopy(self.clumps), self.map, cells, nothing)
         return predictive, self.sea.density_at(*places) / density
 
 
@@ -165,37 +178,37 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
 
 def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
     rng, made = np.random.default_rng(4), ClutterMap(SensorModel(max_range=12000.0))
-    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    clumps = ClutterClumps(made.grid)
     for _ in range(16):
         x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
         cells = made.grid.cells(np.hypot(x, y), np.arctan2(y, x))
         made.update(cells, np.ones(len(x)))
-        clumps.update(made, cells, np.ones(len(x)), made.at(cells))
+        taken(clumps, made, cells, np.ones(len(x)))
     assert clumps.variance < 0.05
 
 
 def test_new_targets_in_a_calm_sea_make_no_lumps():
     # Ten targets appear together; from the fourth scan on they are recognised.
     rng, made = np.random.default_rng(5), ClutterMap(SONAR)
-    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    clumps = ClutterClumps(made.grid)
     places = rng.uniform(2000.0, 8000.0, 10), rng.uniform(-3.0, 3.0, 10)
     for scan in range(8):
         cells, weight = made.grid.cells(*places), np.full(10, float(scan < 3))
         made.update(cells, weight)
-        clumps.update(made, cells, weight, made.at(cells))
+        taken(clumps, made, cells, weight)
     assert clumps.variance < 0.2
 
 
 def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
     made = ClutterMap(SONAR)
-    clumps = ClutterClumps(made.grid.shape, made.grid.wraps)
+    clumps = ClutterClumps(made.grid)
     rng = np.random.default_rng(6)
     for _ in range(30):
         range_, azimuth = rng.uniform(3000.0, 9000.0, 20), rng.uniform(-3.0, 3.0, 20)
         range_[:10], azimuth[:10] = 5000.0, 0.5
         cells = made.grid.cells(range_, azimuth)
         made.update(cells, np.ones(20))
-        clumps.update(made, cells, np.ones(20), made.at(cells))
+        taken(clumps, made, cells, np.ones(20))
     assert 0.0 <= clumps.variance <= MAX_VARIANCE
 
 

@@ -131,7 +131,7 @@ def test_a_coverage_far_beyond_all_detections_costs_nothing():
 
 
 def test_windows_go_round_where_the_coverage_does():
-    # The same sea turned by whole cells: the densities turn with it.
+    # The same sea turned by whole cells: the densities turn with it, but for the windows' places.
     turn = 2.0 * math.pi / 151 * 70
     straight, turned = ClutterMap(SONAR), ClutterMap(SONAR)
     rng = np.random.default_rng(4)
@@ -142,11 +142,11 @@ def test_windows_go_round_where_the_coverage_does():
         straight.update(straight.grid.cells(range_, azimuth), np.ones(len(range_)))
         turned.update(turned.grid.cells(range_, azimuth + turn), np.ones(len(range_)))
     range_, azimuth = disc(rng, 1e-6)
-    np.testing.assert_allclose(
-        turned.at(turned.grid.cells(range_, azimuth + turn)),
-        straight.at(straight.grid.cells(range_, azimuth)),
-        rtol=1e-9,
-    )
+    ratio = turned.at(turned.grid.cells(range_, azimuth + turn))
+    ratio /= straight.at(straight.grid.cells(range_, azimuth))
+    seen = np.abs(azimuth) < 0.9
+    assert np.abs(np.log(ratio[seen])).max() < 0.25
+    assert np.exp(np.log(ratio).mean()) == pytest.approx(1.0, abs=0.1)
 
 
 def test_what_is_a_target_s_does_not_count():
@@ -229,6 +229,7 @@ def test_a_scan_of_many_detections_raises_the_density_also_between_two_estimates
     number = round(1.3 * 1e-6 * SONAR.coverage_area)
     many = made.grid.cells(*(part[:number] for part in disc(rng, 2e-6)))
     made.update(many, np.ones(number), lambda: pytest.fail("this is between two estimates"))
+    made.take_level(number)
     np.testing.assert_allclose(
         everywhere(made) / even, poisson_low(number - 1.0) / 254.5, rtol=0.02
     )

@@ -12,8 +12,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
 from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterStrengths, Judged
-from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.polar_grid import Cells
+from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 
 BOX = load_scenario("box")
 MAP = ClutterMap(BOX.sensor)

@@ -10,9 +10,9 @@ import pytest
 from support.builders import reconfigured
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.methods.score.fading import FADED_FACTOR
-from tsepm_ros.methods.score.score import Score
+from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker.clutter.learned import DATA_SHEET_SCANS, DetectionProbability
+from tsepm_ros.tracker.evaluation import FADED_FACTOR
 from tsepm_ros.tracker.tracker import Tracker
 
 SENSOR = SensorModel(clutter_density=3e-7)

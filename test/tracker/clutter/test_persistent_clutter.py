@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.clutter import persistent_clutter
-from tsepm_ros.tracker.clutter.persistent_clutter import (
+from tsepm_ros.tracker.clutter import excess
+from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.clutter.excess import (
     DIRECTIONS,
     LEAST_SIDE,
     LEAST_TIME,
@@ -21,7 +22,6 @@ from tsepm_ros.tracker.clutter.persistent_clutter import (
     SIDE,
     PersistentClutter,
 )
-from tsepm_ros.tracker.clutter.windows import MAX_DEVIATIONS, poisson_bound
 from tsepm_ros.tracker.sensor import View
 
 SECTOR = SensorModel(
@@ -73,7 +73,7 @@ class Plain:
     def end(self) -> None:
         counts, number, taken = Counter(), 0, []
         for _, seen, detections in self.scans:
-            if number < persistent_clutter.MOST_DETECTIONS:
+            if number < excess.MOST_DETECTIONS:
                 number += len(detections)
                 taken.append(seen)
                 for place, range_ in detections:
@@ -140,9 +140,9 @@ def placed(range_: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turning", [False, True], ids=["still", "turning"])
-@pytest.mark.parametrize("most", [persistent_clutter.MOST_DETECTIONS, 100], ids=["all", "some"])
+@pytest.mark.parametrize("most", [excess.MOST_DETECTIONS, 100], ids=["all", "some"])
 def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
-    monkeypatch.setattr(persistent_clutter, "MOST_DETECTIONS", most)
+    monkeypatch.setattr(excess, "MOST_DETECTIONS", most)
     rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter(SensorModel())
     compared = 0
     for ping in range(115):

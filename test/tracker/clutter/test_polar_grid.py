@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tracker.clutter.polar_grid import PolarGrid
+from tsepm_ros.tracker.clutter.density import PolarGrid
 
 
 def test_divided_rows_are_in_order_and_of_equal_depth():

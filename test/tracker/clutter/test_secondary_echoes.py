@@ -9,7 +9,7 @@ import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.secondary_echoes import HALF_WIDTHS, HeldTargets, SecondaryEchoes
+from tsepm_ros.tracker.clutter.excess import HALF_WIDTHS, Batch, Cells, HeldTargets, SecondaryEchoes
 
 SONAR = SensorModel(max_range=9000.0)
 RADAR = SensorModel(
@@ -31,14 +31,24 @@ class Sea:
     """A map and what it learns of secondary echoes, scan by scan."""
 
     def __init__(self, sensor: SensorModel = SONAR) -> None:
-        self.map, self.echoes = ClutterMap(sensor), SecondaryEchoes()
+        self.map = ClutterMap(sensor)
+        self.echoes = SecondaryEchoes(self.map.grid)
 
     def take(self, places: np.ndarray, targets: HeldTargets = NO_TARGETS) -> np.ndarray:
         range_, azimuth = places
         weight = np.ones(len(range_))
         cells = self.map.grid.cells(range_, azimuth)
         self.map.update(cells, weight)
-        return self.echoes.update(self.map, targets, cells, weight)
+        self.map.take_level(weight.sum())
+        batch, expected = Batch(self.map.grid.shape[1]), self.map.expected
+        batch.take(cells, (range_, azimuth), weight, np.ones(self.map.grid.shape[1]))
+        self.echoes.update(targets, batch, expected)
+        among = self.echoes.among(cells, weight, expected)
+        return among * self.echoes.behind_targets(targets, cells)
+
+
+def pair_correlation(sea: Sea) -> np.ndarray:
+    return sea.echoes.pairs.counted / sea.echoes.pairs.expected
 
 
 @pytest.mark.parametrize("number", [3.0, 30.0, 250.0])
@@ -48,7 +58,7 @@ def test_even_clutter_is_left_as_it_is(number):
     late = np.concatenate(factors[15:])
     assert np.log(late).mean() < 0.02
     assert np.log(late).std() < 0.15
-    np.testing.assert_allclose(sea.echoes.pair_correlation, 1.0, atol=0.3)
+    np.testing.assert_allclose(pair_correlation(sea), 1.0, atol=0.3)
 
 
 def test_pairs_are_those_that_a_loop_counts():
@@ -57,8 +67,9 @@ def test_pairs_are_those_that_a_loop_counts():
     sea.take(places)
     row, column = sea.map.grid.cells(*places)
     columns = sea.map.grid.shape[1]
-    expected = sea.map.expected
-    for width, found in zip(HALF_WIDTHS, sea.echoes.pair_correlation, strict=True):
+    every = Cells(*np.indices(sea.map.grid.shape).reshape(2, -1))
+    expected = (sea.map.at(every)).reshape(sea.map.grid.shape) * sea.map.counted_area
+    for width, found in zip(HALF_WIDTHS, pair_correlation(sea), strict=True):
         pairs = mean = 0.0
         for i in range(len(row)):
             strip = [(column[i] + k) % columns for k in range(-width, width + 1)]
@@ -94,7 +105,6 @@ def test_ghosts_behind_a_held_target_are_dense_clutter_wherever_its_bearing_goes
         sea.take(places, held(2000.0, bearing))
     after = math.radians(36.0)
     behind, beside, before = sea.echoes.behind_targets(
-        sea.map.grid,
         held(2000.0, after),
         sea.map.grid.cells(
             np.array([7000.0, 7000.0, 1500.0]), np.array([after, after + 1.5, after])
@@ -112,9 +122,7 @@ def test_a_second_target_behind_a_held_one_is_not_taken_for_its_ghost():
         places = np.append(disc(rng, 30.0), [[5000.0], [bearing]], axis=1)
         sea.take(places, held(2000.0, bearing))
         where = np.array([5000.0]), np.array([bearing])
-        factor = sea.echoes.behind_targets(
-            sea.map.grid, held(2000.0, bearing), sea.map.grid.cells(*where)
-        )
+        factor = sea.echoes.behind_targets(held(2000.0, bearing), sea.map.grid.cells(*where))
         assert factor[0] < 1.2
 
 

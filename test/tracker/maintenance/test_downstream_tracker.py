@@ -9,13 +9,13 @@ import pytest
 from support.builders import detections
 from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
-from tsepm_ros.tracker.maintenance.duplicates import SAME_SCANS
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
 from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     TRACKED_EXISTENCE,
     TrackMaintenance,
 )
+from tsepm_ros.tracker.merging import SAME_SCANS
 from tsepm_ros.tracker.motion import PROCESS_NOISE
 
 

@@ -14,9 +14,13 @@ from support.held import P_D, holding, ids, published, step, tracks
 from tsepm_ros.tracker.clustering import PlotExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, HeldTracks, Status
-from tsepm_ros.tracker.maintenance.ipda import SCANS_OF_FADING, SCANS_TO_VANISH
-from tsepm_ros.tracker.maintenance.publication import stands_still, statuses
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, StraightFits
+from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
+from tsepm_ros.tracker.maintenance.stationary import (
+    SpeedPrior,
+    StraightFits,
+    stands_still,
+    statuses,
+)
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -56,8 +60,7 @@ def duplicate_by_extent() -> TrackMaintenance:
     aside = tracks(7)
     aside.state[:, 2] += 180.0
     hold.add(replace(aside, track_id=np.array([1])), 0.9)
-    hold.merge(PlotExtent(100.0, 100.0), np.zeros(2))
-    step(hold, 12.0)
+    hold.merge(PlotExtent(250.0, 250.0), np.zeros(2))
     return hold
 
 
@@ -173,7 +176,7 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     assert hold.held.status.tolist() == [Status.WITHHELD]
     again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
     again = replace(again, age=np.array([24.0]), scan_count=np.array([3]))
-    hold._held = replace(hold.held, proven=np.array([1e-4]))
+    hold.held = replace(hold.held, proven=np.array([1e-4]))
     found = hold.revise(again, (), np.array([0.95]))
     assert published(hold) == [1] == found.track_id.tolist()
     assert (hold.held.existence[0], hold.held.visible[0]) == (0.95, 1.0)

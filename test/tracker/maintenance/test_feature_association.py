@@ -13,8 +13,7 @@ from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.association import Pairs
-from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.polar_grid import Cells
+from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 from tsepm_ros.tracker.maintenance.features import MEMORY, Environment, Surroundings
 from tsepm_ros.tracker.measurement import Histories
 from tsepm_ros.tracker.tracks import TrackArrays

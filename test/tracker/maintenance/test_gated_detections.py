@@ -10,7 +10,8 @@ from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, P_D, holding, step, tracks
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.maintenance.gated_detections import gate
+from tsepm_ros.tracker.maintenance import data_association
+from tsepm_ros.tracker.maintenance.data_association import gate
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import convert, covariance_at
 
@@ -52,8 +53,8 @@ def test_a_fast_target_seen_exactly_is_not_lost_by_the_time_of_its_echo():
 
 def test_with_range_rates_each_detection_updates_by_its_own_error_at_its_own_time():
     # The nearest is exact, another is not, and comes 8 s later, where the velocity counts too.
-    modes = np.tile(tracks(1).state, (3, 1, 1))
-    spread = np.tile(tracks(1).covariance, (3, 1, 1, 1))
+    modes = np.tile(tracks(1).state[:, None], (1, 3, 1))
+    spread = np.tile(tracks(1).covariance[:, None], (1, 3, 1, 1))
     sensor = SensorModel(
         range_std=1.0, range_std_fraction=0.0, azimuth_std=0.02, range_rate_std=0.5
     )
@@ -66,15 +67,14 @@ def test_with_range_rates_each_detection_updates_by_its_own_error_at_its_own_tim
         features={"range_rate": [4.5, 4.5]},
     )
     found = convert(scan, sensor, 0)
-    gated = gate(modes, spread, modes[:2], 0.0, found, sensor)
-    assert gated.updated is not None
+    gated = gate(modes, spread, modes[:, :2], 0.0, found, sensor)
     states, covariances = gated.updated
     assert len(states) == 6
     assert (np.linalg.eigvalsh(covariances) > 0.0).all()
-    assert np.isfinite(gated.likelihood).all()
+    of_pairs = gated.row[0, data_association.SEEKER[gated.pairs[1]], gated.pairs[2]]
     for row in (0, 1):
-        alone = gate(modes, spread, modes[:2], 0.0, found[[row]], sensor)
-        assert alone.updated is not None
-        np.testing.assert_allclose(states[row::2], alone.updated[0])
-        np.testing.assert_allclose(covariances[row::2], alone.updated[1])
-        np.testing.assert_allclose(gated.likelihood[row::2], alone.likelihood)
+        alone = gate(modes, spread, modes[:, :2], 0.0, found[[row]], sensor)
+        np.testing.assert_allclose(states[of_pairs == row], alone.updated[0])
+        np.testing.assert_allclose(covariances[of_pairs == row], alone.updated[1])
+        likelihood = gated.likelihood[0, :, gated.row[0, 0] == row]
+        np.testing.assert_allclose(likelihood, alone.likelihood[0].T)

@@ -31,10 +31,11 @@ def assert_same(one: HeldTracks, other: HeldTracks) -> None:
 
 def test_rows_are_taken_and_joined():
     whole = table(1, 2, 3)
-    parts = whole.where(np.array([True, False, False])).joined(whole.where(np.array([1, 2])))
+    first, others = whole[np.array([True, False, False])], whole[np.array([1, 2])]
+    parts = HeldTracks.joined(first, others)
     assert (len(parts), len(HeldTracks.none())) == (3, 0)
     assert_same(parts, whole)
-    assert_same(HeldTracks.none().joined(whole), whole)
+    assert_same(HeldTracks.joined(HeldTracks.none(), whole), whole)
 
 
 def test_prediction_carries_every_column_and_changes_no_row_of_the_old_table():
@@ -55,10 +56,10 @@ def test_what_is_listed_gets_the_reported_state_and_keeps_its_figures():
     old = replace(table(1, 2, existence=0.4), **before)
     new = old.listed(tracks(2, 9, stamp=7.0, x=5000.0), 0.99)
     assert_same(old, replace(table(1, 2, existence=0.4), **before))
-    assert_same(new.where(np.array([0])), old.where(np.array([0])))
+    assert_same(new[np.array([0])], old[np.array([0])])
     assert new.tracks.track_id.tolist() == [1, 2]
     assert new.tracks.state[1].tolist() == [5000.0, 5.0, 2000.0, 0.0]
-    np.testing.assert_array_equal(new.models.state[:, 1], new.tracks.state[[1, 1]])
+    np.testing.assert_array_equal(new.models.state[1], new.tracks.state[[1, 1]])
     listed = [0.99, 1.0, 0.0, 7.0, LISTED, Status.PUBLISHED, True]
     assert [getattr(new, name)[1] for name in PLAIN] == listed
     assert (new.tracks.hits[1], new.tracks.age[1]) == (((0, 0),), 7.0)

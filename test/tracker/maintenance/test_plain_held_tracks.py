@@ -17,7 +17,7 @@ from support.plain_tsepm import Parameters
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.clutter.learned import DetectionProbability
-from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import PosesByRange
@@ -228,9 +228,9 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainMaintenance) -> Count
         assert_close(held.tracks.state[row], state)
         assert_close(held.tracks.covariance[row], covariance)
         for mode, expected in enumerate(track.modes):
-            assert_close(held.models.probability[mode, row], expected.probability)
-            assert_close(held.models.state[mode, row], expected.state)
-            assert_close(held.models.covariance[mode, row], expected.covariance)
+            assert_close(held.models.probability[row, mode], expected.probability)
+            assert_close(held.models.state[row, mode], expected.state)
+            assert_close(held.models.covariance[row, mode], expected.covariance)
         for name in ("existence", "proven", "visible", "covered_scans", "last_detected"):
             assert getattr(held, name)[row] == pytest.approx(getattr(track, name), rel=1e-7)
         assert held.agreeing_scans[row] == track.agreeing

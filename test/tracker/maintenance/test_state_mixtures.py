@@ -9,7 +9,7 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
 
-from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.measurement import covariance_at
 from tsepm_ros.tracker.motion import PROCESS_NOISE
 

@@ -5,14 +5,22 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.studies.reproduction import published as published
-from tsepm_ros.studies.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.studies.reproduction.runs import FAILS, HOLDS, Setting
+from tsepm_ros.studies.reproduction import published
+from tsepm_ros.studies.reproduction.report import (
+    FAILS,
+    HOLDS,
+    Cell,
+    Line,
+    Panel,
+    Part,
+    Picture,
+    Setting,
+    Table,
+)
 from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion
 from tsepm_ros.tracker.maintenance.features import closest_approach, distance_at
 from tsepm_ros.tracker.measurement import decision
@@ -77,50 +85,35 @@ class Equations:
         position = states[1, 0::2] - states[0, 0::2]
         relative = velocity[1] - velocity[0]
         x, y = (position + times[:, None] * relative).T  # Eqs. 5 and 6
-        angle = np.arctan2 if self.quadrants else _principal
         across, along = self.slope(velocity)
-        direction = angle(across, along) - angle(x, y)
+        direction = np.arctan2(across, along) - np.arctan2(x, y)
+        if not self.quadrants:
+            direction = np.arctan(across / along) - np.arctan(x / y)
         along_course = np.hypot(x, y) * np.cos(direction) / np.hypot(*relative)  # Eqs. 1 and 7
         return np.asarray(self.time(along_course))
 
 
-def _principal(across: Any, along: Any) -> Any:
-    return np.arctan(across / along)
-
-
-def _as_printed(velocity: FloatArray) -> tuple[float, float]:
-    (x1, y1), (x2, y2) = velocity
-    return y2 * y1, x2 - x1
-
-
-def _with_minus(velocity: FloatArray) -> tuple[float, float]:
-    (x1, y1), (x2, y2) = velocity
-    return y2 - y1, x2 - x1
-
-
-def _from_north(velocity: FloatArray) -> tuple[float, float]:
-    (x1, y1), (x2, y2) = velocity
-    return x2 - x1, y2 - y1
-
+SLOPES: dict[str, Callable[[FloatArray], tuple[float, float]]] = {
+    "Eq. 2 as printed": lambda v: (v[1, 1] * v[0, 1], v[1, 0] - v[0, 0]),
+    "Eq. 2 with its minus": lambda v: (v[1, 1] - v[0, 1], v[1, 0] - v[0, 0]),
+    "phi_r from y": lambda v: (v[1, 0] - v[0, 0], v[1, 1] - v[0, 1]),
+}
+"""Numerator and denominator of Eq. 2 from the velocities of both targets (2, 2)."""
+_AS_PRINTED, _WITH_MINUS, _FROM_NORTH = SLOPES.values()
 
 EQUATIONS = (
-    Equations("as printed", _as_printed, False, np.abs),
-    Equations("Eq. 2 with its minus", _with_minus, False, np.abs),
-    Equations("and phi_r from y, as theta", _from_north, False, np.abs),
-    Equations("and without the bars", _from_north, False, np.positive),
-    Equations("and with quadrants", _from_north, True, np.positive),
-    Equations("and with the other sign", _from_north, True, np.negative),
+    Equations("as printed", _AS_PRINTED, False, np.abs),
+    Equations("Eq. 2 with its minus", _WITH_MINUS, False, np.abs),
+    Equations("and phi_r from y, as theta", _FROM_NORTH, False, np.abs),
+    Equations("and without the bars", _FROM_NORTH, False, np.positive),
+    Equations("and with quadrants", _FROM_NORTH, True, np.positive),
+    Equations("and with the other sign", _FROM_NORTH, True, np.negative),
 )
 """Readings; each adds a correction to the previous reading."""
 
 
 def all_equations() -> list[Equations]:
     """Every combination of the readings of Eqs. 2, 8 and 9."""
-    slopes = {
-        "Eq. 2 as printed": _as_printed,
-        "Eq. 2 with its minus": _with_minus,
-        "phi_r from y": _from_north,
-    }
     angles = {"without quadrants": False, "with quadrants": True}
     signs = {
         "with bars": np.abs,
@@ -128,8 +121,8 @@ def all_equations() -> list[Equations]:
         "with a minus instead of bars": np.negative,
     }
     return [
-        Equations(", ".join(names), slopes[names[0]], angles[names[1]], signs[names[2]])
-        for names in itertools.product(slopes, angles, signs)
+        Equations(", ".join(names), SLOPES[names[0]], angles[names[1]], signs[names[2]])
+        for names in itertools.product(SLOPES, angles, signs)
     ]
 
 
@@ -175,14 +168,14 @@ def _encounter_parts() -> list[Part]:
         f"{'; '.join(equations.name for equations in valid)}.",
         Table(
             "environment_2018_figure_4",
-            [
-                Column("reading"),
-                Column("at first, s", ".1f"),
-                Column("just before the closest, s", ".1f"),
-                Column("just after, s", ".1f"),
-                Column("at the end, s", ".1f"),
-                Column("the text's description"),
-            ],
+            {
+                "reading": "",
+                "at first, s": ".1f",
+                "just before the closest, s": ".1f",
+                "just after, s": ".1f",
+                "at the end, s": ".1f",
+                "the text's description": "",
+            },
             [_figure_4_row(name, times, values, time) for name, values in curves.items()],
         ),
         "The equations have three errors besides the missing minus: Eq. 2 measures phi_r from the "
@@ -200,7 +193,7 @@ def _moved(states: FloatArray, time: float) -> FloatArray:
     return moved
 
 
-def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: float) -> list[Any]:
+def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: float) -> list[Cell]:
     before, after = (int(np.searchsorted(times, closest + side)) for side in (-1.0, 1.0))
     return [
         name,
@@ -215,50 +208,28 @@ def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: flo
 def _figure_4(
     states: FloatArray, times: FloatArray, curves: dict[str, FloatArray], closest: float
 ) -> Picture:
-    def draw(figure: Any) -> None:
-        left, right = figure.subplots(1, 2)
-        lines = (":", "--", "-.", (0, (5, 5)), (0, (1, 1)), "--")
-        left.plot(times, next(iter(curves.values())), lw=5, alpha=0.3, color="k")
-        for (name, values), line in zip(list(curves.items())[1:], lines, strict=True):
-            left.plot(times, values, label=name, ls=line, lw=1.8)
-        left.axhline(0.0, color="k", lw=0.5)
-        left.set(xlabel="time, s", ylabel="T_cpa, s", title="By reading; thick: -r.v / |v|^2")
-        left.legend(fontsize=7)
-        for name, state in zip("AB", states, strict=True):
-            x, y = (state[k] + times * state[k + 1] for k in (0, 2))
-            right.plot(x, y, label=name)
-            right.plot(x[0], y[0], "ko", ms=4)
-        place = int(np.searchsorted(times, closest))
-        x, y = _moved(states, float(times[place]))[:, 0::2].T
-        distance = distance_at(states[0], states[1], np.array(closest))
-        right.plot(x, y, "k:.", label=f"closest: {closest:.0f} s, {distance:.0f} m")
-        right.set(xlabel="x (east), m", ylabel="y (north), m", title="The encounter")
-        right.set_aspect("equal", adjustable="datalim")
-        right.legend(fontsize=8)
-
+    dashes = ("-", ":", "--", "-.", (0, (5, 5)), (0, (1, 1)), "--")
+    left = [
+        Line(times, values, name, {"ls": line})
+        for (name, values), line in zip(curves.items(), dashes, strict=True)
+    ]
+    right = [
+        Line(x + times * vx, y + times * vy, name)
+        for name, (x, vx, y, vy) in zip("AB", states, strict=True)
+    ]
+    x, y = _moved(states, closest)[:, 0::2].T
+    distance = float(distance_at(states[0], states[1], np.array(closest)))
+    text = f"closest: {closest:.0f} s, {distance:.0f} m"
+    right.append(Line(x, y, text, {"color": "k", "ls": ":", "marker": "."}))
     return Picture(
         "environment_2018_figure_4",
         "Fig. 4 of Environment 2018: the time of closest approach by reading of Eqs. 1-9, and the "
         "targets' courses",
-        draw,
+        [
+            Panel(left, {"xlabel": "time, s", "ylabel": "T_cpa, s", "title": "By reading"}),
+            Panel(right, {"xlabel": "x (east), m", "ylabel": "y (north), m", "aspect": "equal"}),
+        ],
     )
-
-
-@dataclass(frozen=True)
-class DecisionShares:
-    """Shares of right decisions.
-
-    Attributes
-    ----------
-    each : Estimate
-        Share of the plots, if each goes to the track of its smaller J.
-    pairs : Estimate
-        Share of the encounters, if the pair of the smallest J is taken first and the other plot
-        goes to the other track.
-    """
-
-    each: Estimate
-    pairs: Estimate
 
 
 def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
@@ -289,7 +260,7 @@ def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
 
 def decide(
     rng: np.random.Generator, trials: int, offset: float, histories: tuple[int, int]
-) -> DecisionShares:
+) -> tuple[Estimate, Estimate]:
     """Simulate encounters of a target A and a target B, a plot of each, decided by Eqs. 10-11.
 
     The three features are independent and Gaussian, in units of one plot's standard deviation.
@@ -302,6 +273,14 @@ def decide(
         Difference of each feature of B from that of A.
     histories : (int, int)
         Numbers of earlier plots of A and of B.
+
+    Returns
+    -------
+    each : Estimate
+        Share of the plots that are decided rightly, each to the track of its smaller J.
+    pairs : Estimate
+        Share of the encounters, if the pair of the smallest J is taken first and the other plot
+        goes to the other track.
     """
     centres = (0.0, offset)
     plots = rng.standard_normal((trials, 2, FEATURES)) + np.array(centres)[:, None]
@@ -312,7 +291,7 @@ def decide(
     distances = np.stack([decision(history, plots) for history in earlier], axis=-1)
     each, pairs = smallest(distances)
     # The two plots of an encounter meet the same histories.
-    return DecisionShares(mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials))
+    return mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials)
 
 
 def _decision_parts(setting: Setting) -> list[Part]:
@@ -320,18 +299,13 @@ def _decision_parts(setting: Setting) -> list[Part]:
     each, pairs = smallest(table)
     rng = np.random.default_rng(setting.seed)
     trials = TRIALS * setting.runs
-    rows = []
+    rows: list[list[Cell]] = []
     for histories in HISTORIES:
         for offset in OFFSETS:
             shares = decide(rng, trials, offset, histories)
-            rows.append(["{}, {}".format(*histories), offset, shares.each, shares.pairs])
+            rows.append(["{}, {}".format(*histories), offset, *shares])
     (a1, b1), (a2, b2) = table
-    alone = ", ".join(
-        f"plot {number} to {right if own else other}"
-        for number, right, other, own in zip(
-            (1, 2), published.DECISION, reversed(published.DECISION), each, strict=True
-        )
-    )
+    alone = ", ".join(f"plot {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))
     return [
         "### Table 1: association of the plots",
         f"Published: J of plot 1 is {a1:g} with A and {b1:g} with B, of plot 2 {a2:g} and {b2:g}; "
@@ -347,15 +321,18 @@ def _decision_parts(setting: Setting) -> list[Part]:
         f"{trials} encounters with a plot of each target; J by Eqs. 10 and 11.",
         Table(
             "environment_2018_table_1",
-            [
-                Column("plots of A, B before"),
-                Column("offset", "g"),
-                Column("plots right, smaller J of each plot", ".3f"),
-                Column("encounters right, smallest J first", ".3f"),
-            ],
+            {
+                "plots of A, B before": "",
+                "offset": "g",
+                "plots right, smaller J of each plot": ".3f",
+                "encounters right, smallest J first": ".3f",
+            },
             rows,
+            bounds=False,
         ),
         "J falls with the square of the number of earlier plots (u' moves by 1/(n+1) of the "
         "difference). With unequal histories the longer history attracts all plots, and no single "
         "epsilon fits both. J also adds squares of different units.",
+        "Figs. 2, 5 and 6 (features of clutter and targets, plots in the gates, J over the scans) "
+        "are of recordings of a vessel traffic service that are not published: not tested.",
     ]

@@ -52,9 +52,7 @@ SEQUENTIAL_TABLE_1 = {
 ENCOUNTER = ((18_000.0, 187.0, 6.0, 330.0), (17_000.0, 189.0, 4.0, 190.0))
 """Targets A and B of Fig. 4: distance (m), azimuth (degrees), speed (m/s), heading (degrees)."""
 ENVIRONMENT_TABLE_1 = ((16.038, 7.500), (22.449, 1.090))
-"""Feature distances of plots 1 and 2 to the tracks A and B."""
-DECISION = ("A", "B")
-"""Whose plots 1 and 2 are."""
+"""Feature distances of plots 1 and 2 to the tracks A and B, to which they are said to belong."""
 
 TABLE_I_RULE = (5, 8)
 TABLE_I = {  # (scan, measurement) of each track

@@ -1,191 +1,39 @@
-"""Sequential 2014: its simulated runs, Figs. 8-11 and Table 1.
-
-The simulated runs of Sequential 2014: six targets on a hexagon, a platform on a square.
-
-Sequential 2014: Figs. 8-11 and Table 1.
-"""
+"""Sequential 2014: Figs. 8-11, Table 1, and the methods that it finds unsuitable."""
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.studies import sequential
-from tsepm_ros.studies.reproduction import published as published
-from tsepm_ros.studies.reproduction.document import Column, Part, Picture, Table
-from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, Started
-from tsepm_ros.studies.reproduction.runs import Result, Setting
-from tsepm_ros.studies.sequential import Sequential, SequentialOptions
+from tsepm_ros.studies.reproduction import published
+from tsepm_ros.studies.reproduction.monte_carlo import (
+    ASSUMED,
+    CONVENTIONAL,
+    DEFAULT_READING,
+    MATCHED,
+    MATCHINGS,
+    hexagon_case,
+    hexagon_cases,
+    run_conventional,
+    run_hexagon,
+)
+from tsepm_ros.studies.reproduction.report import (
+    Cell,
+    Line,
+    Panel,
+    Part,
+    Picture,
+    Result,
+    Setting,
+    Table,
+)
 from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion, root, root_mean_square
 from tsepm_ros.tools.evaluation.measures import cramer_rao
-from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, SimulatedScene
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import WaypointMotion
-from tsepm_ros.tracker.measurement import convert
-from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracker import Tracker
-from tsepm_ros.tracker.tracks import ConfirmedTrack
-
-DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
-ASSUMED = 0.9
-"""Detection probability of the scene with the listed interval."""
-TURN_RADIUS = 1.0
-"""Turn radius of the platform at a corner, m; the published platform turns on the spot."""
-
-
-MATCHINGS = {
-    "nearest pair first": "nearest",
-    "oldest track first": "oldest",
-    "by several tracks": "shared",
-}
-"""Values of `SequentialOptions.matching`, in the words of the tables."""
-GATES = ("range", "major_axis")
-READINGS = tuple(itertools.product(GATES, MATCHINGS))
-"""Meaning of sigma in Eq. 7, and track of a detection that several tracks match (Step 3)."""
-DEFAULT_READING = (GATES[0], "oldest track first")
-"""The default reading of the method."""
-
-
-def case(period: float, detection_probability: float) -> Scenario:
-    """The scene of Section 5, from time 0 to two minutes; every run draws the targets' headings.
-
-    Parameters
-    ----------
-    period : float
-        s.
-    detection_probability : float
-    """
-    half = 0.5 * published.SQUARE_SIDE
-    corners = ((-half, -half), (half, -half), (half, half), (-half, half))
-    sensor = SensorModel(
-        range_std_fraction=published.SEQUENTIAL_RANGE_ERROR_FRACTION,
-        azimuth_std=math.radians(published.ANGLE_ERROR_DEG),
-        max_range=published.MAX_RANGE,
-        detection_probability=detection_probability,
-        clutter_density=published.CLUTTER / (math.pi * published.MAX_RANGE**2),
-    )
-    return Scenario(
-        "sequential_2014",
-        scans=1 + int(published.DURATION // period),
-        period=period,
-        sensor=sensor,
-        own_ship=WaypointMotion(
-            corners, published.PLATFORM_SPEED, published.PLATFORM_SPEED / TURN_RADIUS, True
-        ),
-    )
-
-
-def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
-    """States of the targets, with headings drawn."""
-    azimuth = np.arange(published.TARGETS) * 2.0 * np.pi / published.TARGETS
-    heading = rng.uniform(-np.pi, np.pi, published.TARGETS)
-    x, y = published.DISTANCE * np.array([np.cos(azimuth), np.sin(azimuth)])
-    vx, vy = published.TARGET_SPEED * np.array([np.cos(heading), np.sin(heading)])
-    return tuple(np.stack([x, vx, y, vy], axis=1))
-
-
-def cases() -> dict[tuple[float, float], Scenario]:
-    """Scenes by interval (s) and p_d; the source leaves both open."""
-    text_period, list_period = published.PERIODS
-    keys = [(text_period, p_d) for p_d in DETECTION_PROBABILITIES]
-    return {key: case(*key) for key in (*keys, (list_period, ASSUMED))}
-
-
-def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
-    """Start tracks by every reading.
-
-    Returns cumulative counts per reading and scan: targets with a true track; targets with a track
-    that has more than half of its hits from the target; all tracks. For the second kind of tracks
-    of the default reading it also returns the errors of each estimator, and the bounds.
-    """
-    targets = hexagon(np.random.default_rng([*seed, 1]))
-    scene = SimulatedScene.drawn(dataclasses.replace(scenario, targets=targets), seed)
-    results: Result = {}
-    for gate, matching in READINGS:
-        method = Sequential(
-            scenario.sensor,
-            CommonOptions(max_speed=published.SEQUENTIAL_MAX_SPEED, **AS_GIVEN),
-            SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
-        )
-        started = Started.on(scene, Tracker(method), scenario.scans)
-        judged = started.judged()
-        true = [judgement for judgement in judged if judgement.outcome is Outcome.TRUE]
-        for name, stamps in (
-            ("true", [judgement.track.stamp for judgement in true]),
-            ("near", [judgement.track.stamp for judgement in _first_of_each(judged)]),
-            ("all", started.tracks.stamp.tolist()),
-        ):
-            scan = np.round(np.array(stamps) / scenario.period)
-            counts = np.histogram(scan, np.arange(scenario.scans + 1) - 0.5)[0]
-            results[f"{gate}, {matching}: {name}"] = np.cumsum(counts).astype(float).tolist()
-        if (gate, matching) == DEFAULT_READING:
-            results |= errors(started, _first_of_each(judged))
-    return results
-
-
-def _first_of_each(judged: list[Judged]) -> list[Judged]:
-    first: dict[int, Judged] = {}
-    for judgement in judged:
-        first.setdefault(judgement.target, judgement)
-    return list(first.values())
-
-
-def errors(started: Started, judged: list[Judged]) -> Result:
-    """Errors of the estimators on the same hits, and their Cramer-Rao bounds.
-
-    Returns
-    -------
-    dict
-        Per estimator: distance (m), length of the velocity's error (m/s), speed less the true one
-        (m/s), angle between the velocities (degrees), of each track in turn; and of each track the
-        Cramer-Rao bounds of mean square distance (m^2) and velocity error (m^2/s^2), and whether
-        all hits are the target's.
-    """
-    scene = started.scene
-    results: Result = {name: [] for name in (*sequential.ESTIMATORS, "bound")}
-    for judgement in judged:
-        truth = scene.simulator.truth(judgement.track.stamp)[judgement.target]
-        for name in sequential.ESTIMATORS:
-            results[name] += _errors(_estimated(scene, judgement.track, name) - truth, truth)
-        results["bound"] += [*_bound(scene, judgement), float(judgement.pure)]
-    return results
-
-
-def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
-    sensor = scene.scenario.sensor
-    hits = np.array([convert(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits])
-    noise = SequentialOptions().process_noise
-    return sequential.estimate(hits[None], track.stamp, sensor, estimator, noise).state[0]
-
-
-def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
-    true, estimated = truth[1::2], truth[1::2] + error[1::2]
-    angle = math.atan2(true[0] * estimated[1] - true[1] * estimated[0], float(true @ estimated))
-    return [
-        float(np.hypot(error[0], error[2])),
-        float(np.hypot(error[1], error[3])),
-        float(np.hypot(*estimated) - np.hypot(*true)),
-        abs(math.degrees(angle)),
-    ]
-
-
-def _bound(scene: SimulatedScene, judgement: Judged) -> list[float]:
-    """Bounds of the mean square errors at the hits' times, all taken as the target's."""
-    stamps = np.array([scene.scans[scan].stamp for scan, _ in judgement.track.hits])
-    scenario = scene.scenario
-    positions = np.array([scene.simulator.truth(t)[judgement.target, 0::2] for t in stamps])
-    own_ship = np.array([scenario.own_ship.pose(t)[:2] for t in stamps])
-    bound = cramer_rao(positions, stamps, own_ship, scenario.sensor, judgement.track.stamp)
-    return [float(np.trace(bound[place::2, place::2])) for place in (0, 1)]
-
 
 TIMES = np.array(list(published.FORMED))
 FORMED = np.array(list(published.FORMED.values()))
@@ -263,12 +111,11 @@ def _share_of_at_least(counts: FloatArray, number: int) -> Estimate:
 
 def reproduce(setting: Setting, scenes: Scenes | None = None) -> list[Part]:
     """The parts of its chapter, by default of all scenes."""
-    scenes = cases() if scenes is None else scenes
+    scenes = hexagon_cases() if scenes is None else scenes
     results = dict(zip(scenes, setting.results(run_hexagon, list(scenes.values())), strict=True))
-    counts = [
-        Counts.of(key, reading, runs) for key, runs in results.items() for reading in READINGS
-    ]
-    return [*_start_parts(counts), *_error_parts(results)]
+    counts = [Counts.of(key, reading, runs) for key, runs in results.items() for reading in MATCHED]
+    [others] = setting.results(run_conventional, [scenes[MAIN]])
+    return [*_start_parts(counts), *_conventional_parts(others), *_error_parts(results)]
 
 
 def same_share() -> float:
@@ -295,11 +142,10 @@ def closest(counts: Sequence[Counts], earlier: bool = False) -> Counts:
 
 def _start_parts(counts: list[Counts]) -> list[Part]:
     nearest, shifted = closest(counts), closest(counts, earlier=True)
-    agree = [reading.name for reading in counts if _within(published.ALL_SIX, reading.at_least(6))]
+    shares = [reading.at_least(6) for reading in counts]
+    agree = sum(share.low <= published.ALL_SIX <= share.high for share in shares)
     certain = [reading for reading in counts if reading.at_least(4).value == 1.0]
-    certain_in_main = [
-        reading for reading in certain if (reading.period, reading.detection_probability) == MAIN
-    ]
+    certain_in_main = "; ".join(f"sigma {r.gate}, {r.matching}" for r in _in_main(certain))
     share = same_share()
     return [
         "### Figs. 8 and 9: targets started",
@@ -317,27 +163,17 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "five means from the published.",
         Table(
             "sequential_2014_starts",
-            [
-                Column("T, s", "g"),
-                Column("p_d", "g"),
-                Column("sigma"),
-                Column("a detection goes to the"),
-                Column("P(>= 4)", ".3f"),
-                Column("P(all six)", ".3f"),
-                Column("... any track", ".3f"),
-                Column("... first scan at 0", ".3f"),
-                *(Column(f"{time:g} s", ".2f") for time in TIMES),
-                Column("all tracks, 120 s", ".2f"),
-                Column("off Fig. 9", ".2f"),
-            ],
-            [_published_row(), *map(_row, counts)],
+            STARTS,
+            [PUBLISHED, *map(_row, counts)],
+            [PUBLISHED, *map(_row, _in_main(counts))],
+            bounds=False,
         ),
         f"The means of Fig. 9 are nearest to those of *{nearest.name}* (off by "
         f"{nearest.distance():.2f} tracks); with the first scan at 0 to those of *{shifted.name}* "
         f"({shifted.distance(earlier=True):.2f}). P(all six) = {published.ALL_SIX} lies in the "
-        f"interval of: {'; '.join(agree) or 'none'}. Four or more are started in every run by "
-        f"{len(certain)} of {len(counts)} readings; with T {MAIN[0]:g} s and p_d {MAIN[1]:g}: "
-        f"{_listed(certain_in_main) or 'none'}. No reading "
+        f"interval of {agree} of {len(counts)} readings (CSV). Four or more are started "
+        f"in every run by {len(certain)} of {len(counts)} readings; with T {MAIN[0]:g} s and p_d "
+        f"{MAIN[1]:g}: {certain_in_main or 'none'}. No reading "
         "was chosen by these figures.",
         "Where the nearest pair is matched first, an echo outside its target's gate starts a "
         "second track, which is nearer to the next echoes: the hits are divided between the two, "
@@ -354,31 +190,77 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
     ]
 
 
-def _listed(readings: Sequence[Counts]) -> str:
-    return "; ".join(f"sigma {reading.gate}, {reading.matching}" for reading in readings)
+STARTS = {
+    "T, s": "g",
+    "p_d": "g",
+    "sigma": "",
+    "a detection goes to the": "",
+    "P(>= 4)": ".3f",
+    "P(all six)": ".3f",
+    "... any track": ".3f",
+    "... first scan at 0": ".3f",
+    **{f"{time:g} s": ".2f" for time in TIMES},
+    "all tracks, 120 s": ".2f",
+    "off Fig. 9": ".2f",
+}
 
 
-def _within(value: float, interval: Estimate) -> bool:
-    return interval.low <= value <= interval.high
+def _in_main(readings: Sequence[Counts]) -> list[Counts]:
+    """The readings in the main scene."""
+    return [one for one in readings if (one.period, one.detection_probability) == MAIN]
 
 
-def _published_row() -> list[Any]:
+def _conventional_parts(runs: list[Result]) -> list[Part]:
+    rows: list[list[Cell]] = []
+    for name in CONVENTIONAL:
+        true, near, every = (
+            np.array([run[f"{name}: {kind}"][-2] for run in runs]) for kind in _KINDS
+        )
+        errors = np.concatenate([run[name] for run in runs])
+        figures = [_share_of_at_least(true, number) for number in (4, 6)]
+        rows.append([name, *figures, mean(true), mean(near), mean(every), root_mean_square(errors)])
+    period, p_d = MAIN
     return [
-        "published",
-        "-",
-        "-",
-        "-",
-        published.FOUR_OR_MORE,
-        published.ALL_SIX,
-        "-",
-        "-",
-        *FORMED,
-        "-",
-        "-",
+        "### The conventional methods in this scene",
+        "The source finds, without numbers, that the heuristic method, the logic-based method, the "
+        "Hough transform and its modification cannot start the real tracks; that Hough with a "
+        "small number of cells finds tracks with large errors, with a large number none; TSEPM "
+        "2018 finds the start from two points inaccurate. "
+        f"T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s. The start from one point "
+        "needs amplitudes or range rates, which the scene does not have: not tested.",
+        Table(
+            "sequential_2014_conventional",
+            {
+                "method": "",
+                "P(>= 4)": ".3f",
+                "P(all six)": ".3f",
+                "targets with a true track": ".2f",
+                "with any track": ".2f",
+                "all tracks": ".1f",
+                "position, rms, m": ".0f",
+            },
+            rows,
+            bounds=False,
+        ),
     ]
 
 
-def _row(reading: Counts) -> list[Any]:
+PUBLISHED: list[Cell] = [
+    "published",
+    "-",
+    "-",
+    "-",
+    published.FOUR_OR_MORE,
+    published.ALL_SIX,
+    "-",
+    "-",
+    *FORMED,
+    "-",
+    "-",
+]
+
+
+def _row(reading: Counts) -> list[Cell]:
     last = reading.place(published.DURATION)
     return [
         reading.period,
@@ -396,37 +278,28 @@ def _row(reading: Counts) -> list[Any]:
 
 
 def _starts_picture(counts: list[Counts]) -> Picture:
-    shown = [
-        reading for reading in counts if (reading.period, reading.detection_probability) == MAIN
-    ]
-
-    def draw(figure: Any) -> None:
-        left, right = figure.subplots(1, 2)
-        numbers = range(1, published.TARGETS + 1)
-        for reading in shown:
-            style = {
-                "color": f"C{list(MATCHINGS).index(reading.matching)}",
-                "linestyle": "-" if reading.gate == DEFAULT_READING[0] else "--",
-                "marker": ".",
-                "label": f"{reading.matching}, {reading.gate}",
-            }
-            left.plot(numbers, [reading.at_least(k).value for k in numbers], **style)
-            right.plot(TIMES, [point.value for point in reading.formed(reading.true)], **style)
-        marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2, "label": "published"}
-        left.plot([4, 6], [published.FOUR_OR_MORE, published.ALL_SIX], linestyle="", **marks)
-        right.plot(TIMES, FORMED, linestyle=":", **marks)
-        left.set(xlabel="targets", ylabel="share of runs", title="At least so many are started")
-        right.set(xlabel="time, s", ylabel="targets", title="Started by a time, mean")
-        for axis in (left, right):
-            axis.set_ylim(bottom=0.0)
-            axis.grid(alpha=0.3)
-        right.legend(fontsize=8)
-
+    numbers = range(1, published.TARGETS + 1)
+    marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2}
+    left = [Line([4, 6], [published.FOUR_OR_MORE, published.ALL_SIX], style=marks | {"ls": ""})]
+    right = [Line(TIMES, FORMED, "published", marks | {"ls": ":"})]
+    for reading in _in_main(counts):
+        style = {
+            "color": f"C{list(MATCHINGS).index(reading.matching)}",
+            "ls": "-" if reading.gate == DEFAULT_READING[0] else "--",
+            "marker": ".",
+        }
+        formed = [point.value for point in reading.formed(reading.true)]
+        left.append(Line(numbers, [reading.at_least(k).value for k in numbers], style=style))
+        right.append(Line(TIMES, formed, f"{reading.matching}, {reading.gate}", style))
+    settings = {"xlabel": "targets", "ylabel": "share of runs"}
     return Picture(
         "sequential_2014_figures_8_9",
         f"Figs. 8 and 9 of Sequential 2014, T = {MAIN[0]:g} s and p_d = {MAIN[1]:g}, by who gets a "
         "detection that several tracks match and by sigma",
-        draw,
+        [
+            Panel(left, settings | {"title": "At least so many are started", "ylim": (0.0, 1.05)}),
+            Panel(right, {"xlabel": "time, s", "ylabel": "targets, mean", "ylim": (0.0, 6.5)}),
+        ],
     )
 
 
@@ -438,13 +311,13 @@ def min_speed_error(hits: int, period: float) -> float:
     """
     positions = np.tile([published.DISTANCE, 0.0], (hits, 1))
     times = np.arange(hits) * period
-    sensor = case(period, ASSUMED).sensor
+    sensor = hexagon_case(period, ASSUMED).sensor
     bound = cramer_rao(positions, times, np.zeros(2), sensor, times[-1])
     return float(np.sqrt(2.0 / np.pi * min(bound[1, 1], bound[3, 3])))
 
 
 def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]:
-    rows: list[list[Any]] = []
+    rows: list[list[Cell]] = []
     for name, (position, speed, angle) in published.SEQUENTIAL_TABLE_1.items():
         rows.append(["published", ESTIMATORS[name], position, "-", speed, "-", "-", "-", angle])
     for (period, p_d), runs in results.items():
@@ -454,7 +327,8 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         ]
         rows.append([f"T {period:g} s, p_d {p_d:g}", "Cramer-Rao bound", *_bounds(runs)])
     pure = np.concatenate([_stacked(runs, "bound", 3)[:, 2] for runs in results.values()])
-    period, _ = MAIN
+    period, p_d = MAIN
+    scene = f"T {period:g} s, p_d {p_d:g}"
     six, ten = (min_speed_error(hits, period) for hits in (6, published.SCANS))
     _, speed, angle = published.SEQUENTIAL_TABLE_1["least_squares"]
     across = published.TARGET_SPEED * math.sin(math.radians(angle))
@@ -468,18 +342,20 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         "Fig. 10's caption has the length of the velocity's error, Table 1 an error of speed.",
         Table(
             "sequential_2014_table_1",
-            [
-                Column("scene"),
-                Column("estimator"),
-                Column("position, mean, m", ".1f"),
-                Column("position, rms, m", ".1f"),
-                Column("speed, mean difference, m/s", ".2f"),
-                Column("speed, mean with sign, m/s", ".2f"),
-                Column("velocity, mean length, m/s", ".2f"),
-                Column("velocity, rms, m/s", ".2f"),
-                Column("angle, mean, degrees", ".1f"),
-            ],
+            {
+                "scene": "",
+                "estimator": "",
+                "position, mean, m": ".1f",
+                "position, rms, m": ".1f",
+                "speed, mean difference, m/s": ".2f",
+                "speed, mean with sign, m/s": ".2f",
+                "velocity, mean length, m/s": ".2f",
+                "velocity, rms, m/s": ".2f",
+                "angle, mean, degrees": ".1f",
+            },
             rows,
+            [row for row in rows if row[0] in ("published", scene)],
+            bounds=False,
         ),
         f"The published {speed:g} m/s of least squares is out of reach of these errors, if it is "
         f"the mean size of the speed's error: without bias, six hits in six scans of {period:g} s "
@@ -511,32 +387,29 @@ def _figures(errors: FloatArray) -> list[Estimate]:
     ]
 
 
-def _bounds(runs: list[Result]) -> list[Any]:
+def _bounds(runs: list[Result]) -> list[Cell]:
     position, velocity = (root(mean(part)) for part in _stacked(runs, "bound", 3)[:, :2].T)
     return ["-", position.value, "-", "-", "-", velocity.value, "-"]
 
 
 def _errors_picture(runs: list[Result]) -> Picture:
-    def draw(figure: Any) -> None:
-        axes = figure.subplots(1, 2)
-        errors = {name: _stacked(runs, name, 4) for name in ESTIMATORS}
-        for axis, place, top, text in (
-            (axes[0], 1, 8.0, "length of the velocity's error, m/s"),
-            (axes[1], 3, 90.0, "angle between the velocities, degrees"),
-        ):
-            bins = np.linspace(0.0, top, 33)
-            for (name, label), line in zip(ESTIMATORS.items(), ("-", "-", "--"), strict=True):
-                values = np.minimum(errors[name][:, place], top)
-                weights = np.full(len(values), 1.0 / max(len(values), 1))
-                axis.hist(values, bins, weights=weights, histtype="step", ls=line, label=label)
-            value = published.SEQUENTIAL_TABLE_1["least_squares"][1 if place == 1 else 2]
-            axis.axvline(value, color="k", ls=":", label=f"least squares, published: {value:g}")
-            axis.set(xlabel=text, ylabel="share of tracks", title="the last bar: or more")
-            axis.legend(fontsize=8)
-
+    panels = []
+    for place, top, text in (
+        (1, 8.0, "length of the velocity's error, m/s"),
+        (3, 90.0, "angle between the velocities, degrees"),
+    ):
+        bins, lines = np.linspace(0.0, top, 33), []
+        for name, label in ESTIMATORS.items():
+            values = np.minimum(_stacked(runs, name, 4)[:, place], top)
+            share = np.histogram(values, bins)[0] / max(len(values), 1)
+            lines.append(Line(bins[:-1], share, label, {"drawstyle": "steps-post"}))
+        value = published.SEQUENTIAL_TABLE_1["least_squares"][1 if place == 1 else 2]
+        title = f"dashed: least squares, published, {value:g}"
+        settings = {"xlabel": text, "ylabel": "share of tracks", "title": title}
+        panels.append(Panel(lines, settings, [value]))
     return Picture(
         "sequential_2014_figures_10_11",
         f"Figs. 10 and 11 of Sequential 2014, T = {MAIN[0]:g} s and p_d = {MAIN[1]:g}: errors of "
         "the velocity",
-        draw,
+        panels,
     )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import IntArray
-from tsepm_ros.studies.reproduction.document import Column, Part, Picture, Table
 from tsepm_ros.studies.reproduction.monte_carlo import run_four_targets
 from tsepm_ros.studies.reproduction.published import (
     AFTER_MERGING,
@@ -22,26 +21,31 @@ from tsepm_ros.studies.reproduction.published import (
     TABLE_II,
     TRUE_TRACK,
 )
-from tsepm_ros.studies.reproduction.runs import Result, Setting, column
+from tsepm_ros.studies.reproduction.report import (
+    Cell,
+    Line,
+    Panel,
+    Part,
+    Picture,
+    Result,
+    Setting,
+    Table,
+    column,
+)
 from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tracker import merging
 
-
-def track_ids() -> IntArray:
-    """Detection ids of Table I's tracks, (13, 5)."""
-    return np.array([[100 * scan + row for scan, row in track] for track in TABLE_I.values()])
-
-
-def confirmed_in() -> IntArray:
-    """Scan in which each track of Table I is confirmed, (13,)."""
-    return track_ids()[:, -1] // 100
-
-
-def shared_hits() -> IntArray:
-    """Number of measurements that each pair of tracks shares, (13, 13)."""
-    ids = track_ids()
-    return (ids[:, None, :, None] == ids[None, :, None, :]).sum(axis=(2, 3))
+TRACK_IDS: IntArray = np.array(
+    [[100 * scan + row for scan, row in track] for track in TABLE_I.values()]
+)
+"""Detection ids of Table I's tracks, (13, 5)."""
+CONFIRMED_IN: IntArray = TRACK_IDS[:, -1] // 100
+"""Scan in which each track of Table I is confirmed, (13,)."""
+SHARED_HITS: IntArray = (TRACK_IDS[:, None, :, None] == TRACK_IDS[None, :, None, :]).sum(
+    axis=(2, 3)
+)
+"""Number of measurements that each pair of tracks shares, (13, 13)."""
 
 
 def may_merge(first_track: int, second_track: int) -> bool:
@@ -50,18 +54,18 @@ def may_merge(first_track: int, second_track: int) -> bool:
     Condition (ii), close states, needs the positions, which are not printed.
     """
     first, second = np.array([first_track - 1]), np.array([second_track - 1])
-    same_scan = bool(np.all(confirmed_in()[first] == confirmed_in()[second]))
-    return bool(same_scan and merging.overlap(track_ids(), first, second)[0])
+    same_scan = CONFIRMED_IN[first] == CONFIRMED_IN[second]
+    return bool(same_scan[0] and merging.overlap(TRACK_IDS, first, second)[0])
 
 
 def table_i_groups() -> list[tuple[int, ...]]:
     """Groups of Table I's tracks by the package's merging, if all states are close."""
     groups = []
-    index, ids, scans = np.array(list(TABLE_I)), track_ids(), confirmed_in()
-    for scan in np.unique(scans):
-        rows = np.flatnonzero(scans == scan)
+    index = np.array(list(TABLE_I))
+    for scan in np.unique(CONFIRMED_IN):
+        rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
-        labels, _ = merging.groups(ids[rows], states, covariances, 0.9)
+        labels, _ = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
         for members in grouped.members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
@@ -96,21 +100,20 @@ def reproduce(setting: Setting) -> list[Part]:
 
 def _table_i_parts() -> list[Part]:
     groups = table_i_groups()
-    shared, scans = shared_hits(), confirmed_in()
     claims = [*((pair, "merge") for pair in SAID_TO_MERGE)]
     claims += [(pair, "do not merge") for pair in SAID_NOT_TO_MERGE]
-    rows = [
+    rows: list[list[Cell]] = [
         [
             f"{first}, {second}",
             verdict,
-            int(shared[first - 1, second - 1]),
-            f"{scans[first - 1]}, {scans[second - 1]}",
+            int(SHARED_HITS[first - 1, second - 1]),
+            f"{CONFIRMED_IN[first - 1]}, {CONFIRMED_IN[second - 1]}",
             "may merge" if may_merge(first, second) else "do not merge",
         ]
         for (first, second), verdict in claims
     ]
     left = AFTER_SPLITTING - len(disjoint_pairs())
-    majority = [t for t in TABLE_II if 2 * shared[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
+    majority = [t for t in TABLE_II if 2 * SHARED_HITS[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
     return [
         "### Table I: thirteen tracks of one run",
         "Two tracks merge if (i) they are confirmed in the same scan, (ii) their states are close, "
@@ -118,19 +121,19 @@ def _table_i_parts() -> list[Part]:
         "that (i) and (iii) can be checked and (ii) cannot: what follows is an upper bound.",
         Table(
             "split_merge_2016_pairs",
-            [
-                Column("tracks"),
-                Column("the text says"),
-                Column("shared measurements", "d"),
-                Column("confirmed in scans"),
-                Column("conditions (i) and (iii)"),
-            ],
+            {
+                "tracks": "",
+                "the text says": "",
+                "shared measurements": "d",
+                "confirmed in scans": "",
+                "conditions (i) and (iii)": "",
+            },
             rows,
         ),
         "Tracks left, published and by reading:",
         Table(
             "split_merge_2016_left",
-            [Column("reading"), Column("tracks left", "d"), Column("groups")],
+            {"reading": "", "tracks left": "d", "groups": ""},
             [
                 ["published", AFTER_MERGING, "not listed"],
                 [
@@ -166,34 +169,29 @@ def _split_text(first: int, second: int) -> str:
 
 
 def _shared_picture() -> Picture:
-    def draw(figure: Any) -> None:
-        axis = figure.subplots()
-        shared = shared_hits()
-        image = axis.imshow(shared, cmap="Blues")
-        names = list(TABLE_I)
-        for first in names:
-            for second in names:
-                if first != second and may_merge(first, second):
-                    axis.plot(first - 1, second - 1, "o", color="C1", ms=5)
-        axis.set_xticks(range(len(names)), names)
-        axis.set_yticks(range(len(names)), names)
-        axis.set_title("Measurements shared; dots: conditions (i) and (iii) hold", fontsize=10)
-        figure.colorbar(image)
-
+    pairs = itertools.permutations(TABLE_I, 2)
+    merging_pairs = [pair for pair in pairs if may_merge(*pair)]
+    places = np.array(merging_pairs).T - 1
+    dots = Line(places[0], places[1], "conditions (i) and (iii) hold", {"ls": "", "marker": "o"})
+    names = list(TABLE_I)
+    ticks = {"xticks": range(len(names)), "yticks": range(len(names))}
+    settings = ticks | {"xticklabels": names, "yticklabels": names}
     return Picture(
         "split_merge_2016_table_i",
         "Table I of Split-merge 2016: measurements that its thirteen tracks share",
-        draw,
+        [Panel([dots], settings | {"title": "Measurements shared"}, image=SHARED_HITS)],
         (6.0, 5.0),
     )
 
 
 def _scene_parts(runs: list[Result]) -> list[Part]:
-    split, merged = (_per_area(runs, f"{name} areas") for name in ("split", "merged"))
-    near = [_per_area(runs, f"{name} near") for name in ("split", "merged")]
+    split, merged = (
+        np.array([run[f"{name} areas"] for run in runs]) for name in ("split", "merged")
+    )
+    near = [np.array([run[f"{name} near"] for run in runs]) for name in ("split", "merged")]
     targets = split.shape[1]
     detected = [int(column(runs, name, 1).sum()) for name in ("split", "merged")]
-    rows: list[list[Any]] = []
+    rows: list[list[Cell]] = []
     for what, published, counts in (
         ("after splitting", AFTER_SPLITTING, split),
         ("after merging", AFTER_MERGING, merged),
@@ -206,7 +204,7 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         # The areas of one run are not independent.
         average = mean_count(counts.mean(axis=1) * targets) / targets
         rows.append([what, published, average, f"{low:.0f} to {high:.0f}"])
-    disc = [
+    disc: list[list[Cell]] = [
         [f"whole coverage, {text}", "-", mean_count(column(runs, name, 0)), "-"]
         for name, text in (("split", "after splitting"), ("merged", "after merging"))
     ]
@@ -219,12 +217,12 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         "after merging is by the text's pairs.",
         Table(
             "split_merge_2016_scene",
-            [
-                Column("tracks"),
-                Column("published, one run"),
-                Column("mean", ".2f"),
-                Column("5 % to 95 % of the squares"),
-            ],
+            {
+                "tracks": "",
+                "published, one run": "",
+                "mean": ".2f",
+                "5 % to 95 % of the squares": "",
+            },
             [*rows, *disc],
         ),
         f"Targets found of {len(runs) * targets}: "
@@ -237,30 +235,24 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
     ]
 
 
-def _per_area(runs: list[Result], name: str) -> NDArray[np.float64]:
-    return np.array([run[name] for run in runs])
-
-
 def _counts_picture(split: NDArray[np.float64], merged: NDArray[np.float64]) -> Picture:
-    def draw(figure: Any) -> None:
-        axes = figure.subplots(1, 2, sharey=True)
-        for axis, counts, published, text in (
-            (axes[0], split, AFTER_SPLITTING, "after splitting"),
-            (axes[1], merged, AFTER_MERGING, "after merging"),
-        ):
-            top = int(np.quantile(counts, 0.98)) + 2
-            weights = np.full(counts.size, 1.0 / counts.size)
-            axis.hist(np.minimum(counts.ravel(), top), np.arange(top + 2) - 0.5, weights=weights)
-            axis.axvline(published, color="C1", label=f"published run: {published}")
-            axis.set_title(f"Tracks in the square of interest, {text}", fontsize=10)
-            axis.set_xlabel("tracks (the last bar: that many or more)")
-            axis.xaxis.get_major_locator().set_params(integer=True)
-            axis.legend()
-        axes[0].set_ylabel("share of squares")
-
+    panels = []
+    for counts, published, text in (
+        (split, AFTER_SPLITTING, "after splitting"),
+        (merged, AFTER_MERGING, "after merging"),
+    ):
+        top = int(np.quantile(counts, 0.98)) + 2
+        share = np.bincount(np.minimum(counts.ravel(), top).astype(int), minlength=top + 1)
+        bars = Line(np.arange(top + 1), share / counts.size, style={"drawstyle": "steps-mid"})
+        settings = {
+            "title": f"Tracks {text}; dashed: published, {published}",
+            "xlabel": "tracks in the square of interest (the last: that many or more)",
+            "ylabel": "share of squares",
+        }
+        panels.append(Panel([bars], settings, [published]))
     return Picture(
         "split_merge_2016_counts",
         "Split-merge 2016: tracks in the 3 km square round a target, and those of the published "
         "run",
-        draw,
+        panels,
     )

@@ -1,15 +1,13 @@
-"""What commands share: arguments, and their failure.
-
-The failure of a command whose arguments are allowed.
-
-Arguments that several commands share.
-"""
+"""What commands share: arguments, and the failure of a command whose arguments are allowed."""
 
 from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import shipped_scenarios
@@ -19,20 +17,25 @@ class CommandFailed(Exception):  # noqa: N818
     """A command failed for the reason in the message, which has the remedy."""
 
 
-def positive(text: str) -> int:
-    """An integer above 0, from the command line."""
+Arguments = Mapping[str, Mapping[str, Any]]
+"""Options of `add_argument` by the name of an argument."""
+
+
+def add_arguments(parser: argparse.ArgumentParser, arguments: Arguments) -> None:
+    """Add the arguments of a table."""
+    for name, options in arguments.items():
+        parser.add_argument(name, **options)
+
+
+def at_least(minimum: int, text: str) -> int:
+    """An integer from the command line that is not below a minimum."""
     value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
+    if value < minimum:
+        raise argparse.ArgumentTypeError(f"must be at least {minimum}")
     return value
 
 
-def seed(text: str) -> int:
-    """A seed of random numbers, from the command line."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError("must be at least 0")
-    return value
+positive, seed = partial(at_least, 1), partial(at_least, 0)
 
 
 def in_folder(text: str) -> Path:
@@ -45,20 +48,18 @@ def in_folder(text: str) -> Path:
 
 def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") -> None:
     """Add the number of runs, the seed and the number of processes."""
-    parser.add_argument("--runs", type=positive, default=runs, help=f"{meaning}; default {runs}")
-    parser.add_argument("--seed", type=seed, default=1, help="seed of the runs; default 1")
-    parser.add_argument(
-        "--workers",
-        type=positive,
-        default=os.cpu_count() or 1,
-        help="processes; default one per core",
-    )
+    cores = os.cpu_count() or 1
+    for name, kind, default, text in (
+        ("--runs", positive, runs, f"{meaning}; default {runs}"),
+        ("--seed", seed, 1, "seed of the runs; default 1"),
+        ("--workers", positive, cores, "processes; default one per core"),
+    ):
+        parser.add_argument(name, type=kind, default=default, help=text)
 
 
 def workers_of(options: argparse.Namespace) -> Workers:
     """Workers of the runs, from `add_runs` and the option `scheduler`, if the command has it."""
-    scheduler = getattr(options, "scheduler", None)
-    return Workers(processes=options.workers, scheduler=scheduler)
+    return Workers(processes=options.workers, scheduler=getattr(options, "scheduler", None))
 
 
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:

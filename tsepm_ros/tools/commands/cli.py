@@ -21,15 +21,19 @@ from tsepm_ros.tools.commands.arguments import CommandFailed
 from tsepm_ros.tools.commands.design_command import add_design_arguments, run_design
 from tsepm_ros.tools.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.tools.commands.init_command import add_init_arguments, run_init
-from tsepm_ros.tools.commands.run_command import add_recording_arguments, run_recording
-from tsepm_ros.tools.commands.watch_command import add_watch_arguments, run_watch
+from tsepm_ros.tools.commands.run_command import (
+    add_recording_arguments,
+    add_watch_arguments,
+    run_recording,
+    run_watch,
+)
 from tsepm_ros.tools.replay.bag import ROLES
 from tsepm_ros.whole_files import naming
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
 Command = Callable[[argparse.Namespace], None]
 
-REPRODUCTION = "tsepm_ros.studies.reproduction.reproduce_command"
+REPRODUCTION = "tsepm_ros.studies.reproduction.report"
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
@@ -95,10 +99,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _reproduction(name: str) -> Callable[[Any], None]:
+def _reproduction(name: str) -> Any:
     """A function of the studies, which tools do not import."""
-    found: Callable[[Any], None] = pkgutil.resolve_name(f"{REPRODUCTION}:{name}")
-    return found
+    return pkgutil.resolve_name(f"{REPRODUCTION}:{name}")
 
 
 def _methods(options: argparse.Namespace) -> None:
@@ -107,8 +110,8 @@ def _methods(options: argparse.Namespace) -> None:
 
 
 def _add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
-    nodes = [*sorted(NODES), "all"]
-    parser.add_argument("node", nargs="?", choices=nodes, default="track_initiator")
+    names = [*sorted(NODES), "all"]
+    parser.add_argument("node", nargs="?", choices=names, default="track_initiator")
     parser.add_argument("--markdown", action="store_true", help="tables instead of YAML")
 
 

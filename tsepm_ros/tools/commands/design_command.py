@@ -6,34 +6,39 @@ import argparse
 import dataclasses
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
 
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship.mounting import Mounting
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Value
-from tsepm_ros.session.sensor_check import questions
+from tsepm_ros.session.plausibility import questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 from tsepm_ros.settings.parameter_files import ANY_NODE, add_values, given_values, parse_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.arguments import add_runs, positive, workers_of
-from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.design_case import Case, target_scenes
-from tsepm_ros.tools.design.design_report import (
-    candidate_table,
-    case_lines,
-    first_line,
-    increments_line,
-    remedied_detection,
-    remedy_table,
-    rule_table,
-    verdict,
+from tsepm_ros.tools.commands.arguments import (
+    Arguments,
+    add_arguments,
+    add_runs,
+    positive,
+    workers_of,
 )
-from tsepm_ros.tools.design.search import Candidate, first_estimate
-from tsepm_ros.tools.terminal import named_progress
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tools.design import search
+from tsepm_ros.tools.design.prediction import Case, target_scenes
+from tsepm_ros.tools.design.search import (
+    WINDOWS,
+    Candidate,
+    FirstEstimate,
+    PingIncrements,
+    Rule,
+    first_estimate,
+    remedied_detection,
+)
+from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.terminal import named_progress, text_table
+from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 
@@ -41,39 +46,37 @@ MAX_REMEDY_RUNS = 100
 """Maximum number of targets simulated for each proposed change."""
 
 
+ARGUMENTS: Arguments = {
+    "--interval": {
+        "type": float,
+        "help": "time between pings, s; default diagnostics.scan_period of the file, else 12",
+    },
+    "--false-detections": {
+        "type": float,
+        "metavar": "NUMBER",
+        "help": "false detections per ping, over the whole coverage",
+    },
+    "--scans": {
+        "type": positive,
+        "default": 16,
+        "help": "pings within which a target is to be found",
+    },
+    "--speed": {"type": float, "help": "speed of the targets, m/s; default half max_speed"},
+    "--range": {"type": float, "help": "range of the targets, m; default anywhere in the coverage"},
+    "--ratio": {
+        "type": float,
+        "metavar": "DB",
+        "help": "signal-to-clutter ratio of the targets, dB, where detections have an intensity",
+    },
+    "--wanted": {"type": float, "default": 0.9, "help": "required share of targets that are found"},
+    "--write": {"metavar": "FILE", "help": "write a parameter file for the node"},
+}
+
+
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a design."""
-    parser.add_argument(
-        "--interval",
-        type=float,
-        help="time between pings, s; default diagnostics.scan_period of the file, else 12",
-    )
-    parser.add_argument(
-        "--false-detections",
-        type=float,
-        metavar="NUMBER",
-        help="false detections per ping, over the whole coverage",
-    )
-    parser.add_argument(
-        "--scans", type=positive, default=16, help="pings within which a target is to be found"
-    )
-    parser.add_argument(
-        "--speed", type=float, help="speed of the targets, m/s; default half max_speed"
-    )
-    parser.add_argument(
-        "--range", type=float, help="range of the targets, m; default anywhere in the coverage"
-    )
-    parser.add_argument(
-        "--ratio",
-        type=float,
-        metavar="DB",
-        help="signal-to-clutter ratio of the targets, dB, where detections have an intensity",
-    )
-    parser.add_argument(
-        "--wanted", type=float, default=0.9, help="required share of targets that are found"
-    )
+    add_arguments(parser, ARGUMENTS)
     add_runs(parser, 400, "simulated targets, at most")
-    parser.add_argument("--write", metavar="FILE", help="write a parameter file for the node")
     add_values(parser)
 
 
@@ -102,7 +105,16 @@ def run_design(options: argparse.Namespace) -> None:
         options.interval = groups[DiagnosticsOptions].scan_period or Case.interval
     for question in questions(groups[SensorModel], groups[Mounting]):
         print(f"note: {question}", file=sys.stderr)
-    case = _case(options, groups[SensorModel], groups[CommonOptions])
+    common = groups[CommonOptions]
+    case = Case(
+        sensor=groups[SensorModel],
+        common=common,
+        interval=options.interval,
+        scans=options.scans,
+        target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
+        target_range=options.range,
+        ratio_db=options.ratio,
+    )
     target_scenes(case, options.runs, options.seed)  # refuses targets that leave the coverage
     score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
     target_rate = score.false_tracks_per_hour
@@ -168,18 +180,6 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError(f"write: there is no folder for {options.write}")
 
 
-def _case(options: argparse.Namespace, sensor: SensorModel, common: CommonOptions) -> Case:
-    return Case(
-        sensor=sensor,
-        common=common,
-        interval=options.interval,
-        scans=options.scans,
-        target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
-        target_range=options.range,
-        ratio_db=options.ratio,
-    )
-
-
 def _write_parameters(
     options: argparse.Namespace, values: dict[str, Value], candidates: list[Candidate]
 ) -> None:
@@ -192,3 +192,128 @@ def _write_parameters(
     text = f"# {options.line}\n{yaml.safe_dump(content, sort_keys=False)}"
     write_text(Path(options.write), text)
     print(f"written: {options.write}")
+
+
+def case_lines(case: Case, false_per_hour: float) -> str:
+    """The case of a design in two lines."""
+    sensor = case.sensor
+    where = "anywhere in the coverage"
+    if case.target_range is not None:
+        where = f"at {case.target_range:g} m in the middle of the run"
+    if case.ratio_db is not None:
+        where += f", {case.ratio_db:g} dB above the clutter"
+    return (
+        f"sonar: {sensor.coverage_area / 1e6:.4g} km^2, a ping every {case.interval:g} s, "
+        f"{case.detections_per_scan:.3g} false detections in each: {case.starts_per_hour:.0f} "
+        f"an hour; target false-track rate {false_per_hour:g} per hour\n"
+        f"targets: {case.target_speed:g} m/s (up to {case.max_speed:g} allowed), {where}, to be "
+        f"found within {case.scans} pings ({(case.scans - 1) * case.interval:g} s) inside it"
+    )
+
+
+def increments_line(increments: PingIncrements, threshold: float) -> str:
+    """Mean increments of a ping and the number of pings up to the threshold."""
+    text = (
+        f"mean increment of the log-likelihood ratio, the target's position known: hit "
+        f"{increments.hit:+.1f}, miss {increments.miss:+.1f}, ping {increments.scan:+.2f} at most; "
+        f"threshold {threshold:.1f}: "
+    )
+    pings = max(math.ceil(threshold / max(increments.scan, 1e-9)), MIN_HITS)
+    if pings > WINDOWS[-1]:
+        return f"{text}more pings than the longest window, {WINDOWS[-1]}"
+    return f"{text}about {pings} pings, plus those needed to estimate the velocity"
+
+
+def first_line(estimate: FirstEstimate, case: Case) -> str:
+    """The first estimate in a line."""
+    if not estimate.detection > 0.0:
+        return "first estimate, without simulation: no target is found in time"
+    half, text = estimate.scans_until(0.5), ""
+    if half is not None:
+        text = f", half of the targets within {half} pings ({(half - 1) * case.interval:g} s)"
+    return (
+        f"first estimate, without simulation: score finds about {estimate.detection:.2f} of the "
+        f"targets in time{text}"
+    )
+
+
+def rule_table(rules: Sequence[Rule]) -> str:
+    """Table of the M/N rules that keep the target false-track rate."""
+    return text_table(
+        ["M/N", "P_D of one start", "in time, evaluated", "false/h at most"],
+        [
+            [
+                f"{rule.min_hits}/{rule.window}",
+                f"{rule.one_start:.4f}",
+                f"{rule.in_time:.3f}",
+                f"{rule.false_per_hour:.2g}",
+            ]
+            for rule in rules
+        ],
+    )
+
+
+def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
+    """Table of the candidates' simulated performance; `area` is that of the coverage, m^2."""
+    return text_table(
+        [
+            "method",
+            "targets",
+            "P_D",
+            "95 %",
+            "time [s]",
+            "95 % by",
+            "bound/h",
+            "false/h",
+            "95 %",
+            "per h and km^2",
+        ],
+        [
+            [
+                candidate.name,
+                f"{candidate.targets.targets}",
+                f"{candidate.targets.detection.value:.3f}",
+                _interval(candidate.targets.detection, ".3f"),
+                f"{candidate.targets.confirmation_time.value:.4g}",
+                f"{candidate.targets.slow_confirmation_time:.4g}",
+                f"{candidate.false_bound:.2g}",
+                *_rate_cells(candidate.false_simulated, area),
+            ]
+            for candidate in candidates
+        ],
+    )
+
+
+def _rate_cells(false: Estimate, area: float) -> list[str]:
+    if math.isnan(false.value):
+        return ["-", "-", "-"]
+    per_area = false.value / (area / 1e6)
+    return [f"{false.value:.2g}", _interval(false, ".2g"), f"{per_area:.2g}"]
+
+
+def _interval(estimate: Estimate, spec: str) -> str:
+    return f"{estimate.low:{spec}} to {estimate.high:{spec}}"
+
+
+def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: float) -> str:
+    """Sentence on whether P_D is reached at the target false-track rate, and by which method."""
+    keeping = [candidate for candidate in candidates if candidate.keeps(false_per_hour)]
+    if not keeping:
+        return f"infeasible: every method has more than {false_per_hour:g} false tracks per hour"
+    best = max(keeping, key=lambda candidate: candidate.targets.detection.value)
+    share = best.targets.detection
+    text = f"{best.name} finds {share.value:.2f} of the targets in time"
+    if share.low >= wanted:
+        return f"feasible: {text}, at least {wanted:g}"
+    if share.high >= wanted:
+        return f"undecided by the runs: {text} ({_interval(share, '.2f')}), wanted {wanted:g}"
+    return f"infeasible: {text}, less than {wanted:g}"
+
+
+def remedy_table(remedies: Sequence[tuple[str, Estimate]]) -> str:
+    """Table of P_D with each change, the present case first and then by P_D, descending."""
+    ordered = [remedies[0], *sorted(remedies[1:], key=lambda row: -row[1].value)]
+    return text_table(
+        ["with a change", "P_D", "95 %"],
+        [[text, f"{share.value:.2f}", _interval(share, ".2f")] for text, share in ordered],
+    )

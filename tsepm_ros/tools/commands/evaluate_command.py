@@ -12,6 +12,8 @@ from pathlib import Path
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.parameter_files import add_values, parse_values
 from tsepm_ros.tools.commands.arguments import (
+    Arguments,
+    add_arguments,
     add_out,
     add_runs,
     positive,
@@ -40,24 +42,28 @@ MIN_ESTIMATED = 100
 """Fewest runs whose time is estimated."""
 
 
+ARGUMENTS: Arguments = {
+    "scenario": {"nargs": "*", "default": ["box"], "help": f"{scenario_names()}; default box"},
+    "--method": {
+        "action": "append",
+        "choices": available_methods(),
+        "help": "default: every method",
+    },
+    "--scans": {"type": positive, "help": "scans of a run; default as in the scenario"},
+    "--scheduler": {"help": "address of a dask.distributed scheduler for the runs"},
+    "--horizon": {
+        "type": positive,
+        "action": "append",
+        "default": [],
+        "help": "evaluate also after this number of scans; may be repeated",
+    },
+}
+
+
 def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of an evaluation."""
-    parser.add_argument(
-        "scenario", nargs="*", default=["box"], help=f"{scenario_names()}; default box"
-    )
-    parser.add_argument(
-        "--method", action="append", choices=available_methods(), help="default: every method"
-    )
+    add_arguments(parser, ARGUMENTS)
     add_runs(parser, 500)
-    parser.add_argument("--scans", type=positive, help="scans of a run; default as in the scenario")
-    parser.add_argument("--scheduler", help="address of a dask.distributed scheduler for the runs")
-    parser.add_argument(
-        "--horizon",
-        type=positive,
-        action="append",
-        default=[],
-        help="evaluate also after this number of scans; may be repeated",
-    )
     add_values(
         parser,
         "--scene",

@@ -1,11 +1,8 @@
-"""The command `tsepm init`, and its questions.
+"""The command `tsepm init`: asks what a sonar is, and writes its parameter file.
 
-Questions of the first set-up in the wordings of data sheets, and what follows from the answers.
-
-Answers are numbers by the names of `QUESTIONS`, in the units that data sheets use: angles in
-degrees, shares in percent. The parameters that follow are in SI units and radians.
-
-The command `tsepm init`: asks what a sonar is, and writes its parameter file.
+The questions have the wordings of data sheets. Answers are numbers by the names of `QUESTIONS`, in
+the units that data sheets use: angles in degrees, shares in percent. The parameters that follow are
+in SI units and radians.
 """
 
 from __future__ import annotations
@@ -19,15 +16,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tsepm_ros.methods.score.score_options import ScoreOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.parameter_files import section, yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.design.design_case import Case
+from tsepm_ros.tools.design.prediction import Case
 from tsepm_ros.tools.design.search import FirstEstimate, first_estimate
 from tsepm_ros.tools.terminal import text_table
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 
@@ -65,8 +61,8 @@ class Question:
     unit : str
     explanation : str
         One sentence: what the answer is used for, or where it is found.
-    default : callable
-        The answer that is taken if none is given, from the answers so far.
+    default_answer : float or callable
+        The answer that is taken if none is given, or its function of the answers so far.
     minimum, maximum : float
         Inclusive bounds.
     positive : bool
@@ -79,7 +75,7 @@ class Question:
     text: str
     unit: str
     explanation: str
-    default: Callable[[Answers], float]
+    default_answer: float | Callable[[Answers], float]
     minimum: float = 0.0
     maximum: float = math.inf
     positive: bool = False
@@ -89,6 +85,11 @@ class Question:
     def argument(self) -> str:
         """Argument of the command line."""
         return "--" + self.name.replace("_", "-")
+
+    def default(self, answers: Answers) -> float:
+        """The answer that is taken if none is given, from the answers so far."""
+        given = self.default_answer
+        return given(answers) if callable(given) else given
 
     def read(self, text: str) -> float:
         """An answer from its text, with or without the unit.
@@ -127,10 +128,6 @@ class Question:
 UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
 
 
-def _constant(value: float) -> Callable[[Answers], float]:
-    return lambda answers: value
-
-
 def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
     return lambda answers: _rounded(answers[name] * CELL_TO_STD) or unknown
 
@@ -156,7 +153,7 @@ QUESTIONS = (
         "Range setting, the farthest range",
         "m",
         "Detections far beyond it are not used.",
-        _constant(_SENSOR.max_range),
+        _SENSOR.max_range,
         positive=True,
     ),
     Question(
@@ -164,14 +161,14 @@ QUESTIONS = (
         "Blanking distance, the nearest range",
         "m",
         "Nearer targets cannot be detected.",
-        _constant(_SENSOR.min_range),
+        _SENSOR.min_range,
     ),
     Question(
         "sector",
         "Swath or sector, the full angle covered",
         "degrees",
         f"{ALL_ROUND:g}: all round.",
-        _constant(ALL_ROUND),
+        ALL_ROUND,
         maximum=ALL_ROUND,
         positive=True,
     ),
@@ -180,7 +177,7 @@ QUESTIONS = (
         "Middle of the sector",
         "degrees",
         "From the sensor's x axis, mostly ahead; left is positive.",
-        _constant(0.0),
+        0.0,
         minimum=-180.0,
         maximum=180.0,
     ),
@@ -189,7 +186,7 @@ QUESTIONS = (
         "Beam width",
         "degrees",
         "Horizontal, at -3 dB; echoes nearer in bearing may be one target's. 0: not known.",
-        _constant(0.0),
+        0.0,
         maximum=math.degrees(1.0),
     ),
     Question(
@@ -206,7 +203,7 @@ QUESTIONS = (
         "Range resolution, the length of a resolution cell",
         "m",
         "Sound speed times pulse length / 2 if it is not stated. 0: not known.",
-        _constant(0.0),
+        0.0,
         maximum=1e4,
     ),
     Question(
@@ -222,7 +219,7 @@ QUESTIONS = (
         "Range error that grows with range, one standard deviation",
         "%",
         "Mostly of the sound speed: 1.5 where it is assumed, 0.5 where it is measured.",
-        _constant(100.0 * _SENSOR.range_std_fraction),
+        100.0 * _SENSOR.range_std_fraction,
         maximum=100.0,
     ),
     Question(
@@ -230,7 +227,7 @@ QUESTIONS = (
         "Sound speed",
         "m/s",
         "Gives each echo its time. 0: no sonar, or the driver gives the times.",
-        _constant(1500.0),
+        1500.0,
         maximum=1e4,
     ),
     Question(
@@ -246,7 +243,7 @@ QUESTIONS = (
         "Maximum speed of targets",
         "m/s",
         "Swimmer 2, underwater vehicle 5, ship 15; faster targets are not found.",
-        _constant(_COMMON.max_speed),
+        _COMMON.max_speed,
         maximum=1e4,
         positive=True,
     ),
@@ -255,7 +252,7 @@ QUESTIONS = (
         "Extent of targets, their length",
         "m",
         "Echoes so near to each other become one. 0: learned from the detections.",
-        _constant(_COMMON.target_extent),
+        _COMMON.target_extent,
         maximum=1e3,
     ),
     Question(
@@ -263,7 +260,7 @@ QUESTIONS = (
         "False detections per ping, over the whole coverage",
         "per ping",
         "The start of what the node learns. 0: not known.",
-        _constant(0.0),
+        0.0,
         maximum=1e6,
     ),
     Question(
@@ -271,7 +268,7 @@ QUESTIONS = (
         "Own ship: where the pose of a moving sonar comes from",
         "none, odometry or tf",
         "none: the sonar does not move.",
-        _constant(0.0),
+        0.0,
         choices=OWN_SHIP_SOURCES,
     ),
     *(
@@ -280,7 +277,7 @@ QUESTIONS = (
             f"Mounting: the sonar {where}",
             unit,
             "With odometry only; tf has it.",
-            _constant(0.0),
+            0.0,
             minimum=-bound,
             maximum=bound,
         )
@@ -291,7 +288,7 @@ QUESTIONS = (
         "Acceptable false tracks per hour, over the whole coverage",
         "per hour",
         "The only wish: fewer false tracks need more pings to confirm a target.",
-        _constant(ScoreOptions().false_tracks_per_hour),
+        ScoreOptions().false_tracks_per_hour,
         maximum=1e6,
         positive=True,
     ),
@@ -309,8 +306,10 @@ def completed(given: Answers) -> dict[str, float]:
     """
     answers: dict[str, float] = {}
     for question in QUESTIONS:
-        value = given[question.name] if question.name in given else question.default(answers)
-        answers[question.name] = question.checked(value)
+        name = question.name
+        answers[name] = question.checked(
+            given[name] if name in given else question.default(answers)
+        )
     return answers
 
 
@@ -550,17 +549,8 @@ def _line(path: Path, answers: Answers, given: Answers) -> str:
 
 
 def _run_line(path: Path) -> str:
+    file = shlex.quote(str(path))
     return (
-        shlex.join(
-            [
-                "ros2",
-                "run",
-                "tsepm_ros",
-                "track_initiator",
-                "--ros-args",
-                "--params-file",
-                str(path),
-            ]
-        )
-        + " -r detections:=YOUR_TOPIC"
+        f"ros2 run tsepm_ros track_initiator --ros-args --params-file {file} "
+        "-r detections:=YOUR_TOPIC"
     )

@@ -1,8 +1,6 @@
-"""The command `tsepm run`, and its sources.
+"""The commands `tsepm run` and `tsepm watch`: sources, tracks and what is written or shown of them.
 
-The sources of `tsepm run` and `tsepm watch`: a recording, a bag or a simulated scenario.
-
-The command `tsepm run`: a recording, a bag or a simulated scenario, from messages to tracks.
+A source is a recording, a bag or a simulated scenario, and for `tsepm watch` also live topics.
 """
 
 from __future__ import annotations
@@ -10,24 +8,33 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import Value
+from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.message_check import explained
+from tsepm_ros.session.plausibility import explained, questions
 from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.sensor_check import questions
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.parameter_files import add_values, given_values
+from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
+from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder, scenario_names, seed
+from tsepm_ros.tools.commands.arguments import (
+    Arguments,
+    CommandFailed,
+    add_arguments,
+    in_folder,
+    scenario_names,
+    seed,
+)
 from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
 from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, truth_paths
 from tsepm_ros.tools.replay.bag import (
@@ -44,12 +51,12 @@ from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_res
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
     METADATA,
+    Recording,
     read_recording,
     simulated_recording,
     source_of,
 )
 from tsepm_ros.tools.replay.track_files import (
-    CurrentTable,
     TrackBag,
     TrackListing,
     TrackTable,
@@ -57,9 +64,12 @@ from tsepm_ros.tools.replay.track_files import (
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tools.terminal import named_progress, with_progress
+from tsepm_ros.tools.viewer.live_frames import make_server
+from tsepm_ros.tools.viewer.page_frames import RecordedScene
 from tsepm_ros.tools.viewer.page_state import write_page
-from tsepm_ros.tools.viewer.recorded_scene import RecordedScene
 from tsepm_ros.whole_files import naming, opened_whole
+
+DRAWING = "tsepm_ros.tools.pictures.plan_position"
 
 TOPIC_OPTIONS = {
     DETECTIONS: "detections",
@@ -130,7 +140,7 @@ class Run:
     @property
     def north(self) -> bool:
         """Whether the axes of the tracks are known from north."""
-        return self.session.source != "none" or self.mounting_yaw is None
+        return self.session.own_ship.source != "none" or self.mounting_yaw is None
 
     def recorded_scene(self) -> RecordedScene:
         """An empty scene for a page of this run."""
@@ -151,30 +161,34 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
     ValueError
         If an argument is not allowed, or a recording cannot be read.
     """
-    name = options.recording
+    name, scenarios = options.recording, shipped_scenarios()
     path = Path(name)
     if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
-        name in shipped_scenarios() and not path.exists()
+        name in scenarios and not path.exists()
     ):
         return _simulation(load_scenario(name), options)
     if not path.exists():
-        scenarios = ", ".join(shipped_scenarios())
-        raise ValueError(f"{name} is neither an existing path nor a shipped scenario: {scenarios}")
+        raise ValueError(
+            f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
+        )
     source, is_bag = source_of(path)
     if is_bag:
         return _bag(stack.enter_context(Bag(source)), options)
-    return _recording(source, options)
+    recording = read_recording(source)
+    return _recorded(recording, options, "odometry" if recording.own_ship else "none")
 
 
 def _session(
-    options: argparse.Namespace, defaults: dict[str, Value], known: Sequence[str] = ()
+    options: argparse.Namespace, source: str, known: Sequence[str], **defaults: Value
 ) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
     """Make a session from the arguments, with its node options and its notes by reason.
 
-    The notes begin with those that are `known` of the recording.
+    `source` is the default of `own_ship_source`. The notes begin with those that are `known` of the
+    recording.
     """
+    defaults["own_ship_source"] = source
     groups = make_groups(TRACK_INITIATOR, {**defaults, **given_values(options.parameter)})
-    notes = {sentence: sentence for sentence in known}
+    notes = dict(zip(known, known, strict=True))
 
     def note(reason: str, sentence: str) -> None:
         notes.setdefault(reason, sentence)
@@ -182,7 +196,7 @@ def _session(
     settings = settings_from(groups)
     for question in questions(settings.sensor, settings.mounting):
         note(question, question)
-    if defaults["own_ship_source"] == "odometry" and settings.session.own_ship_source == "none":
+    if source == "odometry" and settings.session.own_ship_source == "none":
         note("own_ship_source", "own_ship_source is none: the own ship of the source is not used")
     session = Session(settings, note)
     if session.settings.session.own_ship_source == "tf":
@@ -194,10 +208,10 @@ def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
     return None if node.bearing_reference == "north" else session.settings.mounting.yaw
 
 
-def _recording(source: Path, options: argparse.Namespace) -> Run:
-    recording = read_recording(source)
-    source_of_poses = "odometry" if recording.own_ship else "none"
-    session, node, notes = _session(options, {"own_ship_source": source_of_poses}, recording.notes)
+def _recorded(
+    recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
+) -> Run:
+    session, node, notes = _session(options, source, recording.notes, **defaults)
     return Run(
         title=_title(options, session),
         session=session,
@@ -228,7 +242,7 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
             "give -p own_ship_source:=none if the sensor does not move"
         )
     source = "odometry" if OWN_SHIP in topics else "none"
-    session, node, notes = _session(options, {"own_ship_source": source}, bag.notes)
+    session, node, notes = _session(options, source, bag.notes)
     if session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
@@ -246,24 +260,19 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
 def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
     simulator = Simulator(scenario, options.seed)
     recording, origins = simulated_recording(simulator)
-    sensor: dict[str, Value] = {
-        f"sensor.{name}": value for name, value in dataclasses.asdict(scenario.sensor).items()
-    }
-    session, node, notes = _session(options, {"own_ship_source": "odometry", **sensor})
+    sensor = {f"sensor.{key}": value for key, value in dataclasses.asdict(scenario.sensor).items()}
+    run = _recorded(recording, options, "odometry", **sensor)
 
     def judge(scene: RunScene) -> None:
         processed = [view.stamp for view in scene.scans]
         stamps = [scan.time for scan in recording.scans]
         scene.judged = judge_starts(simulator, scene.starts, origins_of(processed, stamps, origins))
 
-    return Run(
-        title=f"{scenario.name}, seed {options.seed}, method {session.settings.session.method}",
-        session=session,
-        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
-        truth=truth_paths(recording.targets),
+    method = run.session.settings.session.method
+    return dataclasses.replace(
+        run,
+        title=f"{scenario.name}, seed {options.seed}, method {method}",
         judge=judge,
-        notes=notes,
-        scans=scenario.scans,
     )
 
 
@@ -278,19 +287,24 @@ def needs_scene(options: argparse.Namespace) -> bool:
     return bool(options.out or options.picture or options.animation or options.html)
 
 
+RUN_ARGUMENTS: Arguments = {
+    "--out": {
+        "type": in_folder,
+        "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
+    },
+    "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
+    "--animation": {"type": in_folder, "help": "plan-position animation, a .gif file"},
+    "--html": {
+        "type": in_folder,
+        "help": "self-contained page with a time slider, such as run.html",
+    },
+}
+
+
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
     add_source_arguments(parser)
-    parser.add_argument(
-        "--out",
-        type=in_folder,
-        help="folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
-    )
-    parser.add_argument("--picture", type=in_folder, help="plan-position picture, such as run.png")
-    parser.add_argument("--animation", type=in_folder, help="plan-position animation, a .gif file")
-    parser.add_argument(
-        "--html", type=in_folder, help="self-contained page with a time slider, such as run.html"
-    )
+    add_arguments(parser, RUN_ARGUMENTS)
 
 
 def run_recording(options: argparse.Namespace) -> None:
@@ -303,8 +317,7 @@ def run_recording(options: argparse.Namespace) -> None:
     """
     if options.animation and options.animation.suffix != ".gif":
         raise ValueError(f"--animation must be a .gif file; got {options.animation}")
-    if options.picture or options.animation:
-        _require_matplotlib()
+    drawing = _drawing(options)
     with ExitStack() as stack:
         run = open_run(options, stack)
         if options.out:
@@ -314,17 +327,24 @@ def run_recording(options: argparse.Namespace) -> None:
         scene = _process(run, options, recorded)
         seconds = time.perf_counter() - begin
     _report(run, scene, seconds, options)
-    _draw(run, scene, options)
+    if drawing is not None:
+        _draw(drawing, scene, options)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))
         print(f"page: {options.html}", file=sys.stderr)
 
 
-def _require_matplotlib() -> None:
+def _drawing(options: argparse.Namespace) -> ModuleType | None:
+    """The module that draws the pictures that are asked for, if any."""
+    named = options.picture or options.animation
     try:
-        import matplotlib  # noqa: F401
+        return import_module(DRAWING) if named or options.out else None
     except ImportError:
-        raise ValueError("pictures and animations need matplotlib, see the extra plot") from None
+        if named:
+            message = "pictures and animations need matplotlib, see the extra plot"
+            raise ValueError(message) from None
+        print("no picture: it needs matplotlib, see the extra plot", file=sys.stderr)
+        return None
 
 
 def _process(
@@ -359,7 +379,7 @@ def _writers(folder: Path | None, run: Run, stack: ExitStack) -> dict[Path, Trac
     tracks, current = folder / "tracks.csv", folder / "current.csv"
     writers: dict[Path, TrackWriter] = {
         tracks: TrackTable(stack.enter_context(opened_whole(tracks)), reason),
-        current: CurrentTable(stack.enter_context(opened_whole(current))),
+        current: TrackTable(stack.enter_context(opened_whole(current))),
     }
     try:
         path = folder / "tracks.mcap"
@@ -397,20 +417,85 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
         )
 
 
-def _draw(run: Run, scene: RunScene, options: argparse.Namespace) -> None:
+def _draw(drawing: ModuleType, scene: RunScene, options: argparse.Namespace) -> None:
     picture = options.picture or (options.out and options.out / "picture.png")
-    if not picture and not options.animation:
-        return
-    try:
-        from tsepm_ros.tools.pictures.plan_position import animate, save
-    except ImportError:
-        print("no picture: it needs matplotlib, see the extra plot", file=sys.stderr)
-        return
     if picture:
         for path in with_progress([picture], 1, "picture", "file"):
-            save(scene, path)
+            drawing.save(scene, path)
         print(f"picture: {picture}", file=sys.stderr)
     if options.animation:
-        step = animate(scene, options.animation, progress=named_progress("animation"))
+        step = drawing.animate(scene, options.animation, progress=named_progress("animation"))
         every = "" if step == 1 else f", a frame for every {step} scans"
         print(f"animation: {options.animation}{every}", file=sys.stderr)
+
+
+OPTIONS = ("host", "port", "token")
+"""Options of the server that are arguments too."""
+
+
+def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `tsepm watch`."""
+    add_source_arguments(parser, nargs="?")
+    for row in table(ViewerNodeOptions):
+        if row.name in OPTIONS:
+            parser.add_argument(
+                f"--{row.name}", type=row.type, help=f"{row.description}; default {row.default!r}"
+            )
+    parser.add_argument(
+        "--ros-args",
+        nargs=argparse.REMAINDER,
+        default=[],
+        help="arguments of ROS for live topics, such as -r tracks/current:=/boat/tracks/current",
+    )
+    parser.set_defaults(out=None, picture=None, animation=None, html=True)
+
+
+def run_watch(options: argparse.Namespace) -> None:
+    """Serve a page of the live topics, or of a recording, until interrupted.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not allowed, a recording cannot be read, or a library is missing.
+    """
+    given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
+    viewer = ViewerNodeOptions(**given)
+    if options.recording is None:
+        _watch_live(options, given)
+    else:
+        _watch_recording(options, viewer)
+
+
+def _watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
+    if options.parameter:
+        raise ValueError(
+            "-p sets parameters of the processing of a recording, and none is given; live topics "
+            "are processed by the node track_initiator"
+        )
+    try:
+        from tsepm_ros.tools.viewer.track_viewer import main
+    except ImportError as error:
+        raise ValueError(
+            f"live topics need ROS 2 ({error}); tsepm watch RECORDING needs none"
+        ) from None
+    values = [f"{name}:={yaml_text(value)}" for name, value in given.items()]
+    parameters = [part for value in values for part in ("-p", value)]
+    if code := main(["--ros-args", *parameters, *options.ros_args]):
+        raise SystemExit(code)
+
+
+def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
+    if options.ros_args:
+        raise ValueError("--ros-args is for live topics, and a recording is given")
+    with ExitStack() as stack:
+        run = open_run(options, stack)
+        recorded = run.recorded_scene()
+        server = make_server(viewer, recorded.title)  # before the work: the port may be in use
+        stack.callback(server.stop)
+        for result in with_progress(run.results, run.scans, "scans", "scan"):
+            recorded.add(result, run.session.tracker)
+        server.start(run.page_of(recorded))
+        print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
+        with suppress(KeyboardInterrupt):
+            while not threading.Event().wait(1.0):  # another thread may have got the signal
+                pass

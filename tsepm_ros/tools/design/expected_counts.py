@@ -1,9 +1,7 @@
-r"""Theory of the rule M/N: probabilities, expected counts, shares that pass.
+r"""Theory of the rule M/N: detection, false starts, expected counts, shares that pass evaluation.
 
-Probabilities of the M/N rule, in closed form and by Markov chains: detection and false starts.
-
-The scans of a start count from its first hit, which is one of the M hits and the first of the N
-scans.
+The probabilities of the rule are in closed form and by Markov chains. The scans of a start count
+from its first hit, which is one of the M hits and the first of the N scans.
 
 Theory of the splitting tree: expected potential tracks and raw confirmations per scan.
 
@@ -36,8 +34,6 @@ Two consequences: where gates overlap (:math:`\lambda a > 1`), starts fall with 
 start's tree grows. Starts come in waves: nearly every detection of the first scan starts a track,
 the trees cover the disc, and when all their paths are confirmed in scan M, the next wave starts.
 The chain is for clutter alone; a target adds its own paths.
-
-Shares of an M/N rule's confirmations, from targets and from clutter, that pass evaluation.
 """
 
 from __future__ import annotations

@@ -1,12 +1,7 @@
-"""Measures of methods: summaries of runs, GOSPA, and bounds.
+"""Measures of methods over many runs, each with its 95 % interval, from summaries of the runs.
 
-The GOSPA metric: errors of position, missed targets and false tracks in one number.
-
-Cramer-Rao bound of the state of a confirmed track.
-
-Summary of a run: the data of every measure, after any number of scans.
-
-Measures of a method over many runs, each with its 95 % interval.
+A summary has the data of every measure, after any number of scans. Among the measures are the GOSPA
+metric and the Cramer-Rao bound of the state of a confirmed track.
 """
 
 from __future__ import annotations

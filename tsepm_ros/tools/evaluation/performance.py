@@ -1,10 +1,7 @@
-"""Evaluation of methods over scenarios, and its tables.
+"""Evaluation of methods: all operating points on all scenarios, with the runs kept in files.
 
-Monte-Carlo studies: summaries of many seeded runs of a scenario.
-
-Evaluation of methods: all operating points on all scenarios, with the runs kept in files.
-
-Tables of an evaluation: Markdown, CSV and a short table for the terminal.
+Methods are compared by their operating curves, at equal false-track rates and at equal P_D. Tables
+are in Markdown, in CSV, and short for the terminal.
 """
 
 from __future__ import annotations
@@ -18,7 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from tsepm_ros.tools.evaluation.intervals import Estimate
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.evaluation.intervals import RESAMPLES, TAILS, TAILS_90, Estimate
 from tsepm_ros.tools.evaluation.measures import (
     HEADINGS,
     Measures,
@@ -26,12 +26,165 @@ from tsepm_ros.tools.evaluation.measures import (
     measures_of,
     summarise,
 )
-from tsepm_ros.tools.evaluation.operating_curve import Comparison, compare
 from tsepm_ros.tools.evaluation.result_files import RunFile, complete
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, simulate
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.terminal import Progress, markdown_table, silent, text_table
+
+MIN_FALSE_STARTS = 0.5
+"""Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Best P_D of a method's points against their false starts.
+
+    Attributes
+    ----------
+    log_false : (n,) ndarray
+        Logarithm of the false starts per run, ascending.
+    detection : (n,) ndarray
+        P_D, ascending. Points with more false starts and no higher P_D are left out.
+    """
+
+    log_false: FloatArray
+    detection: FloatArray
+
+    @classmethod
+    def of(cls, false: FloatArray, detection: FloatArray) -> Curve:
+        """The curve of points, (n,) false starts per run and (n,) P_D."""
+        order = np.lexsort((-detection, false))
+        best = np.maximum.accumulate(detection[order])
+        kept = np.diff(best, prepend=-np.inf) > 0.0
+        return cls(np.log(false[order][kept]), best[kept])
+
+    def detection_at(self, false: FloatArray) -> FloatArray:
+        """P_D at rates of false starts per run, linear in their logarithm.
+
+        nan below the lowest rate of the curve; constant above the highest.
+        """
+        return np.interp(np.log(false), self.log_false, self.detection, left=np.nan)
+
+    def false_at(self, detection: FloatArray) -> FloatArray:
+        """False starts per run at values of P_D.
+
+        nan above the highest P_D of the curve; constant below the lowest.
+        """
+        return np.exp(np.interp(detection, self.detection, self.log_false, right=np.nan))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Comparison of one method's point with another method's curve.
+
+    Attributes
+    ----------
+    method, label : str
+        The point.
+    other : str
+        The method of the curve.
+    false, detection : float
+        The point's false starts per run and P_D.
+    other_detection, detection_difference : Estimate
+        P_D of the curve at the point's rate of false starts, and the point's P_D less that.
+    detection_bounds : Estimate
+        The same difference with one-sided 95 % bounds.
+    other_false, false_ratio : Estimate
+        False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
+    """
+
+    method: str
+    label: str
+    other: str
+    false: float
+    detection: float
+    other_detection: Estimate
+    detection_difference: Estimate
+    detection_bounds: Estimate
+    other_false: Estimate
+    false_ratio: Estimate
+
+
+Points = Mapping[tuple[str, str], Sequence[RunSummary]]
+"""Summaries of the runs of each point, by method and label."""
+
+
+def compare(points: Points) -> list[Comparison]:
+    """Compare every point with every other method's curve.
+
+    The intervals are those of a percentile bootstrap over the runs. Run i is the same scene for all
+    points, so all points share each resample. Resamples in which the curve does not reach the point
+    are left out.
+
+    Parameters
+    ----------
+    points : mapping of (str, str) to sequence of RunSummary
+        The same runs for each point, by its method and label.
+    """
+    false, detection = _resampled(list(points.values()))
+    methods = np.array([method for method, _ in points])
+    curves = {  # through a method's points, in the sample and in its resamples
+        method: [Curve.of(*of_sample) for of_sample in zip(*pair, strict=True)]
+        for method in methods.tolist()
+        if (pair := [part[methods == method].T for part in (false, detection)])
+    }
+    return [
+        _compared(method, label, other, curves[other], false[row], detection[row])
+        for row, (method, label) in enumerate(points)
+        for other in curves
+        if other != method
+    ]
+
+
+def _compared(
+    method: str,
+    label: str,
+    other: str,
+    curves: list[Curve],
+    false: FloatArray,
+    detection: FloatArray,
+) -> Comparison:
+    """Compare a point with a curve, in the sample and in its resamples, (1 + b,) each."""
+    pairs = list(zip(curves, false[:, None], detection[:, None], strict=True))
+    other_detection = np.concatenate([curve.detection_at(rate) for curve, rate, _ in pairs])
+    other_false = np.concatenate([curve.false_at(share) for curve, _, share in pairs])
+    return Comparison(
+        method,
+        label,
+        other,
+        float(false[0]),
+        float(detection[0]),
+        other_detection=_interval(other_detection),
+        detection_difference=_interval(detection - other_detection),
+        detection_bounds=_interval(detection - other_detection, TAILS_90),
+        other_false=_interval(other_false),
+        false_ratio=_interval(other_false / false),
+    )
+
+
+def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> Estimate:
+    """The sample's value, (1 + b,) first, with the interval of its resamples."""
+    resamples = values[1:][np.isfinite(values[1:])]
+    if np.isnan(values[0]) or not len(resamples):
+        return Estimate.unknown()
+    low, high = np.quantile(resamples, tails)
+    return Estimate(float(values[0]), float(low), float(high))
+
+
+def _resampled(points: Sequence[Sequence[RunSummary]]) -> tuple[FloatArray, FloatArray]:
+    """False starts per run and P_D of each point, (n, 1 + b): of the sample and its resamples."""
+    counts = [
+        [(run.count(Outcome.TRUE), run.targets, run.wrong) for run in summaries]
+        for summaries in points
+    ]
+    true, targets, wrong = np.moveaxis(np.array(counts, float), -1, 0)
+    runs = true.shape[1]
+    resamples = np.random.default_rng(0).multinomial(runs, np.full(runs, 1.0 / runs), RESAMPLES)
+    weights = np.vstack([np.ones(runs), resamples]).T
+    false = np.maximum(wrong @ weights, MIN_FALSE_STARTS) / runs
+    return false, (true @ weights) / np.maximum(targets @ weights, 1.0)
+
 
 CHUNK = 4
 """Runs per message to a worker, to reduce the cost of messages."""
@@ -396,7 +549,7 @@ def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
 
 
 def _numbers(measures: Measures) -> list[float]:
-    estimates: list[Estimate] = [getattr(measures, name) for name in HEADINGS]
+    estimates = (getattr(measures, name) for name in HEADINGS)
     return [end for part in estimates for end in (part.value, part.low, part.high)]
 
 

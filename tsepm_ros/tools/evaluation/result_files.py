@@ -1,13 +1,8 @@
-"""Files of runs and of results, and what they depend on.
+"""Files of runs, with which an interrupted study continues, and of results; their digests.
 
-What a figure depends on: the release, its golden outputs, and the code of this very moment.
-
-Files of runs, with which an interrupted study continues.
-
-A file is JSON lines: a header with what its runs depend on, then a line per run. Its name has a
-digest of the header, so that other options, another seed or another version have other files.
-
-Result files: the tables of a command, with everything that is needed to repeat them.
+A file of runs is JSON lines: a header with what its runs depend on, then a line per run. Its name
+has a digest of the header, so that other options, another seed or another version have other files.
+A result file has the tables of a command, with everything that is needed to repeat them.
 """
 
 from __future__ import annotations

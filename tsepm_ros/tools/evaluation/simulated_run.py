@@ -1,16 +1,10 @@
-"""Simulated runs of an operating point, judged by truth.
-
-Judgement of confirmed tracks by known truth.
+"""Simulated runs of an operating point: scans, tracks started on them and held, judged by truth.
 
 A confirmed track belongs to a target that gave more than half of its hits. Each confirmed track of
 a run has one outcome: *true* (the first track of a target within 3 sigma of it, sigma being the
 larger axis of the measurement error there), *redundant* (a later track within 3 sigma of the
 target), *misplaced* (a track farther from its target), *false* (a track without a target). Apart
 from its hits, a track is *at* each target that is within 3 sigma of it.
-
-Operating points: a method at one setting, as a factory of track starters.
-
-One simulated run: its scans, the tracks started on them, and the held tracks.
 """
 
 from __future__ import annotations
@@ -129,7 +123,8 @@ def judge(
         at = frozenset(
             index
             for index, truth in enumerate(truths)
-            if _distance(track, truth) <= SIGMAS * _sigma_at(truth, sensor, sensor_position)
+            if _distance(track, truth)
+            <= SIGMAS * measurement_sigma(sensor, truth[0::2] - sensor_position)
         )
         if target == NO_TARGET:
             judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
@@ -176,10 +171,6 @@ def _distance(track: ConfirmedTrack, truth: FloatArray) -> float:
     """Distance of a track from a target's state, m."""
     error = track.state - truth
     return float(np.hypot(error[0], error[2]))
-
-
-def _sigma_at(truth: FloatArray, sensor: SensorModel, sensor_position: FloatArray) -> float:
-    return measurement_sigma(sensor, truth[0::2] - sensor_position)
 
 
 def _majority(sources: NDArray[np.int64]) -> int:

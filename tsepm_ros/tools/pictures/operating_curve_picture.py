@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
 from tsepm_ros.tools.evaluation.measures import SECONDS_PER_HOUR
-from tsepm_ros.tools.evaluation.operating_curve import MIN_FALSE_STARTS, Curve
-from tsepm_ros.tools.evaluation.performance import Evaluated
+from tsepm_ros.tools.evaluation.performance import MIN_FALSE_STARTS, Curve, Evaluated
 from tsepm_ros.tools.pictures.plan_marks import PointLabel, label_points
 from tsepm_ros.whole_files import written_whole
 

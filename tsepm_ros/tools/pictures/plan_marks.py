@@ -1,10 +1,6 @@
-"""Marks, labels and layout of plan-position pictures.
+"""Marks, labels and layout of plan-position pictures; needs matplotlib.
 
-Labels of the points of a picture, without overlap. Needs matplotlib.
-
-Marks of a plan-position picture: tracks, hits, truth, rings, own ship, fixed echoes.
-
-Layout of plan-position pictures: the whole plan, and beside it each target enlarged.
+The layout is the whole plan, and beside it each target enlarged.
 """
 
 from __future__ import annotations
@@ -18,6 +14,7 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Ellipse, Rectangle
@@ -61,7 +58,9 @@ def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
     root.draw_without_rendering()
     renderer = canvas.get_renderer()
     frame = axes.get_window_extent()
-    occupied = [_around(*axes.transData.transform((label.x, label.y))) for label in labels]
+    points = (axes.transData.transform((label.x, label.y)) for label in labels)
+    radius = MARKER_RADIUS
+    occupied = [Bbox.from_extents(*(point - radius), *(point + radius)) for point in points]
     for label in labels:
         note = axes.annotate(
             label.text,
@@ -101,12 +100,6 @@ def _offsets(half_width: float) -> Iterator[tuple[float, float]]:
             yield along * (distance + half_width), up * distance
 
 
-def _around(x: float, y: float) -> Bbox:
-    return Bbox.from_extents(
-        x - MARKER_RADIUS, y - MARKER_RADIUS, x + MARKER_RADIUS, y + MARKER_RADIUS
-    )
-
-
 matplotlib.use("Agg")
 
 
@@ -141,13 +134,8 @@ def style_plan(axes: Axes, limits: FloatArray) -> None:
 
 def draw_detections(axes: Axes, points: FloatArray, alpha: FloatArray, size: float) -> None:
     """Draw detections, (n, 2) m, with an opacity each."""
-    colours = np.tile([*_rgb(INK_COLOUR), 1.0], (len(points), 1))
-    colours[:, 3] = alpha
+    colours = to_rgba_array([INK_COLOUR] * len(points), alpha)
     axes.scatter(points[:, 0], points[:, 1], s=size, c=colours, linewidths=0)
-
-
-def _rgb(colour: str) -> list[float]:
-    return [int(colour[start : start + 2], 16) / 255.0 for start in (1, 3, 5)]
 
 
 def draw_rings(axes: Axes, centre: FloatArray, limits: FloatArray) -> None:
@@ -201,21 +189,11 @@ def ship(heading: float) -> MarkerPath:
     return MarkerPath(SHIP_OUTLINE @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def draw_fixed_echoes(axes: Axes, points: FloatArray) -> None:
-    """Draw fixed echoes, (n, 2) m."""
-    axes.plot(*points.T, **_points(FIXED_COLOUR, "X", 6.0))
-
-
 def draw_truth(axes: Axes, path: FloatArray) -> None:
     """Draw a target's way, (m, 2) m: a circle where it begins, a square where it ends."""
     axes.plot(*path.T, color=TRUTH_COLOUR, linewidth=2.4, alpha=0.6)
-    axes.plot(*path[0], **_points(TRUTH_COLOUR, "o", 6.0, hollow=True))
-    axes.plot(*path[-1], **_points(TRUTH_COLOUR, "s", 6.0))
-
-
-def draw_true_place(axes: Axes, position: FloatArray) -> None:
-    """Draw where a target is at one time, (2,) m."""
-    axes.plot(*position, **_points(TRUTH_COLOUR, "D", 6.0, hollow=True))
+    axes.plot(*path[0], **points(TRUTH_COLOUR, "o", 6.0, hollow=True))
+    axes.plot(*path[-1], **points(TRUTH_COLOUR, "s", 6.0))
 
 
 def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
@@ -233,10 +211,11 @@ def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
 def draw_hits(axes: Axes, hits: FloatArray) -> None:
     """Draw the hits of a start, (m, 3): number of the scan, x, y. A line joins them in order."""
     axes.plot(hits[:, 1], hits[:, 2], color=INK_COLOUR, linewidth=0.7, alpha=0.5)
-    axes.plot(hits[:, 1], hits[:, 2], **_points(INK_COLOUR, "s", 6.5, hollow=True))
+    axes.plot(hits[:, 1], hits[:, 2], **points(INK_COLOUR, "s", 6.5, hollow=True))
 
 
-def _points(colour: str, marker: str, size: float, hollow: bool = False) -> dict[str, Any]:
+def points(colour: str, marker: Any, size: float, hollow: bool = False) -> dict[str, Any]:
+    """Style of points without a line."""
     style = {"color": colour, "marker": marker, "markersize": size, "linestyle": ""}
     return {**style, "markerfacecolor": "white" if hollow else colour}
 
@@ -312,11 +291,16 @@ def write_beside(
     )
 
 
+FIXED_ECHOES = points(FIXED_COLOUR, "X", 6.0)
+TRUE_PLACE = points(TRUTH_COLOUR, "D", 6.0, hollow=True)
+"""Style of fixed echoes, and of where a target is at one time."""
+
+
 def legend_points(
     colour: str, marker: Any, label: str, size: float, hollow: bool = False
 ) -> Line2D:
     """Return the legend entry of points."""
-    return Line2D([], [], label=label, **_points(colour, marker, size, hollow))
+    return Line2D([], [], label=label, **points(colour, marker, size, hollow))
 
 
 def legend_line(colour: str, label: str, **style: Any) -> Line2D:

@@ -1,13 +1,10 @@
-"""Plan-position pictures and animations of a run.
+"""Plan-position picture of a run, and its animation with a frame per scan.
 
-A plan-position picture of a run: why each track was started, and what became of it.
-
-A plan-position animation of a run: a frame per scan.
+The picture has why each track was started, and what became of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,19 +20,19 @@ from tsepm_ros.tools.pictures.plan_marks import (
     COASTING_LINE,
     FAINT_COLOUR,
     FIXED_COLOUR,
+    FIXED_ECHOES,
     INK_COLOUR,
     TRACK_COLOUR,
+    TRUE_PLACE,
     TRUTH_COLOUR,
     PlanLayout,
     PointLabel,
     draw_detections,
-    draw_fixed_echoes,
     draw_hits,
     draw_own_ship,
     draw_rings,
     draw_track,
     draw_trail,
-    draw_true_place,
     draw_truth,
     label_points,
     legend_line,
@@ -44,7 +41,6 @@ from tsepm_ros.tools.pictures.plan_marks import (
 )
 from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
-    ScanView,
     headline,
     own_ship_path,
     position_at,
@@ -78,7 +74,7 @@ def draw(scene: RunScene) -> Figure:
         _draw_run(axes, scene, seconds, enlarged or not layout.panels)
     for axes in layout.panels.values():
         for place in scene.true_places:
-            draw_true_place(axes, place)
+            axes.plot(*place, **TRUE_PLACE)
     layout.style({target: _panel_title(scene, target) for target in layout.panels})
     own_ship = scene.own_ship
     centre = own_ship[-1, :2] if len(own_ship) else np.zeros(2)
@@ -123,7 +119,7 @@ def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> No
     for trail in ended.values():
         draw_trail(axes, trail, FAINT_COLOUR)
     if scene.scans:
-        draw_fixed_echoes(axes, scene.scans[-1].fixed_echoes)
+        axes.plot(*scene.scans[-1].fixed_echoes.T, **FIXED_ECHOES)
     for track in scene.starts_by(true=False):
         draw_track(axes, track, seconds, FAINT_COLOUR, 0.7, 0.9)
     true_starts = scene.starts_by(true=True)
@@ -134,16 +130,17 @@ def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> No
         draw_track(axes, track, seconds, TRACK_COLOUR, 1.0, 1.6)
 
 
-def _panel_title(scene: RunScene, target: int) -> str:
-    start = scene.true_starts.get(target)
-    if start is None:
-        return f"target {target_name(target)}: no track"
+def _panel_title(scene: RunScene, target: int, index: int | None = None) -> str:
+    """The track of a target, or that it has none; of those started by a scan, if it is given."""
+    name, start = f"target {target_name(target)}", scene.true_starts.get(target)
+    scan = 0 if start is None else scene.start_scans[start.track.track_id]
+    if start is None or (index is not None and scan > index + 1):
+        return f"{name}: no track" if index is None else f"{name}\nno track yet"
     track = start.track
-    scan = scene.start_scans[track.track_id]
-    return (
-        f"target {target_name(target)}: track {track.track_id}\n"
-        f"after {scan} pings, {track.stamp - scene.scans[0].stamp:.3g} s, by {len(track.hits)} hits"
-    )
+    if index is not None:
+        return f"{name}: track {track.track_id}\nstarted in ping {scan}"
+    after = f"after {scan} pings, {track.stamp - scene.scans[0].stamp:.3g} s"
+    return f"{name}: track {track.track_id}\n{after}, by {len(track.hits)} hits"
 
 
 def _number_hits(layout: PlanLayout, scene: RunScene) -> None:
@@ -155,39 +152,37 @@ def _number_hits(layout: PlanLayout, scene: RunScene) -> None:
 
 
 def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
-    handles = [
-        legend_points(INK_COLOUR, "o", "detections, fading with age", 3.0),
-        legend_sonar(scene.own_ship),
-    ]
-    if scene.truth:
-        handles += [
-            legend_points(TRUTH_COLOUR, "o", "true way begins", 6.0, hollow=True),
-            legend_points(TRUTH_COLOUR, "s", "true way ends", 6.0),
-        ]
-    if panels or len(scene.starts_by(true=True)) <= HITS_SHOWN:
-        label = f"hits of a new track in order{', with the number of the ping' if panels else ''}"
-        handles.append(legend_points(INK_COLOUR, "s", label, 6.5, hollow=True))
-    if panels:
-        handles.append(
-            legend_points(TRUTH_COLOUR, "D", "true place when the track started", 6.0, hollow=True)
-        )
-    kind = "track on a target" if scene.judged is not None else "new track"
+    judged, last = scene.judged is not None, scene.scans[-1] if scene.scans else None
+    held = set() if last is None else set(last.held.track_id.tolist())
+    begin = legend_points(TRUTH_COLOUR, "o", "true way begins", 6.0, hollow=True)
+    end = legend_points(TRUTH_COLOUR, "s", "true way ends", 6.0)
+    hits = f"hits of a new track in order{', with the number of the ping' if panels else ''}"
+    place = legend_points(TRUTH_COLOUR, "D", "true place when the track started", 6.0, hollow=True)
+    kind = "track on a target" if judged else "new track"
     label = f"{kind} at its start: id, 95 % ellipse, arrow: {seconds:g} s of travel"
-    handles.append(legend_line(TRACK_COLOUR, label, marker=">", markersize=6, linewidth=1.6))
-    if scene.starts_by(true=False):
-        kind = "false, misplaced or redundant track" if scene.judged else "track elsewhere"
-        handles.append(legend_line(FAINT_COLOUR, kind, marker=">", markersize=4))
-    if scene.scans and len(scene.scans[-1].held):
-        handles.append(legend_line(TRACK_COLOUR, "held to the end: its trail"))
-    if scene.scans and len(set(scene.trails()) - set(scene.scans[-1].held.track_id.tolist())):
-        handles.append(legend_line(FAINT_COLOUR, "ended or withheld: its trail"))
-    if any(view.held.time_since_hit.any() for view in scene.scans):
-        handles.append(
-            legend_line(INK_COLOUR, "trail where no detection came", linestyle=COASTING_LINE)
-        )
-    if scene.scans and len(scene.scans[-1].fixed_echoes):
-        handles.append(legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0))
-    return handles
+    start = legend_line(TRACK_COLOUR, label, marker=">", markersize=6, linewidth=1.6)
+    other = "false, misplaced or redundant track" if scene.judged else "track elsewhere"
+    ended = set(scene.trails()) - held if scene.scans else set()
+    coasting = legend_line(INK_COLOUR, "trail where no detection came", linestyle=COASTING_LINE)
+    few = panels or len(scene.starts_by(true=True)) <= HITS_SHOWN
+    entries: list[tuple[Any, Line2D]] = [
+        (True, legend_points(INK_COLOUR, "o", "detections, fading with age", 3.0)),
+        (True, legend_sonar(scene.own_ship)),
+        (scene.truth, begin),
+        (scene.truth, end),
+        (few, legend_points(INK_COLOUR, "s", hits, 6.5, hollow=True)),
+        (panels, place),
+        (True, start),
+        (scene.starts_by(true=False), legend_line(FAINT_COLOUR, other, marker=">", markersize=4)),
+        (held, legend_line(TRACK_COLOUR, "held to the end: its trail")),
+        (ended, legend_line(FAINT_COLOUR, "ended or withheld: its trail")),
+        (any(view.held.time_since_hit.any() for view in scene.scans), coasting),
+        (
+            last is not None and len(last.fixed_echoes),
+            legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0),
+        ),
+    ]
+    return [entry for shown, entry in entries if shown]
 
 
 NEW_TRACK_COLOUR = "#b5179e"
@@ -278,7 +273,8 @@ def _draw_frame(
     layout: PlanLayout, scene: RunScene, index: int, seconds: float, confirmed_since: int
 ) -> None:
     view = scene.scans[index]
-    new_ids = _ids(scene.scans[max(confirmed_since, 0) : index + 1])
+    views = scene.scans[max(confirmed_since, 0) : index + 1]
+    new_ids = {track_id for one in views for track_id in one.new.track_id.tolist()}
     for axes, enlarged in layout.axes():
         axes.clear()
         _draw_scan(axes, scene, index, seconds, new_ids)
@@ -290,7 +286,7 @@ def _draw_frame(
     path = path if len(path) else np.array([[0.0, 0.0, np.nan]])
     draw_rings(layout.plan, path[-1, :2], layout.limits)
     draw_own_ship(layout.plan, path)
-    layout.style({target: _frame_panel_title(scene, target, index) for target in layout.panels})
+    layout.style({target: _panel_title(scene, target, index) for target in layout.panels})
     layout.headline(
         f"{_time(view.stamp)}, ping {index + 1} of {len(scene.scans)}: "
         f"{len(view.held)} track{'' if len(view.held) == 1 else 's'} held",
@@ -304,12 +300,12 @@ def _draw_scan(axes: Axes, scene: RunScene, index: int, seconds: float, new_ids:
     ages = np.repeat(range(len(shown))[::-1], [len(one.detections) for one in shown])
     alpha = np.where(ages == 0, 0.8, 0.4 * (1 - ages / FADING_SCANS))
     draw_detections(axes, np.concatenate([one.detections for one in shown]), alpha, 8.0)
-    draw_fixed_echoes(axes, view.fixed_echoes)
+    axes.plot(*view.fixed_echoes.T, **FIXED_ECHOES)
     for path in scene.truth:
         axes.plot(*path[:, 1:].T, color=TRUTH_COLOUR, linewidth=1.4, alpha=0.5)
         position = position_at(path, view.stamp)
         if position is not None:
-            draw_true_place(axes, position)
+            axes.plot(*position, **TRUE_PLACE)
     ways = scene.ways(index + 1)
     for track in view.held:
         new = track.track_id in new_ids
@@ -320,22 +316,6 @@ def _draw_scan(axes: Axes, scene: RunScene, index: int, seconds: float, new_ids:
         draw_track(axes, track, seconds, NEW_TRACK_COLOUR if new else TRACK_COLOUR, 1.0, 2.0)
 
 
-def _frame_panel_title(scene: RunScene, target: int, index: int) -> str:
-    """Track of a target that was started by this scan, or that it has none yet."""
-    name = f"target {target_name(target)}"
-    start = scene.true_starts.get(target)
-    if start is None or scene.start_scans[start.track.track_id] > index + 1:
-        return f"{name}\nno track yet"
-    return (
-        f"{name}: track {start.track.track_id}\n"
-        f"started in ping {scene.start_scans[start.track.track_id]}"
-    )
-
-
-def _ids(views: Iterable[ScanView]) -> set[int]:
-    return {track_id for view in views for track_id in view.new.track_id.tolist()}
-
-
 def _time(stamp: float) -> str:
     if not _MIN_DATE <= stamp < _MAX_DATE:
         return f"{stamp:.1f} s"
@@ -343,22 +323,27 @@ def _time(stamp: float) -> str:
 
 
 def _frame_legend(scene: RunScene, seconds: float) -> list[Line2D]:
-    handles = [
-        legend_points(INK_COLOUR, "o", f"detections, fading over {FADING_SCANS} pings", 4.0),
-        legend_sonar(scene.own_ship),
-    ]
-    if scene.truth:
-        handles.append(legend_points(TRUTH_COLOUR, "D", "true place", 6.0, hollow=True))
-    if scene.judged is not None:
-        handles.append(legend_points(INK_COLOUR, "s", "hits of a track", 6.5, hollow=True))
     arrow = {"marker": ">", "markersize": 6, "linewidth": 2.0}
     label = f"track: id, 95 % ellipse, arrow: {seconds:g} s of travel"
-    handles.append(legend_line(TRACK_COLOUR, label, **arrow))
-    handles.append(legend_line(NEW_TRACK_COLOUR, "the same, new", **arrow))
-    if any(view.held.time_since_hit.any() for view in scene.scans):
-        handles.append(
-            legend_line(TRACK_COLOUR, "the same, not detected in this ping", ls=COASTING_LINE)
-        )
-    if any(len(view.fixed_echoes) for view in scene.scans):
-        handles.append(legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0))
-    return handles
+    coasting = "the same, not detected in this ping"
+    fading = f"detections, fading over {FADING_SCANS} pings"
+    entries: list[tuple[Any, Line2D]] = [
+        (True, legend_points(INK_COLOUR, "o", fading, 4.0)),
+        (True, legend_sonar(scene.own_ship)),
+        (scene.truth, legend_points(TRUTH_COLOUR, "D", "true place", 6.0, hollow=True)),
+        (
+            scene.judged is not None,
+            legend_points(INK_COLOUR, "s", "hits of a track", 6.5, hollow=True),
+        ),
+        (True, legend_line(TRACK_COLOUR, label, **arrow)),
+        (True, legend_line(NEW_TRACK_COLOUR, "the same, new", **arrow)),
+        (
+            any(view.held.time_since_hit.any() for view in scene.scans),
+            legend_line(TRACK_COLOUR, coasting, ls=COASTING_LINE),
+        ),
+        (
+            any(len(view.fixed_echoes) for view in scene.scans),
+            legend_points(FIXED_COLOUR, "X", "fixed echo", 6.0),
+        ),
+    ]
+    return [entry for shown, entry in entries if shown]

@@ -97,20 +97,15 @@ class RunScene:
 
     def starts_by(self, true: bool) -> list[ConfirmedTrack]:
         """True starts, or those with another outcome; starts without judgement count as true."""
-        if self.judged is not None:
-            return [
-                judgement.track
-                for judgement in self.judged
-                if (judgement.outcome is Outcome.TRUE) is true
-            ]
-        elsewhere = self.elsewhere or set()
-        return [track for track in self.starts if (track.track_id not in elsewhere) is true]
+        if self.judged is None:
+            elsewhere = self.elsewhere or set()
+            return [track for track in self.starts if (track.track_id not in elsewhere) is true]
+        return [one.track for one in self.judged if (one.outcome is Outcome.TRUE) is true]
 
     @property
     def true_starts(self) -> dict[int, Judged]:
         """The true start of each target that has one, by the target's index."""
-        true = [found for found in self.judged or [] if found.outcome is Outcome.TRUE]
-        return {judgement.target: judgement for judgement in true}
+        return {one.target: one for one in self.judged or [] if one.outcome is Outcome.TRUE}
 
     @property
     def true_places(self) -> list[FloatArray]:
@@ -149,10 +144,9 @@ class RunScene:
                 hits[track.track_id] = np.array(places).reshape(-1, 3)
         return hits
 
-    def trails(self, scans: int | None = None) -> dict[int, FloatArray]:
-        """Positions of each held track, (m, 2), by its id; of the first scans if given."""
-        ways = self.ways(scans).items()
-        return {track_id: way[np.isfinite(way[:, 2]), :2] for track_id, way in ways}
+    def trails(self) -> dict[int, FloatArray]:
+        """Positions of each held track, (m, 2), by its id."""
+        return {key: way[np.isfinite(way[:, 2]), :2] for key, way in self.ways().items()}
 
     def ways(self, scans: int | None = None) -> dict[int, FloatArray]:
         """Way of each held track by its id; of the first scans if given.
@@ -197,15 +191,14 @@ def headline(scene: RunScene) -> str:
         last = max(start_scans[judgement.track.track_id] for judgement in starts.values())
         pings = _pings(last)
     counts = Counter(judgement.outcome for judgement in scene.judged)
-    parts = [
-        f"{len(starts)} of {len(scene.truth)} targets in {pings}",
-        _tracks(counts[Outcome.FALSE], "false "),
-    ]
-    if counts[Outcome.MISPLACED]:
-        parts.append(f"{counts[Outcome.MISPLACED]} misplaced")
-    if counts[Outcome.REDUNDANT]:
-        parts.append(f"{counts[Outcome.REDUNDANT]} redundant")
-    return ", ".join(parts)
+    others = [one for one in (Outcome.MISPLACED, Outcome.REDUNDANT) if counts[one]]
+    return ", ".join(
+        [
+            f"{len(starts)} of {len(scene.truth)} targets in {pings}",
+            _tracks(counts[Outcome.FALSE], "false "),
+            *(f"{counts[one]} {one.value}" for one in others),
+        ]
+    )
 
 
 def _pings(number: int) -> str:

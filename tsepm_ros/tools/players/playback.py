@@ -1,16 +1,12 @@
-"""Playback: events at their times, on the topics of a driver.
-
-Publishing events at their times, for simulator and player.
-
-Topics of a sonar driver and of the ground truth, published by simulator and player.
-"""
+"""Simulator and player: events at their times, on the topics of a driver and of the truth."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
@@ -35,9 +31,10 @@ from msg_adapters import (
     truth_tracks,
 )
 from tsepm_ros.nodes import quality_of_service
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import PlaybackOptions
+from tsepm_ros.settings.settings import Groups
 
 Event = tuple[float, Callable[[], None]]
 """Time in the recording (s) and the function that publishes the message."""
@@ -57,19 +54,54 @@ MAX_SINGLE_WAIT = 0.2
 """Maximum time of a single wait for the acknowledgement, s."""
 
 
-class Played(Protocol):
-    """Source of the events: a scenario, a recording or a bag."""
+class Played:
+    """Source of the events: a scenario, a recording or a bag.
 
-    @property
-    def detections(self) -> Publisher:
-        """Publisher whose subscribers the playback waits for."""
+    Attributes
+    ----------
+    detections : Publisher
+        The playback waits for its subscribers.
+    publishers : list of Publisher
+        Publishers whose messages must be acknowledged, of depth PUBLISHER_DEPTH or more.
+    """
 
-    @property
-    def publishers(self) -> Sequence[Publisher]:
-        """Publishers whose messages must be acknowledged, of depth PUBLISHER_DEPTH or more."""
+    detections: Publisher
+    publishers: list[Publisher]
 
     def events(self) -> Iterator[Event]:
         """Iterate over the events in order of time, from the first; once per loop."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close what is open."""
+
+
+class PlayingNode(ParameterisedNode):
+    """A node that plays what `make` makes of it and its options.
+
+    Attributes
+    ----------
+    finished : Future
+        Done when the last event has been published and acknowledged.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        groups: Groups,
+        make: Callable[[ParameterisedNode, Mapping[type, Any]], Played],
+        **node_options: Any,
+    ) -> None:
+        super().__init__(name, **node_options)
+        options = NodeParameters(self, groups).options
+        self._played = make(self, options)
+        self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
+        self.refuse_unused_overrides()
+
+    def destroy_node(self) -> None:
+        """Destroy the node and close what it plays."""
+        super().destroy_node()
+        self._played.close()
 
 
 def check_start_offset(start_offset: float, duration: float, played: str) -> None:
@@ -120,8 +152,9 @@ class Playback:
         self._next = next(self._events, None)
         self._begin: float | None = None
         self._published = 0
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(WAIT_PERIOD, self._step, clock=steady)
+        self._timer = node.create_timer(
+            WAIT_PERIOD, self._step, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         if options.wait_for_subscribers:
             node.get_logger().info(
                 f"waiting for {options.wait_for_subscribers} subscriber(s) of "
@@ -216,17 +249,16 @@ class DriverTopics:
     ) -> None:
         self._frames = fixed_frame, sensor_frame
         self._place, self._reach = np.zeros(2), 0.0  # of the own ship; largest range of a target
-
-        def publisher(kind: type, topic: str, depth: int = PUBLISHER_DEPTH) -> Publisher:
-            options = quality_of_service.PUBLISHER
-            return node.create_publisher(kind, topic, depth, qos_overriding_options=options)
-
-        self.detections = publisher(detections_type, "detections")
-        self._own_ship = publisher(Odometry, "own_ship/odometry") if own_ship else None
-        self._truth = publisher(PointCloud2, "ground_truth")
+        publisher = partial(
+            node.create_publisher, qos_overriding_options=quality_of_service.PUBLISHER
+        )
+        self.detections = publisher(detections_type, "detections", PUBLISHER_DEPTH)
+        self._truth = publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
         self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)
         self.publishers = [self.detections, self._truth]
-        if self._own_ship is not None:
+        self._own_ship: Publisher = None
+        if own_ship:
+            self._own_ship = publisher(Odometry, "own_ship/odometry", PUBLISHER_DEPTH)
             self.publishers.append(self._own_ship)
 
     def sensor_header(self, stamp: float) -> Header:

@@ -1,15 +1,8 @@
-"""The player of recordings and bags.
-
-Messages of a bag, published as they were recorded.
-
-A CSV recording, published as a sonar driver's messages.
-
-The node that plays recorded scans on the topics of a sonar driver.
-"""
+"""The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -23,20 +16,19 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import MessageError, detections_cloud
 from tsepm_ros.nodes import quality_of_service
 from tsepm_ros.nodes.node_parameters import (
-    NodeParameters,
     ParameterError,
-    ParameterisedNode,
     refusing,
 )
 from tsepm_ros.nodes.running import clock_time, run
-from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
+from tsepm_ros.settings.node_options import PlayerNodeOptions
 from tsepm_ros.settings.settings import SCAN_PLAYER, help_text
 from tsepm_ros.tools.players.playback import (
     LOG_PERIOD,
     PUBLISHER_DEPTH,
     DriverTopics,
     Event,
-    Playback,
+    Played,
+    PlayingNode,
     check_start_offset,
 )
 from tsepm_ros.tools.replay.bag import (
@@ -56,7 +48,7 @@ LATCHED = "TRANSIENT_LOCAL"
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
 
 
-class PlayedBag:
+class PlayedBag(Played):
     """Publishes the topics of a bag that the track initiator reads.
 
     The messages are published byte for byte. Corrupt messages are skipped, counted and logged. If
@@ -179,7 +171,7 @@ MAX_STAMP = 2.0**31 - 1
 """Maximum stamp of a ROS message, s."""
 
 
-class PlayedRecording:
+class PlayedRecording(Played):
     """Publishes the scans, the own ship and the truth of a recording.
 
     Parameters
@@ -225,9 +217,6 @@ class PlayedRecording:
         )
         self.detections, self.publishers = self._topics.detections, self._topics.publishers
 
-    def close(self) -> None:
-        """Do nothing: no file is open."""
-
     def events(self) -> Iterator[Event]:
         """Iterate over the events in order of time; at equal times own ship, truth, scan."""
         events: list[tuple[float, int, Any]] = [
@@ -256,12 +245,8 @@ class PlayedRecording:
         )
 
     def _publish_truth(self, time: float) -> None:
-        states = [
-            motion.state
-            for path in self._recording.targets.values()
-            for motion in path
-            if motion.time == time
-        ]
+        paths = self._recording.targets.values()
+        states = [motion.state for path in paths for motion in path if motion.time == time]
         self._topics.publish_truth(time + self._shift, np.array(states))
 
     def _publish_scan(self, scan: RecordedScan) -> None:
@@ -273,25 +258,20 @@ class PlayedRecording:
         )
 
 
-class ScanPlayer(ParameterisedNode):
+def _played(node: Node, options: Mapping[type, Any]) -> Played:
+    player: PlayerNodeOptions = options[PlayerNodeOptions]
+    if not player.recording:
+        raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
+    with refusing("recording"):
+        is_bag = source_of(player.recording)[1]
+    return (PlayedBag if is_bag else PlayedRecording)(node, player)
+
+
+class ScanPlayer(PlayingNode):
     """Publishes the scans, the own ship and the truth of a CSV recording or a bag."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("scan_player", **node_options)
-        options = NodeParameters(self, SCAN_PLAYER).options
-        player: PlayerNodeOptions = options[PlayerNodeOptions]
-        if not player.recording:
-            raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
-        with refusing("recording"):
-            played_class = PlayedBag if source_of(player.recording)[1] else PlayedRecording
-        self._played = played_class(self, player)
-        self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
-        self.refuse_unused_overrides()
-
-    def destroy_node(self) -> None:
-        """Destroy the node and close the recording."""
-        super().destroy_node()
-        self._played.close()
+        super().__init__("scan_player", SCAN_PLAYER, _played, **node_options)
 
 
 def main(args: Sequence[str] | None = None) -> int:

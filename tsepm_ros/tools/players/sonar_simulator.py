@@ -1,9 +1,4 @@
-"""The simulator of a sonar as a node.
-
-A simulated scenario, published as a sonar driver's messages.
-
-The node that simulates a sonar: detections, own ship and truth.
-"""
+"""The node that simulates a sonar: detections, own ship and truth of a scenario."""
 
 from __future__ import annotations
 
@@ -16,16 +11,16 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from msg_adapters import make_header, message_class, write_detections
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode, refusing
+from tsepm_ros.nodes.node_parameters import refusing
 from tsepm_ros.nodes.running import clock_time, run
-from tsepm_ros.settings.node_options import PlaybackOptions, SimulatorNodeOptions
+from tsepm_ros.settings.node_options import SimulatorNodeOptions
 from tsepm_ros.settings.settings import SONAR_SIMULATOR, help_text
-from tsepm_ros.tools.players.playback import DriverTopics, Event, Playback
+from tsepm_ros.tools.players.playback import DriverTopics, Event, Played, PlayingNode
 from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.tracker.scan import Scan
 
 
-class PlayedScenario:
+class PlayedScenario(Played):
     """Publishes the scans, the own ship and the truth of a scenario.
 
     Parameters
@@ -58,9 +53,6 @@ class PlayedScenario:
         self._topics = DriverTopics(node, kind, options.fixed_frame, options.sensor_frame)
         self.detections, self.publishers = self._topics.detections, self._topics.publishers
 
-    def close(self) -> None:
-        """Do nothing: no file is open."""
-
     def events(self) -> Iterator[Event]:
         """Own-ship poses at their rate; each scan after its last echo."""
         interval = 1.0 / self._options.own_ship_rate
@@ -84,15 +76,13 @@ class PlayedScenario:
         self._topics.publish_own_ship(stamp, (float(x), float(y), wrapped), rates)
 
     def _publish_scan(self, simulated: SimulatedScan, index: int) -> None:
-        scan = simulated.scan
-        number, rest = divmod(index - 1, self._options.messages_per_scan)
+        scan, messages = simulated.scan, self._options.messages_per_scan
+        number, rest = divmod(index - 1, messages)
         if rest == 0:
             self._topics.publish_truth(scan.stamp, simulated.truth)
         self.detections.publish(self._message(self._topics.sensor_header(scan.stamp), scan))
         if rest == 0:
-            content = f"{len(scan)} detections"
-            if self._options.messages_per_scan > 1:
-                content = f"{self._options.messages_per_scan} messages"
+            content = f"{messages} messages" if messages > 1 else f"{len(scan)} detections"
             self._node.get_logger().info(f"scan {number + 1} of {self._scenario.scans}: {content}")
 
     def _message(self, header: Header, scan: Scan) -> Any:
@@ -104,15 +94,12 @@ class PlayedScenario:
         )
 
 
-class SonarSimulator(ParameterisedNode):
+class SonarSimulator(PlayingNode):
     """Publishes the scans of a scenario as a sonar driver would."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("sonar_simulator", **node_options)
-        options = NodeParameters(self, SONAR_SIMULATOR).options
-        played = PlayedScenario(self, options[SimulatorNodeOptions])
-        self.finished = Playback(self, played, options[PlaybackOptions]).finished
-        self.refuse_unused_overrides()
+        make = lambda node, options: PlayedScenario(node, options[SimulatorNodeOptions])  # noqa: E731
+        super().__init__("sonar_simulator", SONAR_SIMULATOR, make, **node_options)
 
 
 def main(args: Sequence[str] | None = None) -> int:

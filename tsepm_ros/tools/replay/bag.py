@@ -332,11 +332,16 @@ class BagWriter:
             options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
             writer.open(options, self._ros.ConverterOptions("", ""))
             return writer
-        from rosbags.rosbag2 import StoragePlugin, Writer
+        writer = mcap_writer(path)
+        writer.open()
+        return writer
 
-        written = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
-        written.open()
-        return written
+
+def mcap_writer(path: Path) -> Any:
+    """A writer of the library rosbags for an MCAP bag in a new folder; ImportError without it."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    return Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
 
 
 LAYOUTS = {

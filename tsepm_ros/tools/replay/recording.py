@@ -1,8 +1,4 @@
-"""Recordings: CSV files, simulated recordings, and what a path names.
-
-What a path names: a CSV recording, a bag, or a file that is neither, with its remedy.
-
-Recorded detections in CSV files.
+"""Recordings: CSV files, simulated scenarios as recordings, and what a path names.
 
 A recording is a CSV file, by default ``detections.csv``, and two optional files beside it:
 
@@ -21,8 +17,6 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 
 The rows of a file, or of a target, are in the order of time.
-
-A simulated scenario as a recording.
 """
 
 from __future__ import annotations
@@ -394,19 +388,19 @@ def _check_scans(
     """Refuse scan numbers that do not stand for one ping each, and note a counter's restart."""
     remedy = "number the pings, or leave out the column scan if each has one time"
     last: dict[float, int] = {}
-    restart = ""
+    restarts: list[str] = []
     for place, number in enumerate(numbers):
         if place - last.get(number, -MIN_RETURN) < MIN_RETURN:
             raise ValueError(
                 f"{file}: scan {number:g} has rows at {starts[last[number]]:.10g} and "
                 f"{starts[place]:.10g} s, with other scans between: {remedy}"
             )
-        if number in last and not restart:
-            restart = (
+        if number in last:
+            restarts.append(
                 f"the numbers of scan start again at {starts[place]:.10g} s: taken as new pings"
             )
-            notes.append(restart)
         last[number] = place
+    notes += restarts[:1]
     gaps = np.diff(starts)
     longest = MAX_SPAN * float(np.median(gaps)) if len(gaps) else 0.0
     if spans.max(initial=0.0) > longest:
@@ -462,15 +456,8 @@ def _motions(table: Table | None) -> list[RecordedMotion]:
     if table is None:
         return []
     zero = np.zeros_like(table["time_s"])
-    states = np.stack(
-        [
-            table["east_m"],
-            table.get("east_mps", zero),
-            table["north_m"],
-            table.get("north_mps", zero),
-        ],
-        axis=1,
-    )
+    names = ("east_m", "east_mps", "north_m", "north_mps")
+    states = np.stack([table.get(name, zero) for name in names], axis=1)
     headings = table.get("heading_rad")
     yaws = [None] * len(zero) if headings is None else (math.pi / 2 - headings).tolist()
     attitudes = (table.get(name, zero).tolist() for name in ATTITUDE)

@@ -1,9 +1,4 @@
-"""Tracks in files, and as a table.
-
-Writing of tracks: as CSV, and as a bag of the messages that the node publishes.
-
-Confirmed tracks as a table for a terminal.
-"""
+"""Tracks as CSV, as a bag of the messages that the node publishes, and as a terminal's table."""
 
 from __future__ import annotations
 
@@ -21,7 +16,7 @@ from msg_adapters.stamps import NANOSECONDS_PER_SECOND, check_seconds
 from msg_adapters.track_cloud import COVARIANCE_FIELDS, STATE_FIELDS, track_points
 from tsepm_ros.own_ship.attitude import east_north_up
 from tsepm_ros.session.result import ScanResult
-from tsepm_ros.tools.replay.bag import POINTS
+from tsepm_ros.tools.replay.bag import POINTS, mcap_writer
 from tsepm_ros.tools.terminal import write_line
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 from tsepm_ros.whole_files import move_whole, naming, remove, temporary_beside
@@ -43,44 +38,31 @@ class TrackWriter(Protocol):
 
 
 class TrackTable:
-    """Writes confirmed tracks as CSV, a row per track with the reason of its confirmation.
+    """Writes tracks as CSV: a row per confirmed track with its reason, or the held tracks.
 
     A correction is a row of its own, with the same id and the next revision.
 
     Parameters
     ----------
     file : text file
-    reason : callable
-        Returns the reason of a track's confirmation.
+    reason : callable, optional
+        Returns the reason of a track's confirmation. Without it the tracks that are held at each
+        scan are written, a row per scan and track.
     """
 
-    def __init__(self, file: TextIO, reason: Callable[[ConfirmedTrack], str]) -> None:
+    def __init__(self, file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._reason = reason
-        self._writer.writerow([*COLUMNS, "reason"])
+        self._writer.writerow([*COLUMNS, *(["reason"] if reason else [])])
 
     def write(self, result: ScanResult) -> None:
-        """Write the tracks that were confirmed, or whose starts were corrected, by one scan."""
+        """Write the tracks that one scan confirmed or corrected, or those held after it."""
+        if self._reason is None:
+            self._writer.writerows(map(_row, result.current))
+            return
         for track in result.starts:
             corrected = "corrected: " if track.revision else ""
             self._writer.writerow([*_row(track), corrected + self._reason(track)])
-
-
-class CurrentTable:
-    """Writes the tracks that are held at each scan as CSV, a row per scan and track.
-
-    Parameters
-    ----------
-    file : text file
-    """
-
-    def __init__(self, file: TextIO) -> None:
-        self._writer = csv.writer(file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
-
-    def write(self, result: ScanResult) -> None:
-        """Write the tracks that are held after one scan; their stamp is the scan's."""
-        self._writer.writerows(_row(track) for track in result.current)
 
 
 def _row(track: ConfirmedTrack) -> list[object]:
@@ -119,14 +101,13 @@ class TrackBag:
     """
 
     def __init__(self, path: Path) -> None:
-        from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
 
         self._path = path
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._temporary = temporary_beside(path)
         self._bag = self._temporary / path.stem  # the file names itself in its metadata
-        self._writer = Writer(self._bag, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer = mcap_writer(self._bag)
         try:
             self._temporary.mkdir()
             self._writer.open()

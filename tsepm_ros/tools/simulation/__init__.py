@@ -1,7 +1,6 @@
 """Simulated scans with known truth."""
 
-from tsepm_ros.tools.simulation.scenario import Scenario
-from tsepm_ros.tools.simulation.scenario_files import load_scenario, shipped_scenarios
+from tsepm_ros.tools.simulation.scenario import Scenario, load_scenario, shipped_scenarios
 from tsepm_ros.tools.simulation.simulator import CLUTTER, SimulatedScan, Simulator
 
 __all__ = [

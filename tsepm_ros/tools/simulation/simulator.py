@@ -99,21 +99,21 @@ class Simulator:
 
     def truth(self, time: float) -> FloatArray:
         """States of the k targets at a time after the start (s), (k, 4); k = 0 in the warm-up."""
-        there = self._there(time)
-        states = np.array(self._at_start if there else []).reshape(-1, 4)
+        states = np.array(self._there(time)).reshape(-1, 4)
         states[:, 0::2] += states[:, 1::2] * time
         return states
 
-    def _there(self, time: float) -> bool:
-        """Whether the targets are there at a time after the start, s."""
-        return not self.scenario.warm_up or time >= self.scenario.target_start
+    def _there(self, time: float) -> list[FloatArray]:
+        """States at time 0 of the targets that are there at a time after the start, s."""
+        there = not self.scenario.warm_up or time >= self.scenario.target_start
+        return self._at_start if there else []
 
     def _scan(self, time: float, sector: SensorModel | None = None) -> SimulatedScan:
         """Draw a scan of the whole coverage, or of a sector of it."""
         seen_by = sector or self.scenario.sensor
         echoes = [
             echo
-            for index, state in enumerate(self._at_start if self._there(time) else [])
+            for index, state in enumerate(self._there(time))
             if (echo := self._detect(index, state, time, seen_by)) is not None
         ]
         clutter = self._clutter(time)

@@ -1,12 +1,15 @@
-"""Frames from the messages of live topics, gathered by stamp; without rclpy."""
+"""Frames from the messages of live topics, gathered by stamp, and their way to the server.
+
+Nothing here needs rclpy.
+"""
 
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +25,15 @@ from msg_adapters.track_cloud import STATE_FIELDS, TRACK_DTYPE, track_arrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.tools.viewer.page_frames import Frame, make_frame, track_facts
+from tsepm_ros.session.drop_reasons import shortened
+from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.tools.viewer.page_frames import Frame, health_of_message, make_frame, track_facts
+from tsepm_ros.tools.viewer.page_state import PageState
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
+
+if TYPE_CHECKING:
+    from tsepm_ros.tools.viewer.page_server import PageServer
+
 
 DETECTIONS, NEW, TRACKS = "detections/placed", "tracks", "tracks/current"
 POTENTIAL, FIXED = "potential_tracks", "fixed_echoes"
@@ -31,6 +41,8 @@ OWN_SHIP, DIAGNOSTICS = "own_ship/odometry", "/diagnostics"
 """The topics that are watched, named as in the track initiator."""
 
 CLOUDS = (NEW, DETECTIONS, TRACKS, POTENTIAL, FIXED)
+ATTRIBUTES = {NEW: "new", TRACKS: "tracks", POTENTIAL: "potential"}
+"""Attributes of `ScanMessages` by topic."""
 
 MAX_PENDING = 16
 """Scans that wait to be drawn, and scans whose messages may still arrive late."""
@@ -98,11 +110,6 @@ class LiveFrames:
         self._fixed: tuple[str, TrackArrays] = "", NO_TRACKS
         self._own_ship: PoseSample | None = None
         self._known: set[int] = set()
-
-    @property
-    def pending(self) -> bool:
-        """Whether `take_frames` has anything to return."""
-        return bool(self._pending)
 
     def take(self, topic: str, cloud: Any) -> None:
         """Take a message of one of the CLOUDS; a message that is too late is left out."""
@@ -176,16 +183,12 @@ class LiveFrames:
             if stated_axes(scan.frame_id) == "down":
                 scan.detections = scan.detections[:, ::-1]
             return
-        if topic == POTENTIAL:
-            scan.potential = exchanged(_potential(cloud, scan.stamp), scan.frame_id)
-            return
-        tracks = exchanged(track_arrays(read_track_cloud(cloud), scan.stamp), scan.frame_id)
+        read = _potential if topic == POTENTIAL else _tracks
+        tracks = exchanged(read(cloud, scan.stamp), scan.frame_id)
         if topic == FIXED:
             self._fixed = scan.frame_id, tracks
-        elif topic == NEW:
-            scan.new = tracks
         else:
-            scan.tracks = tracks
+            setattr(scan, ATTRIBUTES[topic], tracks)
 
     def _new_facts(self, scan: ScanMessages, complete: bool) -> dict[str, Frame]:
         """Facts of the tracks that are confirmed by a scan or seen for the first time.
@@ -207,6 +210,10 @@ class LiveFrames:
         return pose.x, pose.y, pose.yaw if known else math.nan
 
 
+def _tracks(cloud: Any, stamp: float) -> TrackArrays:
+    return track_arrays(read_track_cloud(cloud), stamp)
+
+
 def _potential(cloud: Any, stamp: float) -> TrackArrays:
     """Read potential tracks, without what the page does not show.
 
@@ -225,3 +232,111 @@ def _potential(cloud: Any, stamp: float) -> TrackArrays:
         cells = np.nan_to_num(np.floor(tracks.state[:, 0::2] / side))
     _, place = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
     return replace(tracks, hits=[((0, index),) for index in place.tolist()])
+
+
+GATHERING_TIME = 0.015
+"""Time for the messages of a scan to arrive before the scan is drawn, s."""
+MAX_WAITING = 500
+"""Messages that wait for the server's thread."""
+
+
+def make_server(
+    options: ViewerNodeOptions,
+    title: str,
+    state: PageState | None = None,
+) -> PageServer:
+    """Make a `PageServer`, see there.
+
+    Raises
+    ------
+    ValueError
+        If its library is not installed, or it cannot be bound.
+    """
+    try:
+        from tsepm_ros.tools.viewer.page_server import PageServer
+    except ImportError:
+        raise ValueError(
+            "the page needs the library tornado: pip install tornado, the extra viewer, or the "
+            "package python3-tornado"
+        ) from None
+    return PageServer(options, title, state)
+
+
+class LiveFeed:
+    """Takes messages in one thread, and shows them in the server's.
+
+    Parameters
+    ----------
+    options : ViewerNodeOptions
+    title : str
+    topic : str
+        Topic of the held tracks, for a page that waits for it.
+    report : callable
+        Called with a sentence for a message that cannot be read, in the server's thread.
+    read_own_ship : callable, optional
+        Makes a message of what is received on OWN_SHIP; only the newest is read.
+
+    Raises
+    ------
+    ValueError
+        As in `make_server`.
+    """
+
+    def __init__(
+        self,
+        options: ViewerNodeOptions,
+        title: str,
+        topic: str,
+        report: Callable[[str], None],
+        read_own_ship: Callable[[Any], Any] = lambda message: message,
+    ) -> None:
+        self._report = report
+        self._read_own_ship = read_own_ship
+        self._frames = LiveFrames(self._report_error)
+        self._state = PageState(
+            {"kind": "live", "title": title, "topic": topic}, options.kept_scans
+        )
+        self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
+        self._own_ship: Any = None
+        self._scheduled = False
+        self._published: bool | None = None
+        self.server = make_server(options, title, self._state)
+        self.server.start()
+
+    def take(self, topic: str, message: Any) -> None:
+        """Take a message; `topic` is one of those of `tsepm_ros.tools.viewer.live_frames`."""
+        if topic == OWN_SHIP:
+            self._own_ship = message  # waits for the next scan
+            return
+        self._waiting.append((topic, message))
+        if not self._scheduled:
+            self._scheduled = True
+            self.server.call_later(GATHERING_TIME, self._show)
+
+    def published(self, known: bool) -> None:
+        """Say whether anything publishes held tracks, for a page that waits for them."""
+        if known != self._published:
+            self._published = known
+            self._state.put_info(published=known)
+
+    def watching(self, topic: str) -> None:
+        """Say which topic of held tracks is shown."""
+        self._state.put_info(title=f"Tracks on {topic}", topic=topic)
+
+    def _show(self) -> None:
+        """Read what has arrived, in the server's thread."""
+        self._scheduled = False
+        while self._waiting:
+            topic, message = self._waiting.popleft()
+            if topic != DIAGNOSTICS:
+                self._frames.take(topic, message)
+            elif (health := health_of_message(message)) is not None:
+                self._state.put_health(health)
+        own_ship, self._own_ship = self._own_ship, None
+        if own_ship is not None:
+            self._frames.take_own_ship(self._read_own_ship(own_ship))
+        for frame, facts in self._frames.take_frames():
+            self._state.put(frame, facts)
+
+    def _report_error(self, topic: str, error: MessageError) -> None:
+        self._report(shortened(f"a message on {topic} cannot be shown: {error}"))

@@ -1,4 +1,4 @@
-"""What the page draws: scans and health.
+"""What the page draws: the scans of live topics or of a whole run, and health.
 
 One scan as the page draws it: a JSON object, the same live, replayed and in a file.
 
@@ -21,9 +21,7 @@ field         meaning
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
-`track_facts`.
-
-Health as the page shows it: levels, tasks and sentences of the diagnostics.
+`track_facts`. Health has the levels, tasks and sentences of the diagnostics.
 """
 
 from __future__ import annotations
@@ -37,11 +35,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.track_markers import drawn_candidates, ellipses
-from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
-from tsepm_ros.diagnostics.judgements import QUALITY_OF_SERVICE
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
+from tsepm_ros.session.result import ScanResult, vessel_pose
+from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
+from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 Frame = dict[str, Any]
@@ -91,7 +93,7 @@ def make_frame(
     -------
     dict
     """
-    frame: Frame = {
+    return {
         "stamp": stamp,
         "frame_id": frame_id,
         "own_ship": _pose(own_ship),
@@ -99,10 +101,8 @@ def make_frame(
         "potential": potential_rows(potential),
         "tracks": track_rows(tracks),
         "fixed": track_rows(fixed),
+        **({"restart": True} if restart else {}),
     }
-    if restart:
-        frame["restart"] = True
-    return frame
 
 
 def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
@@ -238,25 +238,22 @@ def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]
 
 def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
     arrays = TrackArrays.of(tracks)
-    finite = np.isfinite(arrays.state).all(axis=1)
-    return arrays if finite.all() else arrays.where(np.flatnonzero(finite))
+    return arrays.where(np.flatnonzero(np.isfinite(arrays.state).all(axis=1)))
 
 
 def _positions(positions: FloatArray | None) -> list[int]:
-    if positions is None or not len(positions):
+    if positions is None:
         return []
-    finite = np.isfinite(positions).all(axis=1)
-    return list(_integers(positions[finite], CENTIMETERS).ravel().tolist())
+    finite = positions[np.isfinite(positions).all(axis=1)]
+    return list(_integers(finite, CENTIMETERS).ravel().tolist())
 
 
 def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
     if pose is None or not all(math.isfinite(value) for value in pose[:2]):
         return None
-    x, y = _integers(np.array(pose[:2]), CENTIMETERS).tolist()
-    heading = float(pose[2])
-    if not math.isfinite(heading):
-        return [x, y, None]
-    return [x, y, round(math.remainder(heading, math.tau) * MILLIRADIANS)]
+    place, heading = _integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
+    known = math.isfinite(heading)
+    return [*place, round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None]
 
 
 def health_of_message(message: Any) -> Frame | None:
@@ -335,3 +332,103 @@ def _entry(
 def _health(entries: list[dict[str, Any]]) -> Frame:
     worst = max((entry["level"] for entry in entries), key=ORDER.index)
     return {"level": worst, "entries": entries}
+
+
+class RecordedScene:
+    """Collects the results of a run.
+
+    Parameters
+    ----------
+    title : str
+    north : bool
+        Whether y of the fixed frame is north.
+    truth : sequence of (m, 3) ndarray, optional
+        Time (s), x and y (m) of each target.
+    mounting_yaw : float or None, optional
+        As for `tsepm_ros.session.result.vessel_pose`.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        north: bool,
+        truth: Sequence[FloatArray] = (),
+        mounting_yaw: float | None = 0.0,
+    ) -> None:
+        self.title = title
+        self._info = {"kind": "recording", "title": title, "north": north}
+        self._truth = [np.round(path, 2).tolist() for path in truth]
+        self._mounting_yaw = mounting_yaw
+        self._frames: list[Frame] = []
+        self._facts: dict[str, Frame] = {}
+        self._scans: dict[int, tuple[float, FloatArray]] = {}
+
+    def __len__(self) -> int:
+        """Number of scans."""
+        return len(self._frames)
+
+    def add(self, result: ScanResult, initiator: Tracker) -> None:
+        """Take the result of a scan, before its initiator processes the next one."""
+        detections = convert(result.scan, initiator.sensor, 0)["position"]
+        index = initiator.scan_index
+        if index <= max(self._scans, default=-1):  # the initiator has started over
+            self._scans = {}
+        self._scans[index] = result.stamp, detections
+        frame = make_frame(
+            result.stamp,
+            result.frame_id,
+            detections=detections,
+            tracks=result.current,
+            potential=initiator.potential_tracks(),
+            fixed=result.fixed_echoes,
+            own_ship=vessel_pose(result.scan, self._mounting_yaw),
+            restart=result.arrival is Arrival.RESTART,
+        )
+        frame["number"] = len(self._frames) + 1
+        self._frames.append(frame)
+        fresh = [
+            row
+            for row, key in enumerate(result.current.track_id.tolist())
+            if str(key) not in self._facts
+        ]
+        self._facts.update(track_facts(result.current.where(np.array(fresh, int)), None))
+        for track_id, end in result.ended.items():
+            self._facts.get(str(track_id), {})["ended"] = [result.stamp, ENDS[end]]
+        self._facts.update(
+            track_facts(
+                result.new,
+                result.stamp,
+                reasons=[initiator.reason(track) for track in result.new],
+                hits=[self._hits(track) for track in result.new],
+            )
+        )
+
+    def document(self, dropped: Mapping[str, int], notes: Iterable[str] = ()) -> str:
+        """The recording, JSON: everything that a page is told, see `PageState.since`, and truth.
+
+        Parameters
+        ----------
+        dropped : mapping of str to int
+            Drops by reason.
+        notes : iterable of str, optional
+            Other notices of the run.
+        """
+        return encode(
+            {
+                "all": True,
+                "info": self._info,
+                "truth": self._truth,
+                "health": health_of_run(len(self._frames), dropped, notes),
+                "facts": self._facts,
+                "frames": self._frames,
+            }
+        )
+
+    def _hits(self, track: ConfirmedTrack) -> list[list[float]]:
+        """Time (s), x and y (m) of each hit, as far as it is known."""
+        hits = []
+        for scan_index, detection_index in track.hits:
+            stamp, positions = self._scans.get(scan_index, (0.0, np.zeros((0, 2))))
+            if detection_index < len(positions):
+                hits.append([stamp, *np.round(positions[detection_index], 2).tolist()])
+        return hits

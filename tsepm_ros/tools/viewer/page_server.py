@@ -1,8 +1,4 @@
-"""The server of the page, and who may see it.
-
-Who may see the page: tokens, and names under which a browser may ask for it.
-
-The server of the page: one page, its files, and a websocket with what changes.
+"""The server of the page: one page, its files, a websocket with what changes, and who may see it.
 
 The library is tornado, which ROS has as ``python3-tornado`` (rosbridge uses it): HTTP, websockets
 with flow control, and nothing else to install.
@@ -13,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import gzip
 import hmac
 import ipaddress
 import secrets
@@ -192,6 +187,7 @@ class PageServer:
             "websocket_ping_interval": PING_INTERVAL,
             "websocket_ping_timeout": PING_TIMEOUT,
             "websocket_max_message_size": MAX_REQUEST,
+            "compress_response": True,
             "default_handler_class": _Nothing,
             "log_function": lambda handler: None,
         }
@@ -207,21 +203,18 @@ class PageServer:
 
     def start(self, recording: str = "") -> None:
         """Serve from now on; `recording`, JSON, is what a page without a state replays."""
-        page = served_page(RECORDING if self._state is None else LIVE, self._title)
-        texts = {"": (page, "page.html")} | {
-            name: (page_file(name), name) for name in (STYLE, *SCRIPTS)
-        }
-        routes: list[Any] = [
-            (f"/{path}", _Text, {"text": text, "name": name})
-            for path, (text, name) in texts.items()
-        ]
+        texts = {name: page_file(name) for name in (STYLE, *SCRIPTS)}
+        texts[""] = served_page(RECORDING if self._state is None else LIVE, self._title)
         if self._state is None:
-            compressed = gzip.compress(recording.encode())
-            routes.append(("/recording", _Recording, {"recording": compressed}))
-        else:
+            texts["recording"] = recording
+        routes: list[Any] = [
+            (f"/{name}", _Text, {"text": text.encode(), "content_type": content_type(name)})
+            for name, text in texts.items()
+        ]
+        if self._state is not None:
             source = {"state": self._state, "browsers": self._browsers}
             routes.append(("/updates", _Updates, source))
-            self._state.changed = self._announce
+            self._state.changed = lambda: self._call(self._wake)
         self._application = tornado.web.Application(routes, **self._settings)
         self._started = True
         self._thread.start()
@@ -248,12 +241,6 @@ class PageServer:
         if not self.loop.is_closed():
             with contextlib.suppress(RuntimeError):  # closed since
                 self.loop.call_soon_threadsafe(function, *arguments)
-
-    def _announce(self) -> None:
-        if threading.current_thread() is self._thread:
-            self._wake()
-        else:
-            self._call(self._wake)
 
     def _wake(self) -> None:
         for browser in self._browsers:
@@ -310,11 +297,11 @@ class _Server(HTTPServer):
 
     def make_room(self) -> bool:
         """Close the connection that was quiet longest; whether there was one."""
-        longest = next(iter(self._quiet), None)
-        if longest is not None:
+        for longest in self._quiet:
             del self._quiet[longest]
             longest.stream.close()
-        return longest is not None
+            return True
+        return False
 
     def on_close(self, server_conn: object) -> None:
         """Forget a connection that is closed, or has become a websocket."""
@@ -363,8 +350,7 @@ class _Guarded(tornado.web.RequestHandler):
             self.refuse("The token is missing or wrong. Use the address that the viewer printed.")
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{status_code}\n")
+        self.answer(f"{status_code}")
 
     def given_token(self) -> str:
         """Token of the request: in its address, or as the cookie that the page has set."""
@@ -374,8 +360,12 @@ class _Guarded(tornado.web.RequestHandler):
     def refuse(self, sentence: str) -> None:
         """Answer that the request is not allowed."""
         self.set_status(403)
+        self.answer(sentence)
+
+    def answer(self, sentence: str) -> None:
+        """Answer a sentence."""
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(sentence + "\n")
+        self.finish(f"{sentence}\n")
 
 
 class _Nothing(_Guarded):
@@ -386,11 +376,11 @@ class _Nothing(_Guarded):
 
 
 class _Text(_Guarded):
-    """The page, or one of its files."""
+    """The page, one of its files, or the recording."""
 
-    def initialize(self, text: str, name: str) -> None:
+    def initialize(self, text: bytes, content_type: str) -> None:
         self._text = text
-        self._name = name
+        self._content_type = content_type
 
     def get(self) -> None:
         if self.get_query_argument("token", ""):
@@ -401,23 +391,8 @@ class _Text(_Guarded):
             )
             self.redirect(self.request.path, status=303)
             return
-        self.set_header("Content-Type", content_type(self._name))
+        self.set_header("Content-Type", self._content_type)
         self.write(self._text)
-
-
-class _Recording(_Guarded):
-    """The recording."""
-
-    def initialize(self, recording: bytes) -> None:
-        self._recording = recording
-
-    def get(self) -> None:
-        self.set_header("Content-Type", "application/json; charset=utf-8")
-        if "gzip" in self.request.headers.get("Accept-Encoding", ""):
-            self.set_header("Content-Encoding", "gzip")
-            self.write(self._recording)
-        else:
-            self.write(gzip.decompress(self._recording))
 
 
 class _Updates(_Guarded, WebSocketHandler):
@@ -477,6 +452,5 @@ def _bound(host: str, port: int) -> list[_Listening]:
 
 
 def _url(host: str, port: int, token: str) -> str:
-    name = socket.gethostname() if host in ANY_ADDRESS else host
-    name = f"[{name}]" if ":" in name else name
+    name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"?{urlencode({'token': token})}" if token else "")

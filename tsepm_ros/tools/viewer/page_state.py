@@ -1,8 +1,6 @@
-"""The page: its files, and what it shows now.
+"""The page: its files, the self-contained file, and what a served page shows now.
 
-The page: its files, their assembly for a server, and the self-contained file.
-
-What a page shows now, kept by its server: bounded, and sent to each browser as what changed.
+What a page shows is kept by its server: bounded, and sent to each browser as what changed.
 """
 
 from __future__ import annotations
@@ -28,7 +26,10 @@ STYLE, SHELL = "watch.css", "watch.html"
 LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
 """Where a page gets its frames: from updates, from the server's recording, or from itself."""
 
-_TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
+_TYPES = {
+    **{".js": "text/javascript", ".css": "text/css"},
+    **{"": "text/html", "recording": "application/json"},
+}
 
 
 def page_file(name: str) -> str:
@@ -37,8 +38,8 @@ def page_file(name: str) -> str:
 
 
 def content_type(name: str) -> str:
-    """Content type of a file of the page."""
-    return f"{_TYPES[Path(name).suffix]}; charset=utf-8"
+    """Content type of a file of the page, of the page itself, or of a recording."""
+    return f"{_TYPES[Path(name).suffix or name]}; charset=utf-8"
 
 
 def served_page(source: str, title: str) -> str:
@@ -196,10 +197,9 @@ class PageState:
 
     def put_health(self, health: Mapping[str, Any]) -> None:
         """Take the health, see `tsepm_ros.tools.viewer.page_frames`."""
-        text = encode(health)
         with self._lock:
             self._version += 1
-            self._health = text, self._version
+            self._health = encode(health), self._version
         self.changed()
 
     def put_info(self, **info: Any) -> None:
@@ -235,7 +235,7 @@ class PageState:
             health, health_version = self._health
             if health_version > version:
                 parts.append(f'"health":{health}')
-            frames = list(self._frames) if version == 0 else list(self._frames)[-1:]
+            frames = list(self._frames)[0 if version == 0 else -1 :]
             texts = [frame.text for frame in frames if frame.version > version]
             if texts:
                 parts.append(f'"frames":[{",".join(texts)}]')

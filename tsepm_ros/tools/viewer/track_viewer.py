@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -22,9 +22,15 @@ from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.settings.settings import TRACK_VIEWER, help_text
-from tsepm_ros.tools.viewer.live_frames import CLOUDS, DIAGNOSTICS, FIXED, OWN_SHIP, TRACKS
+from tsepm_ros.tools.viewer.live_frames import (
+    CLOUDS,
+    DIAGNOSTICS,
+    FIXED,
+    OWN_SHIP,
+    TRACKS,
+    LiveFeed,
+)
 from tsepm_ros.tools.viewer.page_frames import topics_of_message
-from tsepm_ros.tools.viewer.serving import LiveFeed
 
 CLOUD_DEPTH = 10
 PAUSE = 0.008
@@ -69,7 +75,7 @@ class TrackViewer(ParameterisedNode):
         try:
             self._subscribe()
         except BaseException:
-            self._feed.stop()  # nobody gets the node, which could be destroyed
+            self._feed.server.stop()  # nobody gets the node, which could be destroyed
             raise
         self.get_logger().info(f"open {self._feed.server.url}")
 
@@ -94,7 +100,7 @@ class TrackViewer(ParameterisedNode):
                 PointCloud2,
                 self._topics[name],
                 CLOUD_DEPTH,
-                self._taking(name),
+                partial(self._take, name),
                 self._qos,
                 durability=DurabilityPolicy.TRANSIENT_LOCAL
                 if name in (TRACKS, FIXED)
@@ -104,12 +110,12 @@ class TrackViewer(ParameterisedNode):
         ]
         # Odometry may come much more often than scans: only the newest before a scan is read.
         self._own_ship = self.create_subscription(
-            Odometry, self._topics[OWN_SHIP], self._taking(OWN_SHIP), NEWEST, raw=True
+            Odometry, self._topics[OWN_SHIP], partial(self._take, OWN_SHIP), NEWEST, raw=True
         )
 
     def destroy_node(self) -> None:
         """Destroy the node and end the server."""
-        self._feed.stop()
+        self._feed.server.stop()
         super().destroy_node()
 
     def _check_publisher(self) -> None:
@@ -162,20 +168,14 @@ class TrackViewer(ParameterisedNode):
         stated = topics_of_message(message)
         self._stated.update(stated)
         if not stated or self._shown in ("", *stated):
-            self._feed.take(DIAGNOSTICS, message)
-            self._gather()
+            self._take(DIAGNOSTICS, message)
 
-    def _taking(self, topic: str) -> Callable[[Any], None]:
-        """Return the callback of a topic."""
+    def _take(self, topic: str, message: Any) -> None:
+        """Take a message, and wait for the other messages of a scan.
 
-        def take(message: Any) -> None:
-            self._feed.take(topic, message)
-            self._gather()
-
-        return take
-
-    def _gather(self) -> None:
-        """Wait for the other messages of a scan, so that the executor wakes up once for all."""
+        The executor then wakes up once for all.
+        """
+        self._feed.take(topic, message)
         if time.monotonic() - self._gathered > 2.0 * PAUSE:
             time.sleep(PAUSE)
             self._gathered = time.monotonic()

@@ -46,7 +46,7 @@ from tsepm_ros.tracker.clutter.amplitude_law import (
     of_one_law,
     of_one_shape,
 )
-from tsepm_ros.tracker.clutter.polar_grid import Cells
+from tsepm_ros.tracker.clutter.excess import Cells
 
 LAGS = 3
 """Pings before whose detections are neighbours too."""

@@ -3,36 +3,41 @@
 Detections are counted on a polar grid, as in Environment 2018's clutter zones; its rings widen with
 range, as the errors of a sonar do. From coarse to fine, the density of a cell changes only as far
 as the counts of the windows around it require (Lepski, "On a problem of adaptive estimation in
-Gaussian white noise", Theory Probab. Appl. 35(3), 1991). For each size, the densest
-window that holds the cell counts, as in a greatest-of CFAR (Hansen, "Constant false alarm rate
-processing in search radars", IEE Radar, 1973). At the edge of clutter, a window across the edge
-biases the density low exactly at the detections, which raises the scores of false tracks.
+Gaussian white noise", Theory Probab. Appl. 35(3), 1991): it is moved into their bounds, see
+`Excess`, the largest lower and the largest upper bound of a size. For each size, the densest window
+that holds the cell counts, as in a greatest-of CFAR (Hansen, "Constant false alarm rate processing
+in search radars", IEE Radar, 1973). At the edge of clutter, a window across the edge biases the
+density low exactly at the detections, which raises the scores of false tracks.
+
+Windows are squares, each size twice as wide as the next, which begin every eighth of their side or
+every second cell. Reverberation of the sea floor, of a layer or of side lobes lies on rings that
+are thinner than any square. Each dense ring of cells has such bounds too, of the whole ring and
+then of ever shorter arcs of it, so that a zone of clutter raises no other part of its rings. The
+density of a cell is the larger one of both.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tracker.clutter.polar_grid import Cells, PolarGrid
-from tsepm_ros.tracker.clutter.seen_extent import Extent, Region
-from tsepm_ros.tracker.clutter.windows import (
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.tracker.clutter.excess import (
     MAX_DEVIATIONS,
-    CountedArea,
-    CountedWindows,
-    Windows,
-    bounded_root,
+    MEMORY,
+    BlockSums,
+    Cells,
+    Excess,
+    PolarGrid,
     poisson_bound,
-    raise_rings,
 )
+from tsepm_ros.tracker.clutter.seen_extent import Extent, Region
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
-MEMORY = 50
-"""Time constant, in scans, with which older scans fade."""
 DATA_SHEET_COUNT = 0.5
 """Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
 MIN_SEEN_SHARE = 0.1
@@ -43,40 +48,175 @@ MAX_TARGET_COUNT = 8.0
 """Detections in a window attributed to new targets: at most this, or two and one a scan."""
 RENEWAL = 0.1
 """Share of new scans, or of new detections, from which on the density is estimated anew."""
+MIN_WINDOW_CELLS = 4
+"""Cells along a side of the smallest window; each larger window is twice as wide."""
+PER_SIDE, MIN_STEP = 8, 2
+"""Windows begin this often along the side of a window, but at least so many cells apart."""
+ARCS = 2, 4, 8
+"""Parts of a ring that its arcs are."""
+LEAST_RISE = 1.2
+"""Factor, at least, by which a ring is denser than its thinnest cell: less is no harm."""
 
 
-class _SeenCells:
+def squares(rows: int, columns: int) -> list[tuple[int, int]]:
+    """Height and width of the windows of each size, the largest first, cells."""
+    doublings = max(math.ceil(math.log2(max(rows, columns) / MIN_WINDOW_CELLS)), 0)
+    sides = [MIN_WINDOW_CELLS * 2**doubling for doubling in reversed(range(doublings + 1))]
+    return [(min(side, rows), min(side, columns)) for side in sides]
+
+
+class Along(NamedTuple):
+    """Windows of one length along an axis, `PER_SIDE` to their length, or fewer.
+
+    Attributes
+    ----------
+    begin : (w,) ndarray of int
+        Their first cells.
+    held : (p, b) ndarray of int
+        Windows that hold each block of cells between such beginnings.
+    block : (c,) ndarray of int
+        Of each cell.
+    """
+
+    begin: IntArray
+    held: IntArray
+    block: IntArray
+
+
+@lru_cache(maxsize=64)
+def along(cells: int, length: int, wraps: bool) -> Along:
+    """The windows of a length along an axis of so many cells."""
+    step = min(max(length // PER_SIDE, MIN_STEP), length)
+    back = np.arange(length // step)[:, None]
+    if wraps and length < cells:
+        begin = np.arange(0, cells, step)
+        held, edges = (np.arange(len(begin)) - back) % len(begin), begin
+    else:
+        begin = np.unique(np.append(0, np.arange(cells - length, -1, -step)))
+        edges = np.append(begin, np.arange(cells - length + step, cells, step))
+        held = np.clip(np.arange(len(edges)) - back, 0, len(begin) - 1)
+    return Along(begin, held, np.searchsorted(edges, np.arange(cells), side="right") - 1)
+
+
+class Bounds:
+    """Bounds of a density by the counts of windows.
+
+    Parameters
+    ----------
+    shapes : list of tuple of int
+        Heights and widths of the windows, the largest first, cells.
+    seen, whole : (r, c) ndarray
+        Area of each cell in which clutter is seen, and all of it, m^2.
+    wraps : bool
+        Whether the last column is next to the first.
+    widening : float
+        Factor on the area in which clutter is seen.
+    """
+
+    def __init__(
+        self,
+        shapes: list[tuple[int, int]],
+        seen: FloatArray,
+        whole: FloatArray,
+        wraps: bool,
+        widening: float,
+    ) -> None:
+        self._shapes, self._wraps, self._cells = shapes, wraps, seen.shape
+        seen_sums, whole_sums = BlockSums(seen, wraps), BlockSums(whole, wraps)
+        self._areas = [
+            counted_area(widening, self._of(seen_sums, *shape), self._of(whole_sums, *shape))
+            for shape in shapes
+        ]
+
+    def moved(
+        self, density: FloatArray, counts: FloatArray, scans: float, target: float
+    ) -> FloatArray:
+        """The density, moved into the bounds of the windows that hold each cell.
+
+        Parameters
+        ----------
+        density : (r, c) ndarray
+            Or of a shape that broadcasts to it, 1/m^2.
+        counts : (r, c) ndarray
+            Detections of clutter in each cell in all scans.
+        scans : float
+            Their number.
+        target : float
+            Detections of an unknown target.
+        """
+        sums = BlockSums(counts, self._wraps)
+        for shape, area in zip(self._shapes, self._areas, strict=True):
+            excess = Excess(self._of(sums, *shape), scans * area)
+            low, high = excess.lower(target), excess.upper()
+            if low.max() > density.min():  # a third of the time of a map in even clutter
+                density = np.maximum(density, self._largest(low, *shape))
+            if high.min() < density.max():
+                density = np.minimum(density, self._largest(high, *shape))
+        return density
+
+    def _windows(self, height: int, width: int) -> tuple[Along, Along]:
+        """The windows of a shape, along both axes."""
+        rows, columns = self._cells
+        return along(rows, height, False), along(columns, width, self._wraps)
+
+    def _of(self, sums: BlockSums, height: int, width: int) -> FloatArray:
+        """Sums of the windows of a shape, (i, j)."""
+        rows, columns = self._windows(height, width)
+        return sums.windows(rows.begin, height, columns.begin, width)
+
+    def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
+        """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
+        rows, columns = self._windows(height, width)
+        values = np.maximum.reduce([values[one] for one in rows.held])
+        values = np.maximum.reduce([values[:, one] for one in columns.held])
+        return np.asarray(values[rows.block][:, columns.block])
+
+
+def counted_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatArray:
+    """The area that counts, m^2: of parts with these areas, of which clutter is seen in some.
+
+    It is at most the whole area, at least a tenth of it, and grows with the area seen.
+    """
+    return np.minimum(np.maximum(widening * seen, MIN_SEEN_SHARE * whole), whole)
+
+
+class _Seen:
     """The area of each cell in which clutter is seen.
 
     Where clutter is seen in less than the area of one target, its parts count as larger.
 
     Parameters
     ----------
-    windows : Windows
+    grid : PolarGrid
     region : Region
         Where clutter is seen.
     area : float
         Area of that region, or of one target if larger, m^2.
+    shares : (c,) ndarray
+        Shares of the scans that looked at each column.
 
     Attributes
     ----------
-    region, area
+    region, area, shares
         As given.
-    seen : (r, c) ndarray
-        m^2.
+    seen, whole : (r, c) ndarray
+        Area in which clutter is seen, and all, times the shares, m^2.
     counted : (r, c) ndarray
         Area in which clutter is expected, m^2.
-    windows : CountedWindows
+    bounds : Bounds
+        Of squares.
+    widening : float
     """
 
-    def __init__(self, windows: Windows, region: Region, area: float) -> None:
-        self.region, self.area = region, area
-        grid = windows.grid
-        self.seen = grid.area * region.contains(*grid.middles)
-        widening = max(area / region.area, 1.0) if region.area else 0.0
-        counted = CountedArea(widening, MIN_SEEN_SHARE)
-        self.counted = np.broadcast_to(counted.of(self.seen, grid.area), grid.shape)
-        self.windows = CountedWindows(windows, self.seen, counted)
+    def __init__(self, grid: PolarGrid, region: Region, area: float, shares: FloatArray) -> None:
+        self.region, self.area, self.shares = region, area, shares
+        seen = np.broadcast_to(grid.area, grid.shape)
+        if region.area:
+            seen = seen * region.contains(*grid.middles)
+        self.widening = max(area / region.area, 1.0) if region.area else 1.0
+        self.counted = counted_area(self.widening, seen, grid.area)
+        self.seen, self.whole = seen * shares, grid.area * shares
+        self.bounds = Bounds(squares(*grid.shape), self.seen, self.whole, grid.wraps, self.widening)
 
 
 class _Estimate:
@@ -86,7 +226,8 @@ class _Estimate:
     ----------
     counts : (r, c) ndarray
     scans : float
-    cells : _SeenCells
+    cells : _Seen
+    grid : PolarGrid
     prior : float
         Density of the data sheet, 1/m^2.
 
@@ -96,23 +237,40 @@ class _Estimate:
         Mean number of detections in a scan.
     """
 
-    def __init__(self, counts: FloatArray, scans: float, cells: _SeenCells, prior: float) -> None:
+    def __init__(
+        self, counts: FloatArray, scans: float, cells: _Seen, grid: PolarGrid, prior: float
+    ) -> None:
         self._counts, self._scans, self._cells, self._prior = counts, scans, cells, prior
-        self.number = (DATA_SHEET_COUNT + float(counts.sum())) / (DATA_SHEET_COUNT + scans)
+        self._grid = grid
+        looks = scans * float(cells.shares.mean())
+        self.number = (DATA_SHEET_COUNT + float(counts.sum())) / (DATA_SHEET_COUNT + looks)
 
     @cached_property
     def density(self) -> FloatArray:
         """Density of each cell, (r, c), 1/m^2."""
-        weight, counts, scans = DATA_SHEET_COUNT, self._counts, self._scans
-        overall = (weight + counts.sum()) / (weight / self._prior + scans * self._cells.area)
+        weight, counts, scans, cells = DATA_SHEET_COUNT, self._counts, self._scans, self._cells
+        looked = scans * cells.area * cells.shares.mean()
+        overall = np.full(counts.shape, (weight + counts.sum()) / (weight / self._prior + looked))
         if not scans:
-            return np.full(counts.shape, overall)
-        target, windows = min(scans + 2.0, MAX_TARGET_COUNT), self._cells.windows
-        root = bounded_root(counts, scans * overall, target, windows)
-        raise_rings(root, counts, target, windows)
-        np.multiply(root, root, out=root)
-        root /= scans
-        return np.maximum(root, MIN_CLUTTER_DENSITY, out=root)
+            return overall
+        target = min(scans + 2.0, MAX_TARGET_COUNT)
+        density = cells.bounds.moved(overall, counts, scans, target)
+        self._raise_rings(density, target)
+        return np.maximum(density, MIN_CLUTTER_DENSITY)
+
+    def _raise_rings(self, density: FloatArray, target: float) -> None:
+        """Raise the density (r, c) of the cells on dense rings, in place."""
+        cells, columns = self._cells, self._counts.shape[1]
+        area = counted_area(cells.widening, cells.seen.sum(axis=1), cells.whole.sum(axis=1))
+        low = Excess(self._counts.sum(axis=1), self._scans * area).lower(target)
+        rings = np.flatnonzero(low > LEAST_RISE * density.min(axis=1))
+        if not len(rings):
+            return
+        arcs = [(1, columns // parts) for parts in ARCS if columns >= parts]
+        seen, whole = cells.seen[rings], cells.whole[rings]
+        bounds = Bounds(arcs, seen, whole, self._grid.wraps, cells.widening)
+        raised = bounds.moved(low[rings, None], self._counts[rings], self._scans, target)
+        density[rings] = np.maximum(density[rings], raised)
 
     @cached_property
     def mean(self) -> float:
@@ -123,9 +281,9 @@ class _Estimate:
         return float((self.density * self._cells.seen).sum()) / total
 
     @cached_property
-    def expected(self) -> FloatArray:
-        """Number of clutter detections expected in each cell in a scan, (r, c)."""
-        return np.asarray(self.density * self._cells.counted)
+    def expected(self) -> BlockSums:
+        """Sums of the numbers of clutter detections that are expected in each cell in a scan."""
+        return BlockSums(self.density * self._cells.counted, self._grid.wraps)
 
 
 class ClutterMap:
@@ -133,12 +291,11 @@ class ClutterMap:
 
     The estimate begins with the mean density, ``(w + N) / (w / lambda_0 + n A)`` for N detections
     of clutter in n scans (both fading), the area A in which clutter is seen, and the data sheet's
-    lambda_0 with the weight of w detections.
-    Each size of window then bounds it, see `adaptive_windows`; dense rings raise it, see
-    `ring_windows`. The density is estimated anew when a tenth of the remembered scans or of their
-    detections is new; in between, all figures are those of the last estimate. A scan of so many
-    detections that its own bound exceeds their mean number raises the density everywhere, as long
-    as such scans last.
+    lambda_0 with the weight of w detections. Each size of window then bounds it; dense rings raise
+    it. The density is estimated anew when a tenth of the remembered scans or of their detections is
+    new; in between, all figures are those of the last estimate. A scan of so many detections that
+    its own bound exceeds their mean number raises the density everywhere, as long as such scans
+    last.
 
     Parameters
     ----------
@@ -154,15 +311,12 @@ class ClutterMap:
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
         self.grid = PolarGrid(sensor)
-        self._windows = Windows(self.grid)
-        self._cells = _SeenCells(
-            self._windows, Region.whole(Extent.of(sensor)), sensor.coverage_area
-        )
         self._counts = np.zeros(self.grid.shape)
-        self._scans = 0.0
-        self._new_scans, self._new = 0, 0.0
+        self._scans = np.zeros(self.grid.shape[1])  # that looked at each column
         self._level = 1.0
-        self._estimate = self._estimated()
+        region, shares = Region.whole(Extent.of(sensor)), np.ones(len(self._scans))
+        self._cells = _Seen(self.grid, region, sensor.coverage_area, shares)
+        self._renew(region)
 
     def fits(self, sensor: SensorModel) -> bool:
         """Whether the map has a sensor's coverage and initial density."""
@@ -194,12 +348,12 @@ class ClutterMap:
         return self._cells.counted
 
     @property
-    def expected(self) -> FloatArray:
-        """Number of clutter detections expected in each cell in a scan, (r, c)."""
-        expected = self._estimate.expected
-        return expected if self._level == 1.0 else self._level * expected
+    def expected(self) -> BlockSums:
+        """Numbers of clutter detections expected in the last scan."""
+        sums = self._estimate.expected
+        return sums if self._level == 1.0 else sums.scaled(self._level)
 
-    def in_zone(self, cells: Cells) -> NDArray[np.bool_]:
+    def in_zone(self, cells: Cells) -> BoolArray:
         """Whether cells (n,) are in a clutter zone (Environment 2018, Section 2.1).
 
         A reading: the source counts plots per cell; in a zone, the counts of a cell and its
@@ -215,8 +369,9 @@ class ClutterMap:
         weight: FloatArray,
         seen: Callable[[], Region] | None = None,
         min_area: float = 0.0,
+        looks: FloatArray | float = 1.0,
     ) -> None:
-        """Update the map with a scan's detections.
+        """Update the map with the detections of a scan, or of several.
 
         Parameters
         ----------
@@ -229,17 +384,33 @@ class ClutterMap:
             it was, at first in the whole coverage.
         min_area : float, optional
             Area in which one target may have been seen, m^2: clutter is assumed in no smaller one.
+        looks : (c,) ndarray or float, optional
+            Number of the scans that looked at each column.
         """
-        keep, number = 1.0 - 1.0 / MEMORY, float(weight.sum())
-        self._scans = keep * self._scans + 1.0
+        keep = (1.0 - 1.0 / MEMORY) ** float(np.mean(looks))
+        self._scans = keep * self._scans + looks
         self._counts *= keep
         np.add.at(self._counts, cells, weight)
-        self._new_scans, self._new = self._new_scans + 1, self._new + number
-        enough = RENEWAL * self._scans, RENEWAL * float(self._counts.sum())
-        has_enough = self._new_scans > enough[0] or self._new > enough[1]
-        if has_enough or self._area_of(self.seen, min_area) != self.area:
+        self._new += np.array([np.mean(looks), weight.sum()])
+        enough = RENEWAL * self._scans.mean(), RENEWAL * self._counts.sum()
+        if (self._new > enough).any() or self._area_of(self.seen, min_area) != self.area:
             self._renew(seen() if seen else self.seen, min_area)
-        self._level = self._level_of(number)
+
+    def take_level(self, number: float, share: float = 1.0) -> None:
+        """Take the level of a scan: by which factor clutter is denser than on average, at least 1.
+
+        The bound of the scan's own mean count, ``low(N - 1)``, over the mean count of the scans
+        that the density is estimated from: a squall, or a gain that was raised, shows at once.
+
+        Parameters
+        ----------
+        number : float
+            N, detections of clutter.
+        share : float, optional
+            Of the coverage, that the scan looked at.
+        """
+        low = poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
+        self._level = max(float(low) / (share * self._estimate.number), 1.0)
 
     def _area_of(self, seen: Region, min_area: float) -> float:
         """Area that counts as that in which clutter is seen, m^2."""
@@ -247,39 +418,33 @@ class ClutterMap:
 
     def _renew(self, seen: Region, min_area: float = 0.0) -> None:
         """Estimate the density anew."""
-        area = self._area_of(seen, min_area)
-        if seen is not self.seen or area != self.area:
-            self._cells = _SeenCells(self._windows, seen, area)
-        self._new_scans, self._new = 0, 0.0
-        self._estimate = self._estimated()
-
-    def _estimated(self) -> _Estimate:
-        """The estimate by the present counts."""
+        area, scans = self._area_of(seen, min_area), float(self._scans.max())
+        shares = self._scans / scans if scans else np.ones(len(self._scans))
+        known = seen is self.seen and area == self.area
+        if not (known and np.array_equal(shares, self._cells.shares)):
+            self._cells = _Seen(self.grid, seen, area, shares)
+        self._new = np.zeros(2)
         prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        return _Estimate(self._counts.copy(), self._scans, self._cells, prior)
-
-    def _level_of(self, number: float) -> float:
-        """Factor by which clutter is denser in a scan of N detections than on average, at least 1.
-
-        The bound of the scan's own mean count, ``low(N - 1)``, over the mean count of the scans
-        that the density is estimated from: a squall, or a gain that was raised, shows at once.
-        """
-        low = poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
-        return max(float(low) / self._estimate.number, 1.0)
+        self._estimate = _Estimate(self._counts.copy(), scans, self._cells, self.grid, prior)
 
     @property
     def begun(self) -> bool:
         """Whether a scan was learned from."""
-        return self._scans > 0.0
+        return bool(self._scans.any())
+
+    @property
+    def young(self) -> bool:
+        """Whether the scans are so few that each is a tenth of them."""
+        return bool(RENEWAL * self._scans.mean() < 1.0)
 
     @property
     def memory(self) -> tuple[FloatArray, float]:
         """Counts by ring and column, and the number of scans; both fading."""
-        return self._counts.copy(), self._scans
+        return self._counts.copy(), float(self._scans.max())
 
     def remember(self, counts: FloatArray, scans: float, seen: Region) -> None:
         """Begin with the memory of another map of the same cells, and where clutter was seen."""
-        self._counts, self._scans = counts.copy(), scans
+        self._counts, self._scans = counts.copy(), np.full(len(self._scans), scans)
         self._renew(seen)
 
     def withdraw(self, cells: Cells, weight: FloatArray) -> None:

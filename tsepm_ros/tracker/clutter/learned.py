@@ -38,11 +38,15 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray, taken
 from tsepm_ros.parameters import shown
 from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterStrengths
-from tsepm_ros.tracker.clutter.density import MEMORY, ClutterMap
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.clutter.excess import (
+    MEMORY,
+    Batch,
+    ClutterClumps,
+    PersistentClutter,
+    SecondaryEchoes,
+)
 from tsepm_ros.tracker.clutter.measurement_errors import MeasurementErrors
-from tsepm_ros.tracker.clutter.overdispersion import ClutterClumps
-from tsepm_ros.tracker.clutter.persistent_clutter import PersistentClutter
-from tsepm_ros.tracker.clutter.secondary_echoes import SecondaryEchoes
 from tsepm_ros.tracker.clutter.seen_extent import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.tracker.maintenance.features import Surroundings
 from tsepm_ros.tracker.range_rates import measured, over_ground
@@ -178,10 +182,12 @@ class Learned:
         Strengths of clutter.
     persistent : PersistentClutter
         Where clutter stays in the fixed frame.
-    all_extent : SeenExtent
-        Where detections are, outside the coverage too, of scans that have such.
     secondary_echoes : SecondaryEchoes
         Clutter behind targets, and behind other clutter of a scan.
+    batch : Batch
+        Detections of the last scans that are not learned from yet.
+    all_extent : SeenExtent
+        Where detections are, outside the coverage too, of scans that have such.
     scan_interval : ScanInterval
     clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
@@ -198,8 +204,9 @@ class Learned:
     seen_extent: SeenExtent
     strengths: ClutterStrengths
     persistent: PersistentClutter
+    secondary_echoes: SecondaryEchoes
+    batch: Batch
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
-    secondary_echoes: SecondaryEchoes = field(default_factory=SecondaryEchoes)
     scan_interval: ScanInterval = field(default_factory=ScanInterval)
     clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
@@ -210,11 +217,23 @@ class Learned:
     def initial(cls, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor."""
         clutter_map = ClutterMap(sensor)
-        shape, wraps = clutter_map.grid.shape, clutter_map.grid.wraps
-        strengths = ClutterStrengths(shape, wraps)
-        clumps = ClutterClumps(shape, wraps)
-        seen = SeenExtent(Extent.of(sensor))
-        return cls(clutter_map, clumps, seen, strengths, PersistentClutter(sensor))
+        grid = clutter_map.grid
+        return cls(
+            clutter_map,
+            ClutterClumps(grid),
+            SeenExtent(Extent.of(sensor)),
+            ClutterStrengths(grid.shape, grid.wraps),
+            PersistentClutter(sensor),
+            SecondaryEchoes(grid),
+            Batch(grid.shape[1]),
+        )
+
+    def learn_map(self, min_area: float) -> None:
+        """Learn the density from the batch; see `ClutterMap.update`."""
+        batch, seen = self.batch, self.seen_extent
+        seen.update(*batch.polar, batch.weight)
+        places = batch.cells, batch.weight
+        self.clutter_map.update(*places, lambda: seen.region, min_area, batch.looks)
 
     def anew(self, sensor: SensorModel) -> Learned:
         """Models before the first scan of a sensor, but with where clutter stays."""
@@ -236,7 +255,8 @@ class Learned:
             clumps=fresh.clumps,
             seen_extent=fresh.seen_extent,
             strengths=fresh.strengths,
-            secondary_echoes=SecondaryEchoes(),
+            secondary_echoes=fresh.secondary_echoes,
+            batch=fresh.batch,
         )
 
 

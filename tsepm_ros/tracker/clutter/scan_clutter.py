@@ -11,17 +11,22 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterStrengths
+from tsepm_ros.tracker.clutter.excess import (
+    RISE,
+    CellNumbers,
+    Cells,
+    HeldTargets,
+    PredictiveDensity,
+)
 from tsepm_ros.tracker.clutter.learned import Learned
-from tsepm_ros.tracker.clutter.overdispersion import PredictiveDensity
-from tsepm_ros.tracker.clutter.persistent_clutter import RISE, CellNumbers
-from tsepm_ros.tracker.clutter.polar_grid import Cells
-from tsepm_ros.tracker.clutter.secondary_echoes import HeldTargets
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
 from tsepm_ros.tracker.measurement import NAMES
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel, View
 
 INTENSITY = NAMES.index("intensity")
+MIN_SHARE = 1e-3
+"""Share of the coverage that a scan looked at, at least."""
 
 
 class ScanClutter:
@@ -46,6 +51,8 @@ class ScanClutter:
         What makes the density uncertain; None where it is given, and until `learn`.
     strengths : ClutterStrengths or None
         The law of strengths, where the method learns it.
+    polar : tuple of ndarray
+        Range and azimuth, as given.
     cells : Cells
         Of the clutter map.
     weight : (d,) ndarray
@@ -66,7 +73,7 @@ class ScanClutter:
         self._estimated = common.clutter_density == "estimated"
         self._echoes = self._estimated and counts_echoes
         self._given = sensor.clutter_density
-        self._polar = range, azimuth
+        self.polar = range, azimuth
         self._places: CellNumbers | None = None
         self._staying: FloatArray | None = None
         if self._echoes and detections is not None:
@@ -84,7 +91,7 @@ class ScanClutter:
     @property
     def rings(self) -> Cells:
         """The cells, the map's rows divided into rings."""
-        return self._learned.clutter_map.grid.divided(self.cells, self._polar[0], RINGS)
+        return self._learned.clutter_map.grid.divided(self.cells, self.polar[0], RINGS)
 
     @property
     def in_zone(self) -> BoolArray:
@@ -95,15 +102,13 @@ class ScanClutter:
         """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
         density = self.density()
         if self._echoes:
-            density *= self._learned.secondary_echoes.behind_targets(
-                self._learned.clutter_map.grid, targets(), self.cells
-            )
+            density *= self._learned.secondary_echoes.behind_targets(targets(), self.cells)
         return self._raised(density)
 
     def learn(
         self,
         stamp: float,
-        view: Callable[[], View],
+        view: View,
         weight: FloatArray,
         min_area: float,
         targets: Callable[[], HeldTargets],
@@ -115,7 +120,7 @@ class ScanClutter:
         ----------
         stamp : float
             Of the scan, s.
-        view : callable
+        view : View
             What the scan looked at.
         weight : (d,) ndarray
             Probability that each detection is clutter.
@@ -127,19 +132,28 @@ class ScanClutter:
             Rows of detections that are probably of held tracks that move.
         """
         learned, self.weight = self._learned, weight
-        seen = learned.seen_extent
-        seen.update(*self._polar, weight)
-        learned.clutter_map.update(self.cells, weight, lambda: seen.region, min_area)
-        density = self.density()
+        clutter_map, batch, echoes = learned.clutter_map, learned.batch, learned.secondary_echoes
+        looked = clutter_map.grid.looked(view.swept)
+        batch.take(self.cells, self.polar, weight, looked)
+        whole = batch.is_whole(stamp) or clutter_map.young
+        if whole:
+            learned.learn_map(min_area)
+        clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
+        density, area = self.density(), clutter_map.counted_area
         if self._echoes:
-            density *= learned.secondary_echoes.update(
-                learned.clutter_map, targets(), self.cells, weight
-            )
-            self.predictive = learned.clumps.update(
-                learned.clutter_map, self.cells, weight, density
-            )
+            held = targets()
+            if whole:
+                echoes.update(held, batch, clutter_map.expected)
+            density *= echoes.among(self.cells, weight, clutter_map.expected)
+            density *= echoes.behind_targets(held, self.cells)
+            batch.densities.append(density)
+            if whole:
+                learned.clumps.update(batch, area)
+            self.predictive = learned.clumps.predictive(self.cells, density, area)
+        if whole:
+            batch.end(stamp)
         if self._places is not None:
-            learned.persistent.update(stamp, view(), self._places, moving())
+            learned.persistent.update(stamp, view, self._places, moving())
         return self._raised(density)
 
     def judge_strengths(
@@ -194,9 +208,10 @@ class ScanClutter:
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each detection (d,): that of a target after all."""
-        self._learned.clutter_map.withdraw(self.cells, self.weight * share)
-        if self._echoes:
-            self._learned.clumps.withdraw(share)
+        taken = self.weight * share
+        self.weight -= taken  # in place, also in the batch
+        if not self._learned.batch.weights:  # else it is learned from with its batch
+            self._learned.clutter_map.withdraw(self.cells, taken)
 
     @property
     def is_persistent(self) -> BoolArray:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Any, TypeVar
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, indices
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.maintenance import data_association, stationary
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.maintenance.external_tracker import LISTED
-from tsepm_ros.tracker.maintenance.stationary import StraightFits
+from tsepm_ros.tracker.maintenance.stationary import Status, StraightFits
 from tsepm_ros.tracker.measurement import Histories, major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -23,19 +24,33 @@ In clutter alone a track is ever proven with this probability at most (Ville): t
 false start say nothing of targets, whatever their number. A choice.
 """
 
-T = TypeVar("T", bound=np.generic)
+
+PROVING = 0.5
+"""P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
+DETECTED = 0.5
+"""Probability of a detection from which a target counts as detected in a scan."""
 
 
-class Status(IntEnum):
-    """What becomes of a held track: published, withheld while it is vague, or a fixed echo."""
+class CoveredTracks(NamedTuple):
+    """Samples of the detection probability: a row for each track that a scan covered.
 
-    PUBLISHED = 0
-    WITHHELD = 1
-    FIXED = 2
+    Attributes
+    ----------
+    detected : (k,) ndarray
+        Probability that the target exists, by the scans since its start alone, and was detected.
+    scans : (k,) ndarray
+        Scans that covered the target since its last detection, this scan included.
+    """
+
+    detected: FloatArray
+    scans: FloatArray
+
+
+NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTracks:
+class HeldTracks(Rows):
     """Held tracks, a row each.
 
     Attributes
@@ -74,11 +89,11 @@ class HeldTracks:
         and the sum of their exponents.
     """
 
+    existence: FloatArray
     tracks: TrackArrays
     models: InteractingModels
     histories: Histories
     fits: StraightFits
-    existence: FloatArray
     proven: FloatArray
     visible: FloatArray
     covered_scans: FloatArray
@@ -138,34 +153,6 @@ class HeldTracks:
         """No rows."""
         return cls.of(TrackArrays.of([]), 0.0)
 
-    def __len__(self) -> int:
-        """Number of tracks."""
-        return len(self.existence)
-
-    def where(self, rows: NDArray[np.generic]) -> HeldTracks:
-        """The given rows (indices or a mask)."""
-        rows, columns = indices(rows), self.__dict__
-        return HeldTracks(
-            tracks=self.tracks.where(rows),
-            models=self.models.where(rows),
-            histories=self.histories[rows],
-            fits=self.fits[rows],
-            **{name: columns[name][rows] for name in _COLUMNS},
-        )
-
-    def joined(self, other: HeldTracks) -> HeldTracks:
-        """These rows and then others."""
-        columns: dict[str, Any] = {
-            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in _COLUMNS
-        }
-        return HeldTracks(
-            tracks=self.tracks.joined(other.tracks),
-            models=self.models.joined(other.models),
-            histories=Histories.joined(self.histories, other.histories),
-            fits=StraightFits.joined(self.fits, other.fits),
-            **columns,
-        )
-
     def predicted(self, stamp: float, max_speed: float, stays: BoolArray) -> HeldTracks:
         """The rows at the stamp of a scan (s), before its detections.
 
@@ -188,13 +175,80 @@ class HeldTracks:
             fits=self.fits.predicted(time_step),
         )
 
-    def modes(self) -> tuple[FloatArray, FloatArray]:
-        """States (3, n, 4) and covariances (3, n, 4, 4): the filter's two modes, then the fit."""
-        models, fits = self.models, self.fits
-        return (
-            np.concatenate([models.state, fits.state[None]]),
-            np.concatenate([models.covariance, fits.covariance[None]]),
+    def existing(self, covered: BoolArray, counts: BoolArray) -> HeldTracks:
+        """The rows with the probabilities of their targets before a scan.
+
+        See `data_association.predicted`.
+        """
+        existence, proven, visible = data_association.predicted(
+            self.existence, self.proven, self.visible, covered, counts
         )
+        return changed(self, existence=existence, proven=proven, visible=visible)
+
+    def updated(
+        self,
+        state: FloatArray,
+        covariance: FloatArray,
+        mode_ratios: FloatArray,
+        empty: FloatArray,
+        covered: BoolArray,
+        max_speed: FloatArray,
+    ) -> tuple[HeldTracks, CoveredTracks]:
+        """The predicted rows after a scan, and its samples of the detection probability.
+
+        The probabilities of the filter's modes become ``mu_im Lambda_im / Lambda_i`` with
+        ``Lambda_i = sum_m mu_im Lambda_im``, and that of a visible target ``1 - (1 - s) /
+        Lambda_i``: of a faded target nothing is detected.
+
+        Parameters
+        ----------
+        state, covariance : (n, 3, 4), (n, 3, 4, 4) ndarray
+            The filter's modes and the fit, updated by the scan's detections.
+        mode_ratios : (n, 3) ndarray
+            Lambda_im.
+        empty : (n,) ndarray
+            b_i.
+        covered : (n,) ndarray of bool
+            Which targets could be detected at all.
+        max_speed : (n,) ndarray
+            v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed`.
+        """
+        # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
+        of_filter = state[:, :-1], covariance[:, :-1]
+        slow = motion.slowed(
+            of_filter[0].reshape(-1, 4), of_filter[1].reshape(-1, 4, 4), max_speed.repeat(2)
+        )
+        weighted = self.models.probability * mode_ratios[:, :-1]
+        ratio = weighted.sum(axis=1)
+        models = InteractingModels(
+            weighted / ratio[:, None],
+            slow[0].reshape(of_filter[0].shape),
+            slow[1].reshape(of_filter[1].shape),
+        )
+        odds = stationary.change_odds(self.fits.change_odds, ratio, mode_ratios[:, -1])
+        existence = data_association.updated_existence(self.existence, ratio)
+        proof = np.ones(len(self))
+        of_detections = (ratio - empty)[covered] / (1.0 - empty[covered])
+        proof[covered] += PROVING * GATE_PROBABILITY * (of_detections - 1.0)
+        proven = data_association.updated_existence(self.proven, proof)
+        of_target = 1.0 - empty / ratio
+        detected = of_target * existence
+        scans = self.covered_scans + covered
+        mean, spread = models.combined()
+        held = changed(
+            self,
+            tracks=changed(self.tracks, state=mean, covariance=spread),
+            models=models,
+            fits=changed(
+                self.fits, state=state[:, -1], covariance=covariance[:, -1], change_odds=odds
+            ),
+            existence=existence,
+            proven=proven,
+            visible=1.0 - (1.0 - self.visible) / ratio,
+            covered_scans=scans * (1.0 - detected),
+            last_detected=np.where(detected >= DETECTED, self.tracks.stamp, self.last_detected),
+        )
+        return held, CoveredTracks((of_target * proven)[covered], scans[covered])
 
     def revised(self, corrected: TrackArrays, existence: FloatArray | None = None) -> HeldTracks:
         """The rows with the starts of tracks, by their ids, that were corrected.
@@ -212,82 +266,50 @@ class HeldTracks:
         if existence is not None:
             new = changed(new, age=np.maximum(new.age, tracks.age[row]))
         names = ("state", "covariance", "hit_count", "evaluation", "score", "scan_count", "age")
-        figures: dict[str, Any] = {
-            name: _put(getattr(tracks, name), row, getattr(new, name)) for name in names
-        }
-        revision = _put(tracks.revision, row, tracks.revision[row] + 1)
-        found: dict[str, Any] = {}
+        figures = {name: getattr(new, name) for name in names}
+        tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
+        fresh = HeldTracks.of(new, 0.0 if existence is None else existence[place])
+        started = ["models", "fits"]
         if existence is not None:
-            found = {
-                "existence": _put(self.existence, row, existence[place]),
-                "proven": _put(self.proven, row, np.maximum(self.proven[row], UNPROVEN)),
-                "hit_sigma": _put(self.hit_sigma, row, major_sigma(new.covariance[:, 0::2, 0::2])),
-                "visible": _put(self.visible, row, 1.0),
-                "covered_scans": _put(self.covered_scans, row, 0.0),
-                "last_detected": _put(self.last_detected, row, new.stamp),
-                "status": _put(self.status, row, Status.PUBLISHED),
-                "announced": _put(self.announced, row, True),
-                "agreeing_scans": _put(self.agreeing_scans, row, 0),
-            }
-        return changed(
-            self,
-            **found,
-            tracks=changed(tracks, hits=hits, revision=revision, **figures),
-            models=self.models.with_rows(row, InteractingModels.of(new.state, new.covariance)),
-            fits=self.fits.with_rows(row, StraightFits.of(new.state, new.covariance)),
-        )
+            fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
+            started += _FOUND_AGAIN
+        held = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
+        return changed(held, tracks=changed(tracks, hits=hits))
 
     def listed(self, reported: TrackArrays, existence: float) -> HeldTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
 
         Their targets exist with a probability; hits and evaluation stay as they are.
         """
-        tracks = self.tracks
-        _, row, place = np.intersect1d(tracks.track_id, reported.track_id, return_indices=True)
-        reported = reported.where(place)
-        return changed(
+        _, row, place = np.intersect1d(self.tracks.track_id, reported.track_id, return_indices=True)
+        new = reported.where(place)
+        age = self.tracks.age[row] + new.stamp - self.tracks.stamp[row]
+        fresh = HeldTracks.of(new, existence)
+        held = with_rows(
             self,
-            tracks=changed(
-                tracks,
-                stamp=_put(tracks.stamp, row, reported.stamp),
-                state=_put(tracks.state, row, reported.state),
-                covariance=_put(tracks.covariance, row, reported.covariance),
-                age=_put(tracks.age, row, tracks.age[row] + reported.stamp - tracks.stamp[row]),
-            ),
-            models=self.models.with_rows(
-                row, InteractingModels.of(reported.state, reported.covariance)
-            ),
-            fits=self.fits.with_rows(row, StraightFits.of(reported.state, reported.covariance)),
-            existence=_put(self.existence, row, existence),
-            proven=_put(self.proven, row, existence),
-            last_detected=_put(
-                self.last_detected, row, np.maximum(self.last_detected[row], reported.stamp)
-            ),
-            unlisted_since=_put(self.unlisted_since, row, LISTED),
-            status=_put(self.status, row, Status.PUBLISHED),
-            announced=_put(self.announced, row, True),
+            row,
+            models=fresh.models,
+            fits=fresh.fits,
+            existence=existence,
+            proven=existence,
+            last_detected=np.maximum(self.last_detected[row], new.stamp),
+            unlisted_since=LISTED,
+            status=Status.PUBLISHED,
+            announced=True,
         )
+        figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
+        return changed(held, tracks=with_rows(self.tracks, row, age=age, **figures))
 
 
-_COLUMNS = (
+_FOUND_AGAIN = (
     "existence",
     "proven",
+    "hit_sigma",
     "visible",
     "covered_scans",
     "last_detected",
-    "agreeing_scans",
-    "unlisted_since",
     "status",
     "announced",
-    "hit_sigma",
-    "strength_hits",
-    "strength_total",
+    "agreeing_scans",
 )
-"""The fields of `HeldTracks` that are plain arrays."""
-
-
-def _put(array: NDArray[T], row: IntArray, values: NDArray[T] | float) -> NDArray[T]:
-    """A copy of an array with other values in some rows."""
-    array = array.copy()
-    array[row] = values
-    return array
+"""The fields of `HeldTracks` that begin anew where a lost track is found again."""

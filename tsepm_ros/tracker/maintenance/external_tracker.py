@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -48,53 +48,17 @@ class DownstreamTracker:
     status: ExternalTracker = ExternalTracker.NONE
     last_report: float = -math.inf
 
-    @property
-    def is_alive(self) -> bool:
-        """Whether it is heard."""
-        return self.status is ExternalTracker.ALIVE
-
     def at(self, stamp: float, timeout: float) -> DownstreamTracker:
         """The tracker at a time (s): silent if its last report is more than a timeout (s) away."""
-        if self.is_alive and abs(stamp - self.last_report) > timeout:
+        if self.status is ExternalTracker.ALIVE and abs(stamp - self.last_report) > timeout:
             return replace(self, status=ExternalTracker.SILENT)
         return self
 
-    def heard(self, stamp: float) -> DownstreamTracker:
-        """The tracker after a report of a time, s."""
-        return DownstreamTracker(ExternalTracker.ALIVE, stamp)
-
-    def unlisted_since(self, since: FloatArray, stamp: float) -> FloatArray:
-        """Times since which tracks (n,) are unlisted as the tracker is heard at a stamp, s.
-
-        After a silence the timeout begins again.
-        """
-        return since if self.is_alive else np.maximum(since, stamp)
-
     def keeps(self, since: FloatArray) -> BoolArray:
         """Which tracks, unlisted since times (n,), s, it keeps: those listed while it is heard."""
-        return since == LISTED if self.is_alive else np.zeros(len(since), bool)
-
-
-def declined(
-    since: FloatArray, track_id: IntArray, listed: IntArray, stamp: float, timeout: float
-) -> BoolArray:
-    """Which tracks a tracker that is heard has declined, (n,).
-
-    Those that it lists no more, and those that it has not listed for a timeout.
-
-    Parameters
-    ----------
-    since : (n,) ndarray
-        Time since which each track is unlisted, s; or `LISTED`.
-    track_id : (n,) ndarray of int
-    listed : (k,) ndarray of int
-        Ids in the tracker's report.
-    stamp : float
-        Of the report, s.
-    timeout : float
-        s.
-    """
-    return np.asarray((stamp - since > timeout) & ~np.isin(track_id, listed))
+        return (
+            since == LISTED if self.status is ExternalTracker.ALIVE else np.zeros(len(since), bool)
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.association import Pairs, nearest_first
 from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
-from tsepm_ros.tracker.maintenance.gated_detections import GATE_PROBABILITY, Neighbours
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.measurement import MAX_PLOT_COUNT, NAMES, Histories, major_sigma
 from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -295,36 +295,43 @@ OWN_PROBABILITY = 0.5
 def likelihood_factors(
     environment: Environment,
     held: HeldTracks,
-    near: Neighbours,
+    row: IntArray,
     likelihood: FloatArray,
     detections: NDArray[np.void],
 ) -> FloatArray:
-    """Factor that features put to each pair's likelihood ratio, (p,); see `Environment.factors`.
+    """Factor that features put to each pair's likelihood ratio, (n, 2, k).
+
+    See `Environment.factors`.
 
     Parameters
     ----------
     environment : Environment
     held : HeldTracks
         Predicted to the scan.
-    near : Neighbours
-    likelihood : (p,) ndarray
+    row : (n, 2, k) ndarray of int
+        Detections near each filter and each fit.
+    likelihood : (n, 2, k) ndarray
         Of the position and range rate, the mean over the modes; 0 outside the gate.
     detections : (d,) ndarray of DETECTION
     """
-    if not len(near.track):
-        return np.ones(0)
-    error = detections["major_sigma"][near.nearest]
+    factors = np.ones(row.shape)
+    if not row.size:
+        return factors
+    error = detections["major_sigma"][row[:, 0, 0]]
     state, covariance = held.tracks.state, held.tracks.covariance
     meets = environment.meeting(state, covariance, error, gate_factor(GATE_PROBABILITY))
-    inside = likelihood > 0.0
-    cost = np.full(len(likelihood), np.inf)
-    cost[inside] = -2.0 * np.log(likelihood[inside])
-    pairs = Pairs(near.track, near.row, cost)
-    return environment.factors(held.histories, meets, pairs, detections["features"])
+    for seeker in (0, 1):
+        track, place = inside = likelihood[:, seeker].nonzero()
+        cost = -2.0 * np.log(likelihood[:, seeker][inside])
+        pairs = Pairs(track, row[track, seeker, place], cost)
+        factors[track, seeker, place] = environment.factors(
+            held.histories, meets, pairs, detections["features"]
+        )
+    return factors
 
 
 def with_strengths(
-    held: HeldTracks, near: Neighbours, probability: FloatArray, strength: FloatArray
+    held: HeldTracks, row: IntArray, probability: FloatArray, strength: FloatArray
 ) -> HeldTracks:
     """The rows with the strengths of the detections that may be theirs.
 
@@ -333,19 +340,19 @@ def with_strengths(
     Parameters
     ----------
     held : HeldTracks
-    near : Neighbours
-    probability : (p,) ndarray
-        That each pair's detection is the track's target's.
+    row, probability : (n, k) ndarray
+        Detections near each track, and the probability that each is its target's.
     strength : (d,) ndarray
         Exponent of each detection; nan where it is not known.
     """
-    known = np.isfinite(strength[near.row])
+    known = np.isfinite(strength)
     if not known.any():
         return held
-    track, share, n = near.track[known], probability[known], len(held)
-    hits = np.bincount(track, share, minlength=n)
-    total = np.bincount(track, share * strength[near.row[known]], minlength=n)
+    of_pairs = np.where(known, strength, 0.0)[row]
+    share = np.where(known[row], probability, 0.0)
+    hits = share.sum(axis=1)
     keep = 1.0 - np.minimum(hits, 1.0) / MAX_PLOT_COUNT
+    total = (share * of_pairs).sum(axis=1)
     return changed(
         held,
         strength_hits=keep * held.strength_hits + hits,
@@ -355,7 +362,7 @@ def with_strengths(
 
 def with_plots(
     held: HeldTracks,
-    near: Neighbours,
+    row: IntArray,
     probability: FloatArray,
     detections: NDArray[np.void],
     environment: Environment | None,
@@ -367,9 +374,8 @@ def with_plots(
     Parameters
     ----------
     held : HeldTracks
-    near : Neighbours
-    probability : (p,) ndarray
-        Association probability of each pair.
+    row, probability : (n, k) ndarray
+        Detections near each track, and their association probabilities.
     detections : (d,) ndarray of DETECTION
     environment : Environment or None
         Without it features do not count.
@@ -383,8 +389,8 @@ def with_plots(
     plots = np.full(len(held), NO_HIT)
     if environment is None:
         return held, plots
-    likely = probability > OWN_PROBABILITY
-    plots[near.track[likely]] = near.row[likely]
+    likely = (probability > OWN_PROBABILITY).nonzero()
+    plots[likely[0]] = row[likely]
     own = np.flatnonzero(plots != NO_HIT)
     histories = held.histories.with_plots(own, detections["features"][plots[own]])
     plots[own[environment.in_zone[plots[own]]]] = NO_HIT

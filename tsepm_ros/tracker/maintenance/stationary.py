@@ -1,4 +1,10 @@
-"""Whether targets stand still: the evidence of all their detections, for every held track.
+"""Stationary suppression: whether targets stand still, and which held tracks are published.
+
+A track is in one of three states. It is *published*; it is *withheld* while its target probably
+exists no more, or its place is no longer known well enough to be recognised; or it is a *fixed*
+echo, where a `min_speed` is given. It keeps its id in all of them.
+
+Whether targets stand still: the evidence of all their detections, for every held track.
 
 A target stands still, or moves slower than `min_speed`, or moves at up to v_max. The prior density
 of its velocity v has a part for each::
@@ -17,7 +23,7 @@ the posterior probability that the target stands still. This evidence grows with
 
 The fit hardly forgets, so that slow motion shows. A fixed echo that moves off leaves its fit
 behind; the held track follows it, since its filter allows for manoeuvres. With Lambda the
-likelihood ratio of a scan, target against none (see `maintenance.ipda`), of the filter and of the
+likelihood ratio of a scan, target against none (see `data_association`), of the filter and of the
 fit, the odds that the motion has changed are (Shiryaev 1963)::
 
     o <- (o + 1 - exp(-t / TIME_TO_CHANGE)) Lambda_filter
@@ -31,16 +37,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
 from tsepm_ros.numerics.discs import disc_probability
 from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.maintenance import ipda
+from tsepm_ros.tracker.clutter.target_strength import ratio_db
+from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.tracks import TrackArrays
+
+if TYPE_CHECKING:
+    from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
 
 STATIONARY_SHARE = 0.2
 """Prior share of starts that stand still, with the weight of `PRIOR_TRACKS` tracks: a choice."""
@@ -64,6 +76,25 @@ GLITCH = 0.02
 """Probability that the error of a detection is not as the fit expects: a choice."""
 MAX_CHANGE_ODDS = 9.0
 """Odds of a change of motion from which the fit begins again."""
+EXISTS = 0.5
+"""Probability of existence below which a track is withheld, until it exists with `SURE`."""
+STANDS_STILL = 0.5
+"""Probability to stand still above which a start is no track; and of a fixed echo, that it exists
+too."""
+SURE = 0.9
+"""Probability to stand still above which a published track becomes a fixed echo."""
+RECOGNISED = 4.5
+"""Position error, in those of a detection, up to which a target is recognised by its place."""
+SHARE_OF_RANGE = 0.25
+"""Position error up to which a track says where its target is, in the sensor's range."""
+
+
+class Status(IntEnum):
+    """What becomes of a held track: published, withheld while it is vague, or a fixed echo."""
+
+    PUBLISHED = 0
+    WITHHELD = 1
+    FIXED = 2
 
 
 @dataclass(frozen=True)
@@ -167,15 +198,6 @@ class StraightFits(Rows):
         """Fits that begin with states (n, 4) and covariances (n, 4, 4)."""
         return cls(state, covariance, np.zeros(len(state)), np.full(len(state), share))
 
-    def with_rows(self, rows: NDArray[np.generic], other: StraightFits) -> StraightFits:
-        """The fits, with the given rows (indices or a mask) replaced by those of `other`."""
-        replaced = StraightFits(
-            self.state.copy(), self.covariance.copy(), self.change_odds.copy(), self.share.copy()
-        )
-        replaced.state[rows], replaced.covariance[rows] = other.state, other.covariance
-        replaced.change_odds[rows], replaced.share[rows] = other.change_odds, other.share
-        return replaced
-
     def predicted(self, elapsed: FloatArray) -> StraightFits:
         """The fits after times (n,), s, of either sign."""
         state, covariance = motion.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
@@ -193,6 +215,11 @@ class StraightFits(Rows):
         """Whether the velocities of rows (n,) differ from those of other rows (n,)."""
         velocity, spread = self.state[:, 1::2], self.covariance[:, 1::2, 1::2]
         return is_significant(velocity[one] - velocity[other], spread[one] + spread[other])
+
+    def lie_apart(self, one: IntArray, other: IntArray) -> BoolArray:
+        """Whether the positions of rows (n,) differ from those of other rows (n,)."""
+        place, spread = self.state[:, 0::2], self.covariance[:, 0::2, 0::2]
+        return is_significant(place[one] - place[other], spread[one] + spread[other])
 
     def stationary_probability(self, prior: SpeedPrior, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).
@@ -240,17 +267,75 @@ def change_odds(odds: FloatArray, of_filter: FloatArray, of_fit: FloatArray) -> 
     return np.asarray(odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter))
 
 
-def scan_ratios(
-    mode_probability: FloatArray, ratio: FloatArray, track: IntArray, empty: FloatArray
-) -> FloatArray:
-    """Lambda_i of targets over the modes of their motion, (n,), of pairs' L_ijm (m, p)."""
-    return ipda.scan_ratio(empty, ipda.mean_over_modes(mode_probability, ratio, track), track)
-
-
 def begun_again(fits: StraightFits, state: FloatArray, covariance: FloatArray) -> StraightFits:
     """The fits, with those whose motion has changed replaced by states (n, 4) of the filter."""
     changed = fits.change_odds >= MAX_CHANGE_ODDS
     if not changed.any():
         return fits
     fresh = StraightFits.of(state[changed], covariance[changed], CHANGED_SHARE)
-    return fits.with_rows(changed, fresh)
+    return with_rows(fits, changed.nonzero()[0], **fresh.__dict__)
+
+
+def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
+    """The rows after an update, with the figures of their tracks that only maintenance knows.
+
+    A fit begins again with the filter's state where the motion has changed. Where the probability
+    to stand still decides nothing, it is left to `stated`.
+    """
+    fits = begun_again(held.fits, held.tracks.state, held.tracks.covariance)
+    probability = np.full(len(held), np.nan)
+    if prior.min_speed:
+        probability = fits.stationary_probability(prior, held.existence)
+    tracks = changed(
+        held.tracks,
+        stationary_probability=probability,
+        signal_to_clutter_db=ratio_db(held.strength_hits, held.strength_total),
+        existence_probability=held.existence,
+        time_since_hit=held.tracks.stamp - held.last_detected,
+    )
+    return changed(held, fits=fits, tracks=tracks)
+
+
+def stated(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
+    """The rows with the probability to stand still of all."""
+    if not np.isnan(held.tracks.stationary_probability).any():
+        return held
+    probability = held.fits.stationary_probability(prior, held.existence)
+    return changed(held, tracks=changed(held.tracks, stationary_probability=probability))
+
+
+def stands_still(held: HeldTracks, prior: SpeedPrior) -> BoolArray:
+    """Which tracks (n,) are fixed echoes; none without a `min_speed`.
+
+    A start as soon as it more probably stands still than moves; a track that was published only
+    when it is `SURE` to.
+    """
+    if not prior.min_speed:
+        return np.zeros(len(held), bool)
+    limit = np.where(held.announced, SURE, STANDS_STILL)
+    return np.asarray(held.tracks.stationary_probability > limit)
+
+
+def statuses(
+    held: HeldTracks, prior: SpeedPrior, target_extent: float, max_range: float
+) -> IntArray:
+    """The `Status` of each track, (n,).
+
+    It is located while the standard deviation of its position, along the major axis, is at most
+    `RECOGNISED` times that of its last detection or `target_extent` (m), and at most
+    `SHARE_OF_RANGE` of `max_range` (m).
+    """
+    sigma = major_sigma(held.tracks.covariance[:, 0::2, 0::2])
+    limit = np.maximum(RECOGNISED * held.hit_sigma, target_extent)
+    located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
+    exists = held.existence >= np.where(held.status == Status.WITHHELD, SURE, EXISTS)
+    status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)
+    return np.where(stands_still(held, prior), Status.FIXED, status)
+
+
+def fixed_echoes(held: HeldTracks) -> TrackArrays:
+    """Fixed echoes that exist and stand still with more than 0.5, at their places."""
+    still = held.existence * held.tracks.stationary_probability > STANDS_STILL
+    rows = np.flatnonzero(still & (held.status == Status.FIXED))
+    state, covariance = held.fits[rows].places()
+    return changed(held.tracks.where(rows), state=state, covariance=covariance)

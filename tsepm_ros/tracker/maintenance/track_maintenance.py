@@ -7,42 +7,41 @@ tracks here apply only to tracks that it has not listed yet.
 from __future__ import annotations
 
 import math
+import sys
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    TimeLimit,
+    changed,
+    keep_best,
+    taken,
+    with_rows,
+)
+from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.clustering import PlotExtent
-from tsepm_ros.tracker.maintenance import (
-    duplicates,
-    features,
-    gated_detections,
-    ipda,
-    publication,
-    stationary,
-    track_update,
-)
-from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks, Status
-from tsepm_ros.tracker.maintenance.external_tracker import (
-    LISTED,
-    DownstreamTracker,
-    ExternalTracker,
-    declined,
-)
-from tsepm_ros.tracker.maintenance.features import Environment
-from tsepm_ros.tracker.maintenance.gated_detections import (
+from tsepm_ros.tracker.maintenance import data_association, features, stationary
+from tsepm_ros.tracker.maintenance.confirmed_tracks import NO_COVERED_TRACKS, HeldTracks
+from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
     NO_ASSOCIATION,
     NO_OWN_DETECTIONS,
     HeldAssociation,
-    Neighbours,
     OwnDetections,
 )
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
-from tsepm_ros.tracker.maintenance.track_update import CoveredTracks
+from tsepm_ros.tracker.maintenance.external_tracker import (
+    LISTED,
+    DownstreamTracker,
+    ExternalTracker,
+)
+from tsepm_ros.tracker.maintenance.features import Environment
+from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, Status
 from tsepm_ros.tracker.measurement import Histories
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
@@ -63,7 +62,6 @@ PROBABLE = 0.5
 """Probability above which a detection is more probably a track's than not."""
 
 
-NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 ENDS = {
     "missed": "its target was missed too often",
     "left": "its target left the coverage",
@@ -101,12 +99,18 @@ class TrackMaintenance:
 
     Attributes
     ----------
+    held : HeldTracks
+        Every track held, published or not, with all that is known of it.
+    ended : dict
+        Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
     held_association : HeldAssociation
         Detections of the last scan that may be the tracks'.
     own_detections : OwnDetections
         Those that almost certainly are.
     probable_detections : OwnDetections
         Those that more probably are than not: at most one of each track.
+    nearest_detections : OwnDetections
+        The detection nearest to each track that was more probably detected than not.
     covered : CoveredTracks
         Tracks that the last scan covered: an estimate of the detection probability learns from
         them.
@@ -125,23 +129,19 @@ class TrackMaintenance:
         self.tracked_timeout = tracked_timeout
         self.speed_prior = speed_prior or SpeedPrior()
         self.target_extent = target_extent
-        self._ended: dict[int, str] = {}
+        self.ended: dict[int, str] = {}
         self._cleared: dict[int, str] = {}
         self._forget()
 
     def _forget(self) -> None:
-        self._held = HeldTracks.none()
+        self.held = HeldTracks.none()
         self._tracker = DownstreamTracker()
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
+        self.nearest_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
-
-    @property
-    def held(self) -> HeldTracks:
-        """Every track held, published or not, with all that is known of it."""
-        return self._held
 
     @property
     def current(self) -> TrackArrays:
@@ -151,18 +151,13 @@ class TrackMaintenance:
 
     def _state(self) -> HeldTracks:
         """Every track held, with its probability to stand still."""
-        self._held = publication.stated(self._held, self.speed_prior)
-        return self._held
+        self.held = stationary.stated(self.held, self.speed_prior)
+        return self.held
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Held tracks that exist and stand still, at their places."""
-        return publication.fixed_echoes(self._state())
-
-    @property
-    def ended(self) -> dict[int, str]:
-        """Tracks that ended at the last step, or since the one before: id and reason in `ENDS`."""
-        return self._ended
+        return stationary.fixed_echoes(self._state())
 
     @property
     def tracker(self) -> ExternalTracker:
@@ -174,7 +169,7 @@ class TrackMaintenance:
         ids, rows = self.probable_detections
         if not len(ids):
             return rows
-        moving = np.sort(self._held.tracks.track_id[self._held.fits.moves])
+        moving = np.sort(self.held.tracks.track_id[self.held.fits.moves])
         return rows[np.searchsorted(moving, ids, "right") > np.searchsorted(moving, ids)]
 
     def step(
@@ -192,7 +187,7 @@ class TrackMaintenance:
     ) -> FloatArray:
         """Predict the tracks to a scan, associate its detections, update the tracks, and end some.
 
-        For the equations see `maintenance.ipda` and `maintenance.state_mixtures`.
+        For the equations see `maintenance.data_association`.
 
         Parameters
         ----------
@@ -205,7 +200,7 @@ class TrackMaintenance:
             P_D of targets at positions (n, 2).
         sensor : SensorModel
         max_speed : float
-            v_max, m/s: the velocity after a turn is unknown up to it; see `held_update` too.
+            v_max, m/s: the velocity after a turn is unknown up to it.
         interval : float, optional
             Median time between scans of the whole coverage, s; 0 if it is not known.
         environment : Environment, optional
@@ -217,95 +212,95 @@ class TrackMaintenance:
         -------
         (d,) ndarray
             Density at each detection, 1/m^2, of the held targets' detections, to be added to the
-            clutter density; see `ipda.associate`.
+            clutter density; see `data_association.associate`.
         """
         away = self._begin(stamp, interval, detectable)
-        if not len(self._held):
+        if not len(self.held):
             return np.zeros(len(detections))
-        # Predict.
-        held = self._held.predicted(stamp, max_speed, away)
-        # Associate.
+        held = self.held.predicted(stamp, max_speed, away)
         probability = detectable(held.tracks.state[:, 0::2])
         covered = probability > 0.0
-        existence, visible = ipda.predicted(held.existence, held.visible, covered)
-        proven, _ = ipda.predicted(held.proven, held.visible, covered)
-        counts = covered | (whole & ~away)
-        held = changed(
-            held,
-            existence=np.where(counts, existence, held.existence),
-            proven=np.where(counts, proven, held.proven),
-            visible=np.where(counts, visible, held.visible),
-        )
+        held = held.existing(covered, covered | (whole & ~away))
+        # Associate.
         empty = 1.0 - held.visible * probability * GATE_PROBABILITY
-        state, covariance = held.modes()
-        means = np.stack([held.tracks.state, held.fits.state])
-        gated = gated_detections.gate(state, covariance, means, stamp, detections, sensor)
-        near = gated.filter
-        clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
-        associate = partial(_associate, empty, detections, clutter, sensor, environment)
-        association = associate(held, held.models.probability, near, gated.of_filter)
+        state, covariance = (
+            np.concatenate([getattr(held.models, name), getattr(held.fits, name)[:, None]], axis=1)
+            for name in ("state", "covariance")
+        )
+        means = np.stack([held.tracks.state, held.fits.state], axis=1)
+        gated = data_association.gate(state, covariance, means, stamp, detections, sensor)
+        row, clutter = gated.row, np.maximum(clutter, MIN_CLUTTER_DENSITY)
+        # A detection was possible where there is one, wherever the data sheet ends the coverage.
+        scale = (held.visible * sensor.detection_probability)[:, None, None] / clutter[row]
+        if environment is not None:
+            mean = data_association.over_modes(held.models.probability, gated.likelihood)
+            scale *= features.likelihood_factors(environment, held, row, mean, detections)
+        ratios = gated.likelihood * scale[:, data_association.SEEKER]
+        found = data_association.associate(
+            held.existence, empty, held.models.probability, ratios, row, clutter
+        )
         # Update.
-        held, plots = features.with_plots(
-            held, near, association.probability, detections, environment
+        mode_ratios = empty[:, None] + found.ratio.sum(axis=-1)
+        state, covariance = data_association.updated_states(
+            state, covariance, gated, found.ratio / mode_ratios[..., None]
         )
-        of_fit = associate(held, np.ones((1, len(held))), gated.fit, gated.of_fit)
-        mode_ratios = ipda.scan_ratio(empty, association.ratio, near.track)
-        shares = association.ratio / mode_ratios[:, near.track]
-        state, covariance = track_update.updated_states(
-            state, covariance, gated, np.append(shares, of_fit.probability)
-        )
-        odds = stationary.change_odds(
-            held.fits.change_odds,
-            stationary.scan_ratios(held.models.probability, association.ratio, near.track, empty),
-            ipda.scan_ratio(empty, of_fit.ratio[0], gated.fit.track),
-        )
-        fits = changed(held.fits, state=state[-1], covariance=covariance[-1], change_odds=odds)
         # A downstream tracker has a speed limit of its own.
         limit = np.where(self._tracker.keeps(held.unlisted_since), np.inf, max_speed)
-        held, self.covered = track_update.updated(
-            held, state[:-1], covariance[:-1], mode_ratios, empty, covered, limit
-        )
-        of_target = association.probability * held.existence[near.track]
-        probable = of_target > PROBABLE
-        held = features.with_strengths(held, near, of_target, detections["strength"])
-        held = publication.judged(changed(held, fits=fits), self.speed_prior)
-        self.held_association = HeldAssociation(near.row, of_target)
-        self.own_detections, self.probable_detections = (
-            OwnDetections(held.tracks.track_id[near.track[own]], near.row[own])
-            for own in (of_target > ALMOST_CERTAIN, probable)
-        )
-        own = detections[self.probable_detections.row]
-        hits = np.stack([own["scan"], own["index"]], axis=1)
-        self._owned.append((hits, self.probable_detections.track_id))
-        hit_sigma, sigma = held.hit_sigma.copy(), np.zeros(len(held))
-        if len(detections):
-            sigma = detections["major_sigma"][near.nearest]
-            hit_sigma[near.track[probable]] = detections["major_sigma"][near.row[probable]]
-        self._held = changed(held, hit_sigma=hit_sigma)
+        row, shares = row[:, 0], found.probability[:, 0]
+        held, plots = features.with_plots(held, row, shares, detections, environment)
+        held, self.covered = held.updated(state, covariance, mode_ratios, empty, covered, limit)
+        of_target = shares * held.existence[:, None]
+        held = features.with_strengths(held, row, of_target, detections["strength"])
+        held = stationary.judged(held, self.speed_prior)
+        sigma = self._take_own(held, row, of_target, detections)
         # End.
         exists = held.existence >= MIN_EXISTENCE
-        kept = self._end(exists | ~covered, "missed")
-        kept[kept] = self._end(exists[kept], "left")
-        explained = np.asarray(np.bincount(near.track, of_target, len(held)), float)
-        self._end(~self._repeated(plots[kept], sigma[kept], explained[kept]), "duplicate")
+        explained = of_target.sum(axis=1)
+        if len(detections):
+            seen = np.flatnonzero(explained > PROBABLE)
+            self.nearest_detections = OwnDetections(held.tracks.track_id[seen], row[seen, 0])
+        kept = self._end(exists, np.where(covered, "missed", "left"))
+        repeats = self._repeated(plots[kept], sigma[kept], explained[kept])
+        self._end(~repeats, "duplicate")
         self._publish(sensor.max_range)
-        return association.held_density
+        return found.held_density
+
+    def _take_own(
+        self, held: HeldTracks, row: IntArray, of_target: FloatArray, detections: NDArray[np.void]
+    ) -> FloatArray:
+        """Hold the updated rows, with the detections (n, k) that are probably their own.
+
+        Returns the error of the detection nearest to each, (n,), m.
+        """
+        possible, probable, certain = (
+            (of_target > least).nonzero() for least in (0.0, PROBABLE, ALMOST_CERTAIN)
+        )
+        self.held_association = HeldAssociation(row[possible], of_target[possible])
+        self.own_detections, self.probable_detections = (
+            OwnDetections(held.tracks.track_id[pairs[0]], row[pairs])
+            for pairs in (certain, probable)
+        )
+        own = taken(detections, row[probable])
+        hits = np.stack([own["scan"], own["index"]], axis=1)
+        self._owned.append((hits, self.probable_detections.track_id))
+        self.held = with_rows(held, probable[0], hit_sigma=own["major_sigma"])
+        return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(held))
 
     def _publish(self, max_range: float) -> None:
         """Publish, withhold or fix each track; those that are published for the first time."""
         if self.speed_prior.min_speed:
             self._state()
         extent = self.target_extent
-        status = publication.statuses(self._held, self.speed_prior, extent, max_range)
-        listed = self._tracker.keeps(self._held.unlisted_since)
+        status = stationary.statuses(self.held, self.speed_prior, extent, max_range)
+        listed = self._tracker.keeps(self.held.unlisted_since)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
-        new = (status == Status.PUBLISHED) & ~self._held.announced
-        self._held = held = changed(
-            self._held,
+        new = (status == Status.PUBLISHED) & ~self.held.announced
+        self.held = held = changed(
+            self.held,
             status=status,
-            announced=self._held.announced | new,
+            announced=self.held.announced | new,
             # A downstream tracker has known them from now on only.
-            unlisted_since=np.where(new, self._held.tracks.stamp, self._held.unlisted_since),
+            unlisted_since=np.where(new, self.held.tracks.stamp, self.held.unlisted_since),
         )
         self.released = held.tracks.where(new) if new.any() else NO_TRACKS
 
@@ -322,11 +317,11 @@ class TrackMaintenance:
     def recognised(self, starts: TrackArrays, coverage_area: float) -> IntArray:
         """Ids of the held tracks that starts (n,) are, or continue; -1 for those of new targets.
 
-        See `track_merging.own_starts` and `continued`. Targets are born, in the mean, as often as
+        See `merging.own_starts` and `continued`. Targets are born, in the mean, as often as
         they vanish, uniform in the coverage (m^2) and the velocities up to `max_speed`. Fixed
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
-        held = self._held
+        held = self.held
         may = (held.status != Status.FIXED) & ~self._tracker.keeps(held.unlisted_since)
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
@@ -343,11 +338,16 @@ class TrackMaintenance:
             {track for hit, track in by_scan[-1].items() if hit not in mine} if by_scan else set()
         )
         busy |= set(held.tracks.track_id[~may].tolist())
-        ids = duplicates.own_starts(starts, owned, frozenset(busy))
+        ids = merging.own_starts(starts, owned, frozenset(busy))
         others, lost = np.flatnonzero(ids < 0), rows[~np.isin(held.tracks.track_id[rows], ids)]
         volume = coverage_area * math.pi * self.speed_prior.max_speed**2
-        births = (1.0 + len(held)) * ipda.SCANS_OF_FADING / ipda.SCANS_TO_VANISH / volume
-        ids[others] = duplicates.continued(
+        births = (
+            (1.0 + len(held))
+            * data_association.SCANS_OF_FADING
+            / data_association.SCANS_TO_VANISH
+            / volume
+        )
+        ids[others] = merging.continued(
             starts.where(others),
             held.tracks.where(lost),
             held.existence[lost],
@@ -375,14 +375,14 @@ class TrackMaintenance:
             return tracks
         self._remember_starts(tracks)
         new = HeldTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
-        held = self._held.joined(changed(new, announced=np.zeros(len(new), bool)))
-        held = publication.stated(publication.judged(held, self.speed_prior), self.speed_prior)
+        held = HeldTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
+        held = stationary.stated(stationary.judged(held, self.speed_prior), self.speed_prior)
         first = len(held) - len(new)
-        fixed = publication.stands_still(held, self.speed_prior)[first:]
+        fixed = stationary.stands_still(held, self.speed_prior)[first:]
         status, announced = held.status.copy(), held.announced.copy()
         status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
         announced[first:] = ~fixed
-        self._held = changed(held, status=status, announced=announced)
+        self.held = changed(held, status=status, announced=announced)
         return held.tracks.where(first + np.flatnonzero(~fixed))
 
     def revise(
@@ -402,12 +402,12 @@ class TrackMaintenance:
             The published tracks that were corrected.
         """
         if replaced:
-            self._end(~np.isin(self._held.tracks.track_id, replaced), "replaced")
+            self._end(~np.isin(self.held.tracks.track_id, replaced), "replaced")
         if not len(corrected):
             return corrected
         self._remember_starts(corrected)
-        held = self._held.revised(corrected, existence)
-        self._held = publication.judged(held, self.speed_prior)
+        held = self.held.revised(corrected, existence)
+        self.held = stationary.judged(held, self.speed_prior)
         current = self.current
         return current.where(np.isin(current.track_id, corrected.track_id))
 
@@ -429,39 +429,29 @@ class TrackMaintenance:
             `tsepm_ros.tracker.maintenance.external_tracker.usable`.
         """
         tracker, held = self._tracker.at(stamp, self.tracked_timeout), self._state()
-        since = tracker.unlisted_since(held.unlisted_since, stamp)
-        self._tracker = tracker.heard(stamp)
-        ids = held.tracks.track_id
-        over = declined(since, ids, tracks.track_id, stamp, self.tracked_timeout)
+        since, ids = held.unlisted_since, held.tracks.track_id
+        if tracker.status is not ExternalTracker.ALIVE:
+            since = np.maximum(since, stamp)
+        self._tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
+        over = (stamp - since > self.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
-        self._cleared |= dict.fromkeys(ids[over].tolist(), "tracker")
-        self._held = changed(held, unlisted_since=since).where(~over)
-        self.add(tracks.where(~np.isin(tracks.track_id, ids)), TRACKED_EXISTENCE)
-        self._held = self._held.listed(tracks, TRACKED_EXISTENCE)
+        self.held = changed(held, unlisted_since=since)
+        self._drop(~over, "tracker", self._cleared)
+        self.add(tracks[~np.isin(tracks.track_id, ids)], TRACKED_EXISTENCE)
+        self.held = self.held.listed(tracks, TRACKED_EXISTENCE)
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
-        ids = self._held.tracks.track_id[self._held.announced].tolist()
-        self._cleared |= dict.fromkeys(ids, "cleared")
+        self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
         self._forget()
-
-    def keep_ended(self) -> None:
-        """Name the tracks that ended at the last step again at the next."""
-        self._cleared = self._ended | self._cleared
 
     def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
 
-        See `track_merging.may_repeat_older`.
+        See `merging.may_repeat_older`.
         """
-        self._begun = {}
-        self._owned.clear()
-        held = self._held
-        repeats = duplicates.may_repeat_older(held.tracks, extent, sensor_position)
-        kept = ~repeats | self._tracker.keeps(held.unlisted_since)
-        ended = held.tracks.track_id[held.announced & ~kept].tolist()
-        self._cleared |= dict.fromkeys(ended, "duplicate")
-        self._held = held.where(kept)
+        tracks = self.held.tracks
+        self._end(~merging.may_repeat_older(tracks, extent, sensor_position), "duplicate")
 
     def _begin(
         self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
@@ -470,14 +460,15 @@ class TrackMaintenance:
 
         Returns which are fixed echoes outside the coverage: these are remembered.
         """
-        self._ended, self._cleared = self._cleared, {}
+        self.ended, self._cleared = self._cleared, {}
         self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
         self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
+        self.nearest_detections = NO_OWN_DETECTIONS
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
-        fixed = self._held.status == Status.FIXED
-        away = fixed & (detectable(self._held.tracks.state[:, 0::2]) <= 0.0)
-        last = self._held.last_detected
+        fixed = self.held.status == Status.FIXED
+        away = fixed & (detectable(self.held.tracks.state[:, 0::2]) <= 0.0)
+        last = self.held.last_detected
         longest = self.hold_time or HOLD_SCANS * interval or np.inf
         away = away[self._end(fixed | (last >= stamp - longest), "not_detected")]
         most = MOST_PLACES if self.speed_prior.min_speed else 0
@@ -491,55 +482,63 @@ class TrackMaintenance:
         self, plots: IntArray, detection_sigma: FloatArray, explained: FloatArray
     ) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
-        tracks, before = self._held.tracks, self._held.agreeing_scans
-        known = duplicates.located(tracks.covariance, detection_sigma)
-        agrees = duplicates.agrees_with_older(
-            tracks.state, tracks.covariance, plots, known, explained
-        )
+        tracks, before = self.held.tracks, self.held.agreeing_scans
+        known = merging.located(tracks.covariance, detection_sigma)
+        agrees = merging.agrees_with_older(tracks.state, tracks.covariance, plots, known, explained)
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
-        self._held = changed(self._held, agreeing_scans=scans)
-        return scans >= duplicates.SAME_SCANS
+        self.held = changed(self.held, agreeing_scans=scans)
+        return scans >= merging.SAME_SCANS
 
-    def _end(self, kept: BoolArray, reason: str) -> BoolArray:
+    def _end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
         """End all tracks but those kept and those that the downstream tracker lists.
 
         Returns which were kept.
         """
-        if self._tracker.is_alive:
-            kept = kept | self._tracker.keeps(self._held.unlisted_since)
-        if not kept.all():
-            held = self._held
-            ended = held.tracks.track_id[held.announced & ~kept].tolist()
-            self._ended = self._ended | dict.fromkeys(ended, reason)
-            self._held = held.where(kept)
+        kept = kept | self._tracker.keeps(self.held.unlisted_since)
+        self._drop(kept, reason, self.ended)
         return kept
 
+    def _drop(self, kept: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]) -> None:
+        """Keep some tracks (n,), and note the others that were announced as ended."""
+        if not kept.all():
+            over = np.flatnonzero(self.held.announced & ~kept)
+            ids = self.held.tracks.track_id[over].tolist()
+            reasons = np.broadcast_to(reason, len(kept))[over].tolist()
+            ended |= dict(zip(ids, reasons, strict=True))
+            self.held = self.held[kept]
 
-def _associate(
-    empty: FloatArray,
-    detections: NDArray[np.void],
-    clutter: FloatArray,
-    sensor: SensorModel,
-    environment: Environment | None,
-    held: HeldTracks,
-    mode_probability: FloatArray,
-    near: Neighbours,
-    likelihood: FloatArray,
-) -> ipda.Association:
-    """Association of a scan's detections by their likelihoods (m, p) in modes (m, n) of motion.
 
-    A detection was possible where there is one, wherever the data sheet ends the coverage.
+HOLDING_SHARE = 0.3
+"""Share of the time of a scan for which held tracks may be carried through it."""
+SECONDS_PER_TRACK = 5e-5
+"""Time to carry a track through a scan, at least: measured where thousands are held."""
+MANY = 1000
+"""Held tracks from which on the time that they took is measured."""
+LEAST_ROOM = 10
+"""Tracks that a scan may start in any case."""
+
+
+def room_for(limit: TimeLimit, held: int) -> int:
+    """Tracks that may be added to those held, so that all can be carried in time.
+
+    Parameters
+    ----------
+    limit : TimeLimit
+        Of the scan, through which the held tracks were just carried.
+    held : int
+        Their number.
     """
-    scale = held.visible[near.track] * sensor.detection_probability / clutter[near.row]
-    if environment is not None:
-        mean = ipda.mean_over_modes(mode_probability, likelihood, near.track)
-        scale = scale * features.likelihood_factors(environment, held, near, mean, detections)
-    return ipda.associate(
-        held.existence,
-        empty,
-        mode_probability,
-        likelihood * scale,
-        near.track,
-        near.row,
-        clutter,
-    )
+    if not limit.finite:
+        return sys.maxsize
+    each = max(limit.elapsed / held if held >= MANY else 0.0, SECONDS_PER_TRACK)
+    return max(int(HOLDING_SHARE * limit.seconds / each) - held, LEAST_ROOM)
+
+
+def best_held(existence: FloatArray, evaluation: FloatArray, number: int) -> IntArray:
+    """Rows of the new tracks (n,) that are kept, ascending.
+
+    Those that exist most probably, and of equal ones those of the smallest evaluation.
+    """
+    rank = np.empty(len(existence))
+    rank[np.lexsort((evaluation, -existence))] = np.arange(len(existence))
+    return keep_best(rank, number)

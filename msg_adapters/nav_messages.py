@@ -1,0 +1,335 @@
+"""nav_msgs: own ship and land in, a track out.
+
+The 6 x 6 covariances of nav_msgs/Odometry: x, y, z, then rotations about the x, y, z axes.
+
+The own ship's pose and motion in nav_msgs/Odometry.
+
+A track as nav_msgs/Odometry, for tools that read only standard messages.
+
+Land in nav_msgs/OccupancyGrid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.stamps import (
+    MessageError,
+    make_header,
+    ns_to_seconds,
+    refusing,
+    seconds_to_ns,
+    time_to_ns,
+)
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of, stated_axes
+from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
+from tsepm_ros.tracker.clutter.land import LandMask
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import OccupancyGrid, Odometry
+    from std_msgs.msg import Header
+
+    from tsepm_ros.tracker.tracks import ConfirmedTrack
+
+
+X, Y, YAW = 0, 1, 5
+
+UNOBSERVED_VARIANCE = 1e6
+"""Variance of an unobserved quantity, in its SI unit squared: 1 km, 1 km/s, 160 turns.
+
+A variance of zero would mean an exactly known quantity.
+"""
+
+MAX_VARIANCE = 1e12
+"""Maximum variance that is read, in the SI unit squared: 1000 km, which is no position at all.
+
+A source writes a larger variance only for an unknown quantity, and in sums and squares it would
+cancel the known variances by rounding.
+"""
+
+
+def limited(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a covariance whose variances are at most `MAX_VARIANCE`.
+
+    Larger variances are scaled down and keep their correlations: ``D C D`` is positive
+    semi-definite if C is.
+
+    Parameters
+    ----------
+    covariance : (n, n) ndarray
+        C, finite.
+
+    Returns
+    -------
+    (n, n) ndarray
+        C itself if no variance is larger.
+    """
+    variance = np.diagonal(covariance)
+    if (variance <= MAX_VARIANCE).all():
+        return covariance
+    scale = np.sqrt(MAX_VARIANCE / np.maximum(variance, MAX_VARIANCE))
+    return scale[:, None] * covariance * scale
+
+
+def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
+    """Return a 6 x 6 covariance in which only some axes are observed.
+
+    Parameters
+    ----------
+    block : (k, k) ndarray
+        Covariance of the observed axes.
+    axes : sequence of int
+        Their k indices in the message.
+
+    Returns
+    -------
+    (36,) ndarray
+        Row by row; `UNOBSERVED_VARIANCE` on the rest of the diagonal.
+    """
+    full = UNOBSERVED_VARIANCE * np.eye(6)
+    full[np.ix_(axes, axes)] = block
+    return full.ravel()
+
+
+def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
+    """Read the own ship's odometry.
+
+    The twist of the message is in the child frame; the full orientation rotates it into the fixed
+    frame. The quaternion need not have unit length. As usual in ROS, a covariance of zeros is
+    unknown, and so are variances that are not finite or below 0, except that a heading of infinite
+    variance beside a known position is no heading; a velocity or yaw rate of exactly 0 is unknown
+    too, see `known_rates`. A variance above `MAX_VARIANCE`, which sources write for unknown
+    quantities, is read as `MAX_VARIANCE`.
+
+    Both frames may have other axes by their names: see `tsepm_ros.own_ship.attitude`. In a fixed
+    frame with z down, a child frame without a suffix has z up or down such that the vessel is
+    upright.
+
+    Parameters
+    ----------
+    message : nav_msgs.msg.Odometry
+    fixed_frame : str, optional
+        Name of the fixed frame, if the message has none.
+
+    Returns
+    -------
+    PoseSample
+        In east and north. `PoseSample.check` tests whether it is usable for the registration of a
+        scan.
+
+    Raises
+    ------
+    MessageError
+        If a value that is used is not finite, the quaternion is zero, or the vessel points
+        vertically up or down.
+    """
+    pose, twist = message.pose.pose, message.twist.twist
+    with refusing("frame_axes"):
+        world = east_north_up(message.header.frame_id or fixed_frame)
+    x, y = (float(v) for v in world[:2, :2] @ _finite("pose.position", pose.position, "xy"))
+    quaternion = _finite("pose.orientation", pose.orientation, "xyzw")
+    with refusing("zero_quaternion", "pose.orientation"):
+        rotation = world @ rotation_of(quaternion)
+    linear = _finite("twist.linear", twist.linear, "xyz")
+    angular = _finite("twist.angular", twist.angular, "xyz")
+    body = AXES[_body_axes(message.child_frame_id, world, rotation)]
+    with refusing("undefined_heading", "pose.orientation"):
+        yaw, pitch, roll = angles_of(rotation @ body)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by `PoseSample.check`
+        vx, vy, _ = (float(value) for value in rotation @ linear)
+    _, rate_y, rate_z = (float(value) for value in body.T @ angular)
+    yaw_rate = (rate_y * math.sin(roll) + rate_z * math.cos(roll)) / math.cos(pitch)
+    return PoseSample(
+        stamp=ns_to_seconds(time_to_ns(message.header.stamp)),
+        x=x,
+        y=y,
+        yaw=yaw,
+        covariance=_pose_covariance(message.pose.covariance, world),
+        rates=known_rates(vx, vy, yaw_rate),
+        roll=roll,
+        pitch=pitch,
+        frame_id=message.header.frame_id.lstrip("/"),
+        child_frame_id=message.child_frame_id.lstrip("/"),
+    )
+
+
+def _body_axes(child_frame_id: str, world: FloatArray, rotation: FloatArray) -> str:
+    """Return the axes of the vessel's frame."""
+    stated = stated_axes(child_frame_id)
+    upside_down = world[2, 2] < 0.0 and rotation[2, 2] < 0.0
+    return "down" if stated == "body" and upside_down else stated
+
+
+def _finite(name: str, vector: Any, components: str) -> list[float]:
+    """Return components of a vector message."""
+    values = [float(getattr(vector, component)) for component in components]
+    for component, value in zip(components, values, strict=True):
+        if not math.isfinite(value):
+            raise MessageError("not_finite", f"{name}.{component} must be finite; got {value}")
+    return values
+
+
+def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
+    axes = (X, Y, YAW)
+    block = np.reshape(np.asarray(values, np.float64), (6, 6))[np.ix_(axes, axes)]
+    variance = np.diagonal(block)
+    unknown = ~np.isfinite(variance) | (variance < 0.0)
+    no_heading = variance[2] == np.inf and not unknown.all()
+    block = np.where(unknown | unknown[:, None] | ~np.isfinite(block), 0.0, block)
+    block[2, 2] = MAX_VARIANCE if no_heading else block[2, 2]
+    if not block.any():
+        return None
+    block = world @ block @ world.T
+    # Rounding in a filter leaves it slightly asymmetric; the sum of halves cannot overflow.
+    return limited(0.5 * block + 0.5 * block.T)
+
+
+def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> Odometry:
+    """Build the own ship's odometry: the inverse of `read_own_ship`.
+
+    Vertical speed and the rates of roll and pitch are 0, because a sample does not contain them.
+    Unknown rates and an unknown covariance are written as zeros. In a known covariance, the axes
+    that a sample does not contain (z, roll, pitch) have the variance `UNOBSERVED_VARIANCE`. The
+    covariance of the twist is zeros: unknown.
+
+    Parameters
+    ----------
+    sample : PoseSample
+    heading_known : bool, optional
+        False for a source without a heading. The message needs an orientation: it is that of the
+        sample (0, or the course over ground), and the variance of the yaw is
+        `UNOBSERVED_VARIANCE`. A reader still obtains the correct velocity in the fixed frame.
+
+    Returns
+    -------
+    nav_msgs.msg.Odometry
+
+    Raises
+    ------
+    ValueError
+        If the stamp does not fit a time message.
+    """
+    from nav_msgs.msg import Odometry
+
+    message = Odometry(
+        header=make_header(seconds_to_ns(sample.stamp), sample.frame_id),
+        child_frame_id=sample.child_frame_id,
+    )
+    pose, twist = message.pose.pose, message.twist.twist
+    pose.position.x, pose.position.y = float(sample.x), float(sample.y)
+    quaternion = _quaternion(sample)
+    orientation = pose.orientation
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
+    to_child = rotation_of(quaternion).T
+    vx, vy, yaw_rate = (0.0 if math.isnan(rate) else rate for rate in sample.rates or (0.0,) * 3)
+    linear = to_child @ [vx, vy, 0.0]
+    twist.linear.x, twist.linear.y, twist.linear.z = (float(value) for value in linear)
+    # Angular velocity, in the child frame, of a yaw rate at constant roll and pitch.
+    roll, pitch = sample.roll, sample.pitch
+    twist.angular.x = -yaw_rate * math.sin(pitch)
+    twist.angular.y = yaw_rate * math.cos(pitch) * math.sin(roll)
+    twist.angular.z = yaw_rate * math.cos(pitch) * math.cos(roll)
+    covariance = _written_covariance(sample.covariance, heading_known)
+    if covariance is not None:
+        message.pose.covariance = odometry_covariance(covariance, (X, Y, YAW))
+    return message
+
+
+def _quaternion(sample: PoseSample) -> list[float]:
+    """Return the orientation as x, y, z, w."""
+    halves = (0.5 * sample.roll, 0.5 * sample.pitch, 0.5 * sample.yaw)
+    (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
+    return [
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    ]
+
+
+def _written_covariance(covariance: FloatArray | None, heading_known: bool) -> FloatArray | None:
+    if heading_known:
+        return covariance
+    written = np.zeros((3, 3)) if covariance is None else np.array(covariance, np.float64)
+    written[2, :] = written[:, 2] = 0.0
+    written[2, 2] = UNOBSERVED_VARIANCE
+    return written
+
+
+def track_odometry(header: Header, track: ConfirmedTrack) -> Odometry:
+    """Build the odometry of one track.
+
+    The child frame ``track_<id>`` is not in tf. The orientation is the identity, so the axes of the
+    twist, which is in the child frame, are those of the fixed frame. Unobserved quantities (z,
+    rotations, their rates) are 0 with the variance `UNOBSERVED_VARIANCE`. The message has no field
+    for the covariance between position and velocity: prefer the track cloud.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+        The fixed frame, and the stamp of the state.
+    track : ConfirmedTrack
+
+    Returns
+    -------
+    nav_msgs.msg.Odometry
+    """
+    from nav_msgs.msg import Odometry
+
+    message = Odometry(header=header, child_frame_id=f"track_{track.track_id}")
+    position, velocity = message.pose.pose.position, message.twist.twist.linear
+    position.x, velocity.x, position.y, velocity.y = (float(value) for value in track.state)
+    message.pose.pose.orientation.w = 1.0
+    velocity_covariance = track.covariance[np.ix_([1, 3], [1, 3])]
+    message.pose.covariance = odometry_covariance(track.position_covariance, (X, Y))
+    message.twist.covariance = odometry_covariance(velocity_covariance, (X, Y))
+    return message
+
+
+OCCUPIED = 50
+"""Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""
+MAX_TILT = 0.01
+"""Largest tilt of a chart, rad."""
+
+
+def read_land(message: OccupancyGrid) -> LandMask | None:
+    """Read a chart.
+
+    Parameters
+    ----------
+    message : nav_msgs.msg.OccupancyGrid
+        Its origin is the pose of the corner of the first cell; the rows of `data` go along x.
+
+    Returns
+    -------
+    LandMask or None
+        In east and north; None where the grid has no cells.
+
+    Raises
+    ------
+    MessageError
+        If the grid is malformed: ``land_invalid``.
+    """
+    info = message.info
+    width, height, number = int(info.width), int(info.height), len(message.data)
+    if width * height != number:
+        raise MessageError("land_invalid", f"data has {number} cells, not {width} x {height}")
+    if not number:
+        return None
+    place, q = info.origin.position, info.origin.orientation
+    with refusing("land_invalid", "info.origin.orientation"):
+        yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)))
+        if not max(abs(pitch), abs(roll)) <= MAX_TILT:
+            raise ValueError("must be level")
+    occupied = np.asarray(message.data, np.int8).reshape(height, width) >= OCCUPIED
+    origin = place.x, place.y, yaw
+    if stated_axes(message.header.frame_id) == "down":
+        occupied, origin = occupied.T, (place.y, place.x, -yaw)
+    with refusing("land_invalid", "info:"):
+        return LandMask(occupied, float(info.resolution), origin)

@@ -1,0 +1,236 @@
+"""Which evidence starts a track, with which hits and state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from support.builders import AS_GIVEN, scan_at
+from support.plain_score import at_max_speed, plain_starts, strong_groups
+from support.scenes import Scene, crowded_scene, random_scene
+from support.score_scenes import clutter, in_plain_loops, score
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.methods.score import Score
+from tsepm_ros.tracker import confirmation
+from tsepm_ros.tracker.confirmation import (
+    TARGET_BIRTH_RATE,
+    existence,
+    min_purity_probability,
+)
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.hypotheses import Tree
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
+from tsepm_ros.tracker.path_fit import fit
+from tsepm_ros.tracker.tracker import Tracker
+
+
+def rule_at(threshold_of: Callable[[Tree], float]) -> Any:
+    """The rule as built, at a threshold of its own for each tree."""
+    rule = confirmation.confirm
+
+    def confirm(tree: Tree, window: DetectionWindow, _: float, *others: Any, **figures: Any) -> Any:
+        return rule(tree, window, threshold_of(tree), *others, **figures)
+
+    return patch.object(confirmation, "confirm", confirm)
+
+
+def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
+    """Compare a scene's first starts with those of plain loops.
+
+    Returns their number, and that of detections whose evidence was enough until then.
+    """
+    plain_scans, sensor, options = in_plain_loops(scene, seed)
+    common = CommonOptions(limit_speed="off", **AS_GIVEN)
+    initiator = Tracker(Score(sensor, common, ScoreOptions(**options)))
+    strong = 0
+    for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
+        grown = at_max_speed(tree, common.max_speed)
+        with rule_at(lambda _: threshold):
+            tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
+        strong += len(strong_groups(grown, threshold))
+        assert [set(track.hits) for track in tracks] == [one.hits for one in expected]
+        for track, start in zip(tracks, expected, strict=True):
+            assert track.score == pytest.approx(start.evidence, abs=1e-6)
+            state, covariance = mixed(start.mixed, scene.as_scans()[: index + 1], sensor)
+            np.testing.assert_allclose(track.state, state, rtol=1e-5, atol=1e-3)
+            scale = np.linalg.norm(covariance)
+            np.testing.assert_allclose(track.covariance, covariance, rtol=0, atol=1e-5 * scale)
+        if expected:
+            return len(expected), strong
+    return 0, strong
+
+
+def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance over hypotheses, each fitted to its hits; negligible ones left out."""
+    converted = [
+        convert(scan, sensor, index, LEAST_ACROSS * (scan.azimuth_std is None))
+        for index, scan in enumerate(scans)
+    ]
+    most = max(one.score for one in members)
+    counted = [one for one in members if one.score >= most + math.log(0.01)]
+    weights = np.exp([one.score - most for one in counted])
+    weights /= weights.sum()
+    fits = []
+    for one in counted:
+        hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
+        found = fit(hits, scans[-1].stamp, sensor, "weighted")
+        fits.append((found.state[0], found.covariance[0]))
+    mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
+    spread = sum(
+        weight * (covariance + np.outer(state - mean, state - mean))
+        for weight, (state, covariance) in zip(weights, fits, strict=True)
+    )
+    return mean, spread
+
+
+@pytest.mark.parametrize(
+    ("make", "threshold"),
+    [(random_scene, 4.0), pytest.param(crowded_scene, 3.0, marks=pytest.mark.long)],
+)
+def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold):
+    counts = [decided(make(seed), seed, threshold) for seed in range(12)]
+    started, strong = np.sum(counts, axis=0)
+    assert started >= 6
+    if make is crowded_scene:
+        assert strong > 2 * started, "some wait, or are a track's already"
+
+
+def test_a_start_waits_until_it_is_clear_which_detections_are_its_targets():
+    # From one place two ways lead on, as likely as each other; the third echo is on one of them.
+    ways = [(3000.0, 0.0), (3000.0, 84.0), (3000.0, -84.0), (3000.0, 168.0), (3000.0, -168.0)]
+    initiator = score(
+        SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002),
+        false_tracks_per_hour=1000.0,
+    )
+    initiator.process(scan_at(0.0, [ways[0]]))
+    initiator.process(scan_at(12.0, ways[1:3]))
+    assert len(initiator.process(scan_at(24.0, ways[3:]))) == 0
+    assert initiator.potential_tracks().score.max() > initiator.method.threshold, "evidence enough"
+    (track,) = initiator.process(scan_at(36.0, [(3000.0, 252.0)]))
+    assert set(track.hits) <= {(0, 0), (1, 0), (2, 0), (3, 0)}
+    assert track.velocity[1] == pytest.approx(7.0, abs=1.0)
+
+
+@pytest.mark.parametrize(("rate", "waits"), [(1000.0, True), (20000.0, False)])
+def test_where_false_tracks_are_many_by_choice_a_start_need_not_be_as_pure(rate, waits):
+    # Of two ways, one is three times as likely: its second difference is 22 m less, of sigma 15 m.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, false_tracks_per_hour=rate)
+    initiator.process(scan_at(0.0, [(3000.0, 0.0)]))
+    initiator.process(scan_at(12.0, [(3000.0, 84.0), (3000.0, -84.0)]))
+    started = initiator.process(scan_at(24.0, [(3000.0, 168.0), (3000.0, -190.0)]))
+    if waits:  # with evidence enough
+        assert initiator.potential_tracks().score.max() > initiator.method.threshold + 5.0
+    assert [set(track.hits) for track in started] == ([] if waits else [{(0, 0), (1, 0), (2, 0)}])
+
+
+def test_the_purity_of_a_start_falls_from_3000_false_tracks_per_hour_on():
+    rates = (0.1, 300.0, 3000.0, 4500.0, 1e5)
+    expected = [0.9, 0.9, 0.9, 0.6, 0.5]
+    np.testing.assert_allclose([min_purity_probability(rate) for rate in rates], expected)
+
+
+@pytest.mark.parametrize("wish", [1.0, 1000.0])
+def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wish):
+    # Which of them are its own is never clear: it waits for eight hits, not for ever.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, false_tracks_per_hour=wish, plots="off")
+    started = []
+    for index in range(12):
+        y = 41.0 * index
+        found = [(3000.0, y), (3001.0, y + 2.0), (2999.0, y + 3.0)]
+        started += initiator.process(scan_at(12.0 * index, found))
+    assert started
+    assert started[0].stamp == 12.0 * 7
+    for track in started:
+        scans = [scan for scan, _ in track.hits]
+        assert len(set(scans)) == len(scans) >= 3
+        assert track.velocity[1] == pytest.approx(41.0 / 12.0, abs=0.5)
+
+
+def test_no_track_on_two_hits_however_strong():
+    initiator = score(
+        SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4),
+        false_tracks_per_hour=1e6,
+    )
+    first, second = ([(3000.0, 0.0)], [(3010.0, 0.0)])
+    assert len(initiator.process(scan_at(0.0, first))) == 0
+    assert len(initiator.process(scan_at(12.0, second))) == 0
+    assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
+
+
+@pytest.mark.long
+def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
+    initiator = score(false_tracks_per_hour=1e5)
+    rng = np.random.default_rng(1)
+    found = [
+        track
+        for index in range(6)
+        for track in initiator.process(Scan(12.0 * index, *clutter(rng)))
+    ]
+    assert len(found) > 50
+    assert min(len(track.hits) for track in found) >= 3
+    assert all(np.isfinite(track.state).all() for track in found)
+
+
+def test_hits_at_one_time_make_no_track():
+    # Echoes whose times, as given, are all the same tell no velocity.
+    initiator = score(SensorModel(range_std=1.0, range_std_fraction=0.0), false_tracks_per_hour=1e6)
+    for k in range(6):
+        scan = Scan(float(k), [1000.0], [0.0], time_offset=[-k * (1 - 1e-9)])
+        assert len(initiator.process(scan)) == 0
+        assert np.isfinite(initiator.potential_tracks().state).all()
+
+
+@pytest.mark.parametrize("estimator", ["weighted", "polar"])
+def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
+    # No clutter: one hypothesis, and the velocity prior must not be in what is published.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    initiator = score(sensor, estimator=estimator)
+    positions = [(3000.0 + 48.0 * k, 2000.0 - 36.0 * k) for k in range(10)]
+    scans = [scan_at(12.0 * k, [position]) for k, position in enumerate(positions)]
+    found = []
+    for index, scan in enumerate(scans):
+        for track in initiator.process(scan):
+            found.append(track)
+            hits = np.concatenate(
+                [convert(scans[k], initiator.sensor, k) for k in range(index + 1)]
+            )[None]
+            alone = fit(hits, scan.stamp, initiator.sensor, estimator)
+            np.testing.assert_allclose(track.state, alone.state[0], rtol=1e-6, atol=1e-3)
+            scale = np.linalg.norm(alone.covariance[0])
+            np.testing.assert_allclose(
+                track.covariance, alone.covariance[0], rtol=0, atol=0.02 * scale
+            )
+            assert track.hits == tuple((k, 0) for k in range(index + 1))
+            assert (track.scan_count, track.age) == (index + 1, 12.0 * index)
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(("earlier", "starts"), [(0.45, 1), (0.8, 0)])
+def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts):
+    # 0.45 or 0.8 of the first four hits are due to the held track, 0.67 of six at least.
+    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+    probability = [earlier] * 4 + [0.4] * 2
+    initiator = Tracker(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions()))
+
+    def partly_held(tree: Tree) -> float:
+        """3 below the largest evidence: not enough for a second target."""
+        held = np.full(len(tree.ids), probability.pop(0))
+        initiator.window.note_held(tree.ids, held)
+        return tree.evidence.max() - 3.0
+
+    scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
+    with rule_at(partly_held):
+        assert sum(len(initiator.process(scan)) for scan in scans) == starts
+
+
+def test_existence_is_even_where_false_tracks_are_as_frequent_as_targets():
+    evaluation = np.array([0.0, math.log(3.0), 50.0, -50.0])
+    np.testing.assert_allclose(existence(evaluation, TARGET_BIRTH_RATE), [0.5, 0.75, 0.99, 0.02])

@@ -1,0 +1,172 @@
+"""Strengths along the paths of the tree, and what they do to the starts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from support.builders import assert_same_tracks
+
+from tsepm_ros import make_initiator
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
+from tsepm_ros.tracker import evaluation
+from tsepm_ros.tracker.clutter.target_strength import ScanStrengths, log_ratio
+from tsepm_ros.tracker.evaluation import PATH_ODDS
+from tsepm_ros.tracker.hypotheses import Hypotheses
+
+BOX = load_scenario("box")
+
+
+def scans_of(ratio_db: float | None, scans: int = 24, seed: int = 1, appears: int = 16):
+    """The box after pings of clutter alone; its target's echoes are that much stronger."""
+    scene = dataclasses.replace(BOX, scans=scans)
+    if ratio_db is not None:
+        scene = dataclasses.replace(
+            scene,
+            clutter_strength=ClutterStrength(),
+            target_strengths=(TargetStrength(ratio_db, "steady"),),
+        )
+    found = []
+    for index, simulated in enumerate(Simulator(scene, seed)):
+        scan, kept = simulated.scan, (simulated.origin < 0) | (index >= appears)
+        features = {name: values[kept] for name, values in scan.features.items()}
+        found.append(
+            dataclasses.replace(
+                scan, range=scan.range[kept], azimuth=scan.azimuth[kept], features=features
+            )
+        )
+    return found
+
+
+def with_strength(scans, strength_of):
+    return [
+        dataclasses.replace(scan, features={"intensity": strength_of(scan)} if strength_of else {})
+        for scan in scans
+    ]
+
+
+def started(scans, **options):
+    initiator = make_initiator("score", sensor=BOX.sensor, **options)
+    return [track for scan in scans for track in initiator.process(scan)], initiator
+
+
+class Observed:
+    """What the evaluation of amplitudes takes of a scan."""
+
+    def __init__(self, exponents) -> None:
+        self.detections = np.zeros(len(exponents))
+        self.strengths = ScanStrengths.of(np.asarray(exponents, float), 250.0, 16)
+
+
+def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
+    exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
+    begun = evaluation.first_amplitudes(Observed(exponents[:1]))
+    hypotheses = Hypotheses.none(16)
+    paths = dataclasses.replace(
+        hypotheses,
+        strength_count=begun.hits,
+        strength_total=begun.total,
+        strength_score=begun.score,
+    )
+    score, row = begun.score[0], np.zeros(1, np.int64)
+    for exponent in exponents[1:]:
+        grown = evaluation.further_amplitudes(paths, row, Observed([exponent]), row)
+        score += grown.increment[0]
+        paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
+    strengths = Observed(exponents).strengths
+    total = strengths.scaled.sum()
+    expected = log_ratio(np.array(4.0), np.array(total), strengths.ratio.count)
+    assert grown.hits[0] == 4
+    assert score == pytest.approx(float(expected), abs=0.01)
+
+
+def test_a_detection_without_a_strength_adds_nothing():
+    grown = evaluation.first_amplitudes(Observed([np.nan]))
+    assert (grown.hits[0], grown.total[0], grown.score[0]) == (0, 0.0, 0.0)
+
+
+def test_strong_echoes_start_a_track_sooner_and_their_ratio_is_published():
+    first = {}
+    for ratio in (None, 10.0):
+        found = [started(scans_of(ratio, seed=seed))[0] for seed in range(4)]
+        first[ratio] = [tracks[-1].scan_count if tracks else 99 for tracks in found]
+    assert np.median(first[10.0]) < np.median(first[None])
+    tracks, initiator = started(scans_of(10.0))
+    assert tracks[-1].signal_to_clutter_db == pytest.approx(10.0, abs=5.0)
+    assert initiator.current[-1].signal_to_clutter_db == pytest.approx(10.0, abs=5.0)
+    assert "above the clutter" in initiator.reason(tracks[-1])
+    assert "compared with" in initiator.intensity
+
+
+def test_without_strengths_or_with_intensity_off_everything_is_as_before_to_the_bit():
+    scans = scans_of(10.0)
+    without, _ = started(with_strength(scans, None))
+    off, initiator = started(scans, intensity="off")
+    assert_same_tracks(without, off)
+    assert initiator.intensity == "not used: off"
+    assert all(math.isnan(track.signal_to_clutter_db) for track in off)
+
+
+@pytest.mark.parametrize(
+    "strength_of",
+    [
+        lambda scan: np.full(len(scan), 3.0),
+        lambda scan: np.full(len(scan), np.nan),
+        lambda scan: np.zeros(len(scan)),
+    ],
+    ids=["constant", "nan", "zero"],
+)
+def test_strengths_that_say_nothing_change_nothing(strength_of):
+    scans = scans_of(None)
+    without, _ = started(scans)
+    found, _ = started(with_strength(scans, strength_of))
+    assert_same_tracks(without, found)
+
+
+def test_replays_are_equal_to_the_bit_and_strengths_may_vanish():
+    scans = scans_of(6.0)
+    lost = [*scans[:20], *with_strength(scans[20:], None)]
+    one, other = started(lost)[0], started(lost)[0]
+    assert_same_tracks(one, other)
+    np.testing.assert_array_equal(
+        *([track.signal_to_clutter_db for track in tracks] for tracks in (one, other))
+    )
+
+
+def test_another_unit_gives_nearly_the_same_evidence():
+    scans = scans_of(10.0, seed=3)
+    decibels = with_strength(scans, lambda scan: 10.0 * np.log10(scan.features["intensity"]) - 90.0)
+    one, other = started(scans)[0], started(decibels)[0]
+    assert [track.hits for track in one] == [track.hits for track in other]
+    for a, b in zip(one, other, strict=True):
+        assert a.score == pytest.approx(b.score, abs=0.3)
+
+
+def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():
+    """A path of high score has its hits weighed down, whatever part is due to strengths."""
+    _, initiator = started(scans_of(None, scans=22))
+    method = initiator.method
+    paths = method.hypotheses
+    found = evaluation.target_hits(paths, initiator.window)
+    odds = PATH_ODDS * np.exp(paths.score - paths.strength_score)
+    best = float((odds / (1.0 + odds)).max())
+    assert found.probability.max() == pytest.approx(best)
+    strong = dataclasses.replace(
+        paths, score=paths.score + 5.0, strength_score=np.full(len(paths), 5.0)
+    )
+    again = evaluation.target_hits(strong, initiator.window)
+    np.testing.assert_allclose(again.probability, found.probability)
+
+
+@pytest.mark.long
+def test_a_single_strong_echo_starts_no_track_with_clutter_before_it():
+    """Its target may have just appeared: the start waits until its hits are clear."""
+    false = 0
+    for seed in range(6):
+        scans = scans_of(20.0, scans=17, seed=seed)
+        tracks, _ = started(scans, false_tracks_per_hour=10.0)
+        false += sum(track.stamp == scans[-1].stamp for track in tracks)
+    assert false == 0

@@ -1,0 +1,64 @@
+"""Log-likelihood ratios: increments, sums and what makes them a martingale."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from tsepm_ros.numerics.gaussian import gate_factor, log_density
+from tsepm_ros.numerics.grouped import summed
+from tsepm_ros.tracker.evaluation import hit_increment, miss_increment
+
+SPREAD = np.array([[900.0, 300.0], [300.0, 400.0]])
+
+
+@pytest.mark.parametrize(("p_d", "p_g"), [(0.9, 0.99), (0.6, 0.9), (0.3, 0.999)])
+def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
+    # A scan of clutter: each detection in the gate gives a child, and there is the missed branch.
+    # Their expected sum, lambda times the integral over the gate and the miss, must be 1.
+    clutter = 1e-5
+    axis = np.linspace(-200.0, 200.0, 1601)
+    x, y = np.meshgrid(axis, axis)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    density, distance = log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
+    increment = hit_increment(density, p_d, np.full(len(points), clutter))
+    inside = distance <= gate_factor(p_g) ** 2
+    cell = (axis[1] - axis[0]) ** 2
+    children = clutter * cell * np.exp(increment[inside]).sum()
+    missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
+    assert children + missed == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_hit_adds_what_its_density_is_above_the_clutter():
+    innovation = np.array([[10.0, -20.0]])
+    density, distance = log_density(innovation, SPREAD[None])
+    exact = multivariate_normal(np.zeros(2), SPREAD)
+    np.testing.assert_allclose(density, exact.logpdf(innovation[0]))
+    np.testing.assert_allclose(distance, innovation[0] @ np.linalg.inv(SPREAD) @ innovation[0])
+    increment = hit_increment(density, 0.9, np.array([1e-6]))
+    np.testing.assert_allclose(increment, math.log(0.9 * exact.pdf(innovation[0]) / 1e-6))
+
+
+def test_nothing_is_missed_where_nothing_can_be_detected():
+    assert miss_increment(np.array([0.0]), 0.99).tolist() == [0.0]
+
+
+def test_a_miss_of_a_sure_target_stays_possible():
+    assert np.isfinite(miss_increment(np.array([1.0]), 1.0 - 1e-12)).all()
+
+
+def test_no_clutter_at_all_does_not_make_a_detection_worth_everything():
+    assert np.isfinite(hit_increment(np.array([-10.0]), 0.9, np.array([0.0]))).all()
+
+
+def test_sums_are_of_the_ratios_not_of_their_logarithms():
+    rng = np.random.default_rng(1)
+    score = rng.uniform(-800.0, 800.0, 300)  # beyond what exp can hold
+    group = rng.integers(0, 20, 300)
+    group[group == 7] = 8
+    expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
+    np.testing.assert_allclose(summed(score, group, 20), expected)

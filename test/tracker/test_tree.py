@@ -1,0 +1,155 @@
+"""The tree of hypotheses, against plain loops, and its limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from support.batches import batches
+from support.builders import AS_GIVEN, scan_at
+from support.scenes import random_scene
+from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
+
+from tsepm_ros import Scan
+from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.options import ScoreOptions
+
+
+@pytest.mark.parametrize("seed", batches(24, 8))
+def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
+    scene = random_scene(seed)
+    plain_scans, sensor, options = in_plain_loops(scene, seed)
+    initiator = score(sensor, false_tracks_per_hour=NEVER, **AS_GIVEN, **options)
+    compared = 0
+    for scan, grown in zip(scene.as_scans(), plain_scans, strict=False):
+        expected = grown.kept
+        assert len(initiator.process(scan)) == 0
+        assert initiator.statistics.potential_tracks == len(expected)
+        plain = {one.keys: one for one in expected}
+        assert len(plain) == len(expected)
+        found = initiator.potential_tracks()
+        assert {track.hits for track in found} == {keys for keys in plain if len(keys) > 1}
+        for row, hits in enumerate(found.hits):
+            np.testing.assert_allclose(found.score[row], plain[hits].score, rtol=1e-7, atol=1e-7)
+        inside = initiator.method.hypotheses
+        inside = inside[inside.hit_count > 1]
+        for row, hits in enumerate(found.hits):
+            np.testing.assert_allclose(inside.state[row], plain[hits].state, rtol=1e-6, atol=1e-5)
+            scale = np.linalg.norm(plain[hits].covariance)
+            np.testing.assert_allclose(
+                inside.covariance[row], plain[hits].covariance, rtol=0, atol=1e-7 * scale
+            )
+        compared += len(found)
+    assert compared > 0
+
+
+def children(
+    seed: int, time_limit: TimeLimit | None = None, limit: int = 10**6
+) -> tuple[Hypotheses, int]:
+    """The children of the fourth scan of clutter, and how many were not scored or kept."""
+    scans = sea(np.random.default_rng(seed), 4, [])
+    initiator = score(false_tracks_per_hour=NEVER)
+    for scan in scans[:3]:
+        initiator.process(scan)
+    before = initiator.method.hypotheses
+    observed = initiator.observe(scans[3], time_limit or TimeLimit())
+    predicted = splitting.predict(before, observed.interval, 0.001)
+    expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, SONAR)
+    pairs = parent, row, _ = splitting.split(expected, 0.99)
+    missed, scores, unscored = evaluation.evaluate(expected, parent, row, observed, 0.99)
+    deletion = ScoreOptions().deletion_threshold
+    kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
+    started = splitting.start(observed, 10.0, 16)
+    parts = missed, scores, started
+    tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
+    return tree.hypotheses, unscored + cut
+
+
+@pytest.mark.parametrize("seconds", [math.inf, 1e6], ids=["no limit", "a limit not reached"])
+def test_blocks_do_not_change_the_children(monkeypatch, seconds):
+    expected, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 7)
+    monkeypatch.setattr(splitting, "MAX_PAIRS_TOGETHER", 7)
+    found, cut = children(5, TimeLimit(seconds))
+    assert len(found) > 100
+    assert cut == 0
+    for field in fields(Hypotheses):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
+
+
+def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_others(monkeypatch):
+    every, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 10)
+    found, cut = children(5, TimeLimit(1e-9))
+    assert 0 < len(found) <= 10
+    assert cut > 0
+    assert len(found) + cut >= len(every)
+
+
+def test_no_more_children_than_allowed_and_the_best():
+    every, _ = children(5)
+    found, cut = children(5, limit=20)
+    assert (len(found), cut) == (20, len(every) - 20)
+    assert found.score.min() >= np.sort(every.score)[-20]
+
+
+def test_hypotheses_are_in_the_order_of_their_newest_detections():
+    found, _ = children(5)
+    assert (np.diff(found.last_hit) >= 0).all()
+    initiator = score(false_tracks_per_hour=NEVER)
+    for scan in sea(np.random.default_rng(5), 6, []):
+        initiator.process(scan)
+        assert (np.diff(initiator.method.hypotheses.last_hit) >= 0).all()
+
+
+def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_than_the_most():
+    scores = np.array([-5.0, 9.0, 10.0, 0.5, 0.8, 3.0, -1.0])
+    newest = np.array([7, 9, 7, 7, 7, 9, 8])
+    kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 10)
+    assert kept.tolist() == [2, 4, 6, 1, 5], "below e^-9.2 of the best, or third"
+    assert cut == 0
+    kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 3)
+    assert (kept.tolist(), cut) == ([2, 1, 5], 2)
+    assert pruning.prune(scores[:0], newest[:0], 0.0, 2, 3)[0].tolist() == []
+
+
+def test_the_time_that_a_scan_may_take_is_passed_on():
+    # More than one block of pairs: 230 hypotheses by 230 detections in one place.
+    initiator = score(plots="off")
+    initiator.max_scan_time = 1e-9
+    for k in range(2):
+        initiator.process(Scan(12.0 * k, np.full(230, 1000.0), np.zeros(230)))
+    assert initiator.totals.cut_potential_tracks > 230 * 230 - 50_000 - 1
+
+
+def test_a_target_outside_the_coverage_is_not_missed_there():
+    sensor = replace(SONAR, max_range=4000.0)
+    initiator = score(sensor)
+    initiator.process(scan_at(0.0, [(3990.0, 0.0)]))
+    initiator.process(scan_at(12.0, [(4050.0, 0.0)]))
+    scores = [initiator.potential_tracks().score.max()]
+    for k in range(2, 5):
+        initiator.process(Scan(12.0 * k, [], []))
+        scores.append(initiator.potential_tracks().score.max())
+    assert scores == [scores[0]] * 4
+
+
+@pytest.mark.parametrize("limit", [1, 50])
+def test_limits_hold_and_are_counted(limit):
+    initiator = score(max_potential_tracks=limit)
+    for scan in sea(np.random.default_rng(1), 6, [(3000.0, 4.0, 2000.0, -3.0)]):
+        initiator.process(scan)
+        assert initiator.statistics.potential_tracks <= limit
+    assert initiator.totals.cut_potential_tracks > 0
+
+
+def test_many_detections_in_one_place_do_not_end_anything():
+    initiator = score()
+    n = 3000
+    for k in range(3):
+        initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
+    assert initiator.statistics.potential_tracks <= 250_000

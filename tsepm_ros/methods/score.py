@@ -1,0 +1,282 @@
+"""Track initiation by the likelihood ratio of a target against clutter.
+
+The tree of splits of TSEPM 2018, evaluated by the log-likelihood ratio instead of f_1: missed
+branches are kept, every detection may start a track, and the test is on the summed evidence of all
+hypotheses that share a detection. With lambda the clutter density, N(z; H x, S) the density
+of a detection z under a hypothesis, P_G the gate's probability, and s_i the sum of the increments
+of hypothesis i, a scan goes through::
+
+    split         every hypothesis by the detections in its gate; every detection starts one
+      predict     x_i <- F x_i,  P_i <- F P_i F' + Q
+    evaluate      hit: s_i += ln(P_D N(z; H x, S) / lambda)      Sittler 1964; Bar-Shalom, Blackman,
+                                                                 Fitzgerald 2007
+                  miss: s_i += ln(1 - P_D P_G); 0 outside the coverage; P_D by a chain of seen and
+                  faded;  start: s = 0
+    prune         s_i < ln(miss_probability), 1e-4 of the best with the same newest detection; then
+                  the weakest beyond a limit; those that are `window` scans old, after the scan
+      evidence    E = ln sum_i exp(s_i), over i with the same newest detection, with
+                  s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
+      threshold   A = ln(starts per hour / rate) - the mean jump over it, by the bound
+                  P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
+    confirm       E >= A, by at least 3 hits, at most half of them due to held tracks, more
+                  than half of them the target's with a probability of at least 0.9, or by 8
+                  hits (a lower probability at target rates above 3000 per hour); of a second target
+                  E >= A + ln 1000, with the density due to held tracks added to lambda
+      state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
+                  P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
+      correct     a held track whose majority of hits turns out wrong is corrected under its id
+    merge         a start of a target that has one, or that is held, becomes one with it
+
+Each has its module of this name in `tracker`, with the references; the jump is simulated in
+`threshold`, and starts are merged with held tracks by the tracker.
+
+Readings
+--------
+- No published method is reproduced: these are textbook parts put together.
+- Between detections a Kalman filter predicts, begun with a velocity of variance v_max^2 / 4 on each
+  axis; x_i and P_i of the state are fitted by least squares to the hits alone, without that prior.
+- The error across the line of sight is at least that along it, where a detection has no azimuth
+  error of its own (`LEAST_ACROSS`).
+- Hypotheses outside the gate, deleted or beyond a limit are not in the sum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
+from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
+from tsepm_ros.tracker.confirmation import held_hits, spans_time
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Start, Tree
+from tsepm_ros.tracker.merging import given_starts
+from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
+from tsepm_ros.tracker.path_fit import NO_HIT, fit_paths
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.threshold import Threshold
+from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
+
+NEARING_SHARE = 0.2
+"""Share of a time limit after which only the nearest detections of a hypothesis are sought."""
+MIN_TIME_SPAN = 0.1
+"""Time from the first hit to the last that a velocity needs, in scan intervals."""
+Corrections = Sequence[tuple[int, Start]]
+_Starts = tuple[Sequence[Start], Corrections, Corrections, int]
+
+
+class Score(Method):
+    """The likelihood-ratio method, the default: evidence for a target, against clutter."""
+
+    Options = ScoreOptions
+    options: ScoreOptions
+    most_tracks_true = True
+    operating_points = MappingProxyType(
+        {
+            f"{rate:g}/h": {"false_tracks_per_hour": rate}
+            for rate in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+        }
+    )
+
+    def forget(self) -> None:
+        """See `Method.forget`."""
+        self.hypotheses = Hypotheses.none(self.options.window)
+        self._threshold, self._tested = Threshold(), math.inf
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; another window starts over.
+
+        See `Method.configure`.
+        """
+        window = self.options.window
+        super().configure(sensor, common, options)
+        if options.window != window:
+            self.forget()
+            return False
+        return True
+
+    def step(self, observed: Observation) -> Step:
+        """Split, evaluate and prune the tree by a scan, and start tracks from it.
+
+        See `Method.step`.
+        """
+        row, probability = observed.held_association
+        observed.window.note_held(observed.ids[row], probability)
+        self._threshold.observe(observed)
+        tree, counts = self._tree(observed)  # split, evaluate, prune
+        starts, corrected, replaced, merged = self._starts(tree, observed)  # confirm
+        new = [*starts, *(start for _, start in replaced)]
+        given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
+        ended = pruning.expired(observed.scan_index + 1 - given.first_scan, self.options.window)
+        self.hypotheses = given[~ended]
+        tracks = self._confirmed(observed, new)
+        ids = np.array([track_id for track_id, _ in corrected], np.int64)
+        target_hits = None
+        if observed.strengths is not None:
+            target_hits = evaluation.target_hits(self.hypotheses, observed.window)
+        number_ended = int(np.count_nonzero(ended))
+        return Step(
+            tracks,
+            changed(
+                counts,
+                potential_tracks=len(self.hypotheses),
+                terminated=counts.pruned + number_ended,
+                pruned=counts.pruned + number_ended,
+                raw_confirmations=len(tracks) + merged,
+                merged=merged,
+                confirmed=len(tracks),
+            ),
+            confirmation.existence(tracks.evaluation, self.options.false_tracks_per_hour),
+            tree.target_probability,
+            self._confirmed(observed, [start for _, start in corrected]).numbered(ids),
+            tuple(track_id for track_id, _ in replaced),
+            target_hits,
+        )
+
+    def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
+        """The tree after a scan: split, evaluated and pruned; and the counts of these."""
+        options, time = self.options, observed.time_limit
+        predicted = splitting.predict(self.hypotheses, observed.interval, options.process_noise)
+        expected = ExpectedDetections.of(
+            predicted, observed.stamp, observed.detections, self.sensor
+        )
+        late = partial(time.used, NEARING_SHARE) if time.finite else None
+        parent, row, cut = splitting.split(expected, options.gate_probability, late)
+        started = splitting.start(observed, self.common.max_speed, options.window)
+        missed, score, unscored = evaluation.evaluate(
+            expected, parent, row, observed, options.gate_probability
+        )
+        kept, beyond = pruning.prune(
+            np.concatenate([missed.score, score, started.score]),
+            np.concatenate([missed.last_hit, observed.ids[row], observed.ids]),
+            options.deletion_threshold,
+            options.max_per_detection,
+            self.common.max_potential_tracks,
+        )
+        parts = missed, score, started
+        tree = splitting.expand(expected, parts, (parent, row), kept, observed)
+        split = int(np.count_nonzero(score > -np.inf)) + len(started)
+        return tree, ScanStatistics(
+            scans=1,
+            detections=len(observed.ids),
+            started=len(started),
+            split=split,
+            evaluated=split + len(missed),
+            pruned=split + len(missed) - len(kept) - beyond,
+            cut_potential_tracks=cut + unscored + beyond,
+        )
+
+    def _starts(self, tree: Tree, observed: Observation) -> _Starts:
+        """Starts of the scan, corrections, replacements, and how many starts were merged."""
+        window, max_speed = observed.window, self.common.max_speed
+        attainable = confirmation.attainable(tree, window)
+        wrong = confirmation.doubtful(tree, observed, max_speed)
+        for _, row, _ in wrong:
+            attainable[row] = max(attainable[row], tree.evidence[row] + evaluation.LOG_GAIN)
+        self._tested = self._threshold.value_if_near(
+            attainable.max(initial=-np.inf), self.sensor, self.common, self.options
+        )
+        rule = {"min_time": self._min_time, "max_speed": max_speed}
+        fit = partial(self._fit, observed)
+        starts, merged = confirmation.confirm(
+            tree, window, self._tested, self.options.false_tracks_per_hour, fit=fit, **rule
+        )
+        corrected, replaced = confirmation.corrections(
+            tree, observed, wrong, self._tested, starts, fit=fit, **rule
+        )
+        return starts, corrected, replaced, merged
+
+    @property
+    def threshold(self) -> float:
+        """Log-likelihood ratio that confirms; it gives the target false-track rate."""
+        return self._threshold.value(self.sensor, self.common, self.options)
+
+    def reason(self, track: ConfirmedTrack) -> str:
+        """The hits, the evidence, the threshold that it passed, and the target false-track rate.
+
+        See `Method.reason`.
+        """
+        rate = self.options.false_tracks_per_hour
+        return (
+            f"{super().reason(track)}; log-likelihood ratio {track.score:.1f}, threshold "
+            f"{track.score - track.evaluation:.1f} ({rate:g} false track{'' if rate == 1 else 's'} "
+            f"per hour){_strength_of(track)}"
+        )
+
+    def potential_tracks(self, observed: Observation) -> TrackArrays:
+        """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
+
+        Those of held targets are left out, also where they might be of a second target.
+
+        See `Method.potential_tracks`.
+        """
+        window, hypotheses = observed.window, self.hypotheses
+        hypotheses = hypotheses[spans_time(hypotheses, 2, window, self._min_time)]
+        held = held_hits(hypotheses, window)
+        hypotheses = hypotheses[held <= confirmation.MAX_HELD_SHARE * hypotheses.hit_count]
+        if not len(hypotheses):
+            return TrackArrays.of([])
+        state, covariance = self._fit(observed, hypotheses)
+        return self._tracks(
+            observed, hypotheses.hits, state, covariance, hypotheses.score, self.threshold
+        )
+
+    @property
+    def _min_time(self) -> float:
+        """Time from the first hit to the last that a velocity needs, s."""
+        return MIN_TIME_SPAN * self._threshold.interval
+
+    def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
+        """State and covariance from the hits alone: the velocity prior is not a measurement."""
+        return fit_paths(
+            hypotheses, observed.window, observed.stamp, self.sensor, self.options.estimator
+        )
+
+    def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
+        """The tracks of the starts."""
+        if not new:
+            return NO_TRACKS
+        most_hits = max(len(start.hits) for start in new)
+        hits = np.full((len(new), most_hits), NO_HIT)
+        for row, start in enumerate(new):
+            hits[row, : len(start.hits)] = start.hits
+        return self._tracks(
+            observed,
+            hits,
+            np.reshape([start.state for start in new], (-1, 4)),
+            np.reshape([start.covariance for start in new], (-1, 4, 4)),
+            np.array([start.evidence for start in new], float),
+            self._tested,
+        )
+
+    def _tracks(
+        self,
+        observed: Observation,
+        hits: IntArray,
+        state: FloatArray,
+        covariance: FloatArray,
+        evidence: FloatArray,
+        threshold: float,
+    ) -> TrackArrays:
+        """Tracks with these hits (n, m), their places as ids."""
+        return tracks_from_hits(
+            observed.window,
+            hits,
+            stamp=observed.stamp,
+            scan_index=observed.scan_index,
+            state=state,
+            covariance=covariance,
+            evaluation=evidence - threshold,
+            score=evidence,
+        )
+
+
+def _strength_of(track: ConfirmedTrack) -> str:
+    """What the strength of a track's echoes contributed to its reason, if it is known."""
+    ratio = track.signal_to_clutter_db
+    return "" if np.isnan(ratio) else f"; echoes about {ratio:.0f} dB above the clutter"

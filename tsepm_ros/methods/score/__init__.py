@@ -1,1 +1,0 @@
-"""The method `score`: a target false-track rate that is kept."""

@@ -1,0 +1,520 @@
+"""Contradictions: what the messages and the parameters say against each other, and losses.
+
+Questions about messages that look other than meant, and about parameters that look like degrees:
+no value is converted or left out. Whether the sensor's figures as given fit what the scans show,
+and whether half of the last scans, or of their detections, are lost. Each is said once, with its
+remedy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.registration import Mounting, SensorScan
+from tsepm_ros.session.drop_reasons import EXPECTED, Notice, reason_of
+from tsepm_ros.session.scan_queue import Now
+from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
+from tsepm_ros.tracker.clutter.seen_extent import Extent
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracker import Tracker
+
+MESSAGES, WINDOW = 10, 200
+"""Messages after which they are judged, again and again, and after which counts begin anew."""
+NO_RETURN = "no return: "
+"""Beginning of the names of counts of values for no return."""
+REPEATED_SHARE, MIN_DETECTIONS = 0.2, 50
+"""Least share of detections that repeat those of the message before, to the bit, of a number."""
+ECHO_FACTOR, SLOWEST_SOUND = 10.0, 1400.0
+"""Factor by which a time exceeds that of an echo at the speed of sound (m/s), to be no echo's."""
+STATED_CHANGE = 0.01
+"""Least change of what a message states, as a part of it."""
+LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
+"""GPS time ahead of UTC, atomic time (TAI) ahead of GPS time, and of UTC, s."""
+LEAP_ERROR, MAX_AHEAD = 0.5, 1.0
+"""Difference from leap seconds, and time by which a stamp may be after its arrival, s."""
+MIN_ANGLES, LIKELY_SHARE = 20, 0.5
+"""Least number of angles, and share of them beyond a turn above which they look like degrees."""
+NEAR, COMPARED = 0.02, 50
+"""Distance of two detections that may be one object's, as a part of the range, and number of
+detections of a message that are compared."""
+MIN_PAIRS, ALTERNATE_FACTOR = 60, 3.0
+"""Least detections with one near it in the second message before, and the factor by which fewer
+have one in the message before, where messages alternate."""
+
+
+def leap_seconds(seconds: float) -> str:
+    """A question about two clocks that differ by seconds like those of GPS time; else empty."""
+    near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
+    return ": is it GPS time (18 s ahead of UTC) or TAI (37 s)?" if near else ""
+
+
+class MessageCheck:
+    """Judges the messages of a driver as they arrive, and asks each question once."""
+
+    def __init__(self) -> None:
+        self._states: dict[str, float] = {}
+        self._before: deque[FloatArray] = deque(maxlen=2)
+        self._times: deque[tuple[float, ...]] = deque(maxlen=MESSAGES)
+        self._messages = 0
+        self._counts: Counter[str] = Counter()
+        self._asked: set[str] = set()
+
+    def judge(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> list[Notice]:
+        """Count a message that arrived at `now` (s); return the questions that are new.
+
+        `own_ship_stamp` is that of the newest pose, s.
+        """
+        self._count(arrived, own_ship_stamp, now)
+        asked = self._of_counts()
+        if self._messages % MESSAGES == 0:
+            asked |= self._of_times()
+        new = [Notice(*one) for one in asked.items() if one[0] not in self._asked]
+        self._asked.update(asked)
+        return [*(self._changes(arrived) if arrived.facts.states else ()), *new]
+
+    def _count(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> None:
+        scan, facts, counts = arrived.scan, arrived.facts, self._counts
+        self._messages += 1
+        if self._messages % WINDOW == 1:
+            counts.clear()
+        places = (scan.range * np.exp(1j * scan.azimuth))[:COMPARED]
+        if len(self._before) == 2 and len(places):
+            second, last = (np.abs(places[:, None] - before) for before in self._before)
+            counts["compared"] += len(places)
+            counts["repeated"] += int(np.count_nonzero(last == 0.0))
+            limit = NEAR * scan.range[:COMPARED, None]
+            counts["second"] += int(np.count_nonzero((second < limit).any(axis=1)))
+            counts["last"] += int(np.count_nonzero((last < limit).any(axis=1)))
+        self._before.append(places)
+        codes = {f"{NO_RETURN}{code}": number for code, number in facts.no_return.items()}
+        counts.update({**codes, "rays": facts.rays, "beyond": facts.beyond_turn})
+        counts["angles"] += len(scan)
+        offset = np.zeros(1) if scan.time_offset is None or not len(scan) else scan.time_offset
+        own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
+        clock = now[-1] if isinstance(now, tuple) else now
+        usual = float(np.abs(offset).mean()), float(scan.range.mean()) if len(scan) else 0.0
+        self._times.append((scan.stamp, own_ship, clock, float(offset.max()), *usual))
+
+    def _changes(self, arrived: SensorScan) -> list[Notice]:
+        """What the message states otherwise than those before it."""
+        said = []
+        for name, value in arrived.facts.states.items():
+            before = self._states.setdefault(name, value)
+            if math.isfinite(value) and abs(value - before) > STATED_CHANGE * abs(before):
+                self._states[name] = value
+                change = f"changed from {before:g} to {value:g} at {arrived.scan.stamp:.3f} s"
+                same = "the parameters `sensor.*` stay as given"
+                said.append(Notice(f"changed {name}", f"{name} of messages {change}: {same}"))
+        return said
+
+    def _of_counts(self) -> dict[str, str]:
+        """Questions about the detections of the window, by subject."""
+        counts, known = self._counts, self._messages >= MESSAGES
+        angles, beyond, compared = counts["angles"], counts["beyond"], counts["compared"]
+        codes = ", ".join(
+            f"{100 * number / counts['rays']:.2g} % {name.removeprefix(NO_RETURN)}"
+            for name, number in counts.items()
+            if name.startswith(NO_RETURN) and not name.endswith("inf")
+        )
+        share = counts["repeated"] / max(compared, 1)
+        alternate = counts["second"] >= max(MIN_PAIRS, ALTERNATE_FACTOR * counts["last"])
+        rows = (
+            (
+                "degrees",
+                angles >= MIN_ANGLES and beyond > LIKELY_SHARE * angles,
+                f"{beyond} of {angles} azimuths or bearings are beyond 2 pi: are they in degrees? "
+                "They are read as radians; the driver must send radians (degrees * pi / 180)",
+            ),
+            (
+                "no_return",
+                known and bool(codes),
+                f"rays without a return, by their ranges: {codes}",
+            ),
+            (
+                "repeated",
+                known and share >= REPEATED_SHARE and compared >= MIN_DETECTIONS,
+                f"{100 * share:.0f} % of the detections repeat the message before to the bit: is "
+                "that a value for no return, or a message that is sent twice? They are used",
+            ),
+            (
+                "two_sonars",
+                known and alternate,
+                "every second message sees the same objects, and the messages between see others: "
+                "are these two sonars on one topic? Run one node for each, on a topic of its own",
+            ),
+        )
+        return {subject: sentence for subject, applies, sentence in rows if applies}
+
+    def _of_times(self) -> dict[str, str]:
+        """Questions about the times of the last messages, by subject."""
+        stamps, own_ship, clock, last, offsets, ranges = np.array(self._times).T
+        intervals, said = np.diff(stamps), dict[str, str]()
+        interval = float(np.median(intervals)) if (intervals > 0.0).all() else math.inf
+        echo = ECHO_FACTOR / SLOWEST_SOUND * ranges
+        offset = float(np.median(np.where(offsets > echo, offsets, 0.0)))
+        if offset > interval:
+            said["time_offset"] = (
+                f"the time of detections after the stamp is {offset:.3g} s, with a message every "
+                f"{interval:.3g} s: is it in ms, us or ns, or not after the stamp? It is read in "
+                "seconds"
+            )
+        # A message arrives after its last echo.
+        delays = {"detections": clock - stamps - 2.0 * last, "own ship": clock - own_ship}
+        for name, delay in delays.items():
+            steady = np.isfinite(delay).all() and np.ptp(delay) <= LEAP_ERROR and np.ptp(clock) > 0
+            middle = float(np.median(delay)) if steady else 0.0
+            hint = leap_seconds(middle)
+            if middle < -MAX_AHEAD or (hint and middle > 2.0 * interval):
+                said[f"clock of {name}"] = (
+                    f"stamps of {name} are {abs(middle):.3g} s "
+                    f"{'ahead of' if middle < 0.0 else 'behind'} the clock of their arrival"
+                    f"{hint or ': set the clocks'}"
+                )
+        return said
+
+
+LAST, MIN_SCANS, MIN_LOST = 20, 5, 40
+"""Scans over which losses are judged, and least number of scans, and of detections."""
+CONSEQUENCES = "own_ship_missing", "own_ship_stale"
+"""Reasons of scans whose own-ship data may have arrived and been dropped."""
+
+
+def explained(reason: str, dropped: Mapping[str, int], sentences: Mapping[str, str]) -> str:
+    """A drop reason with its first cause, in words, and the remedy of that.
+
+    Parameters
+    ----------
+    reason : str
+    dropped : mapping of str to int
+        Drops by reason.
+    sentences : mapping of str to str
+        First sentence by reason.
+    """
+    poses = [name for name in dropped if reason_of(name).lost == "pose"]
+    cause = max([reason, *poses], key=dropped.__getitem__) if reason in CONSEQUENCES else reason
+    counted = "" if cause == reason else f" after {dropped[cause]} {cause}"
+    sentence = sentences.get(cause) or reason_of(cause).meaning
+    return f"{reason}{counted}: {sentence}. Remedy: {reason_of(cause).remedy}"
+
+
+class Losses:
+    """The fates of the last scans and of their detections."""
+
+    def __init__(self) -> None:
+        self._last: deque[tuple[str, int, Counter[str]]] = deque(maxlen=LAST)
+        self._lost: Counter[str] = Counter()
+        self._sentences: dict[str, str] = {}
+        self._said: set[str] = set()
+
+    def drop(self, reason: str, sentence: str, number: int, dropped: Counter[str]) -> list[Notice]:
+        """Note a drop, with the drops so far; a notice if half of the last scans are lost."""
+        self._sentences.setdefault(reason, sentence)
+        described = reason_of(reason)
+        if described.lost == "detection" and described.remedy != EXPECTED:
+            self._lost[reason] += number
+        if described.lost != "scan":
+            return []
+        self._last.extend([(reason, 0, Counter())] * min(number, LAST))
+        return self._judge(dropped)
+
+    def processed(self, detections: int, dropped: Counter[str]) -> list[Notice]:
+        """Note a processed scan; a notice if half of the last scans' detections are lost."""
+        self._last.append(("", detections, self._lost))
+        self._lost = Counter()
+        return self._judge(dropped)
+
+    def _judge(self, dropped: Counter[str]) -> list[Notice]:
+        names, numbers, losses = zip(*self._last, strict=True)
+        scans, detections = Counter(filter(None, names)), sum(losses, Counter[str]())
+        share = detections.total() / max(detections.total() + sum(numbers), MIN_LOST)
+        said = []
+        for reasons, half, lost in (
+            (scans, 2 * scans.total() >= len(names), f"{scans.total()} of the last {len(names)}"),
+            (detections, 2.0 * share >= 1.0, f"{100 * share:.0f} % of the detections of the last"),
+        ):
+            ((reason, number),) = reasons.most_common(1) or [("", 0)]
+            if half and reason not in {*self._said, ""} and len(names) >= MIN_SCANS:
+                self._said.add(reason)
+                why = explained(reason, dropped, self._sentences)
+                told = f"{lost} scans were dropped, {number} as {why}"
+                said.append(Notice(f"lost {reason}", told))
+        return said
+
+
+MAX_LIKELY_STD = 0.2
+"""Standard deviation of an azimuth, rad (11 degrees), beyond which it looks like degrees."""
+MAX_LIKELY_RESOLUTION = 0.8
+"""Width of a beam, rad (46 degrees), beyond which it looks like degrees."""
+MAX_LIKELY_YAW = 3.2
+"""Yaw of a mounting, rad (half a turn), beyond which it looks like degrees."""
+
+
+def questions(sensor: SensorModel, mounting: Mounting) -> list[str]:
+    """Questions about parameters in radians that look like degrees, a sentence each."""
+    return [
+        f"{name} is {value:g} rad, which is {math.degrees(value):.0f} degrees: if {value:g} "
+        f"degrees are meant, set {math.radians(value):.4g}"
+        for name, value, limit in (
+            ("sensor.azimuth_std", sensor.azimuth_std, MAX_LIKELY_STD),
+            ("sensor.azimuth_resolution", sensor.azimuth_resolution, MAX_LIKELY_RESOLUTION),
+            ("mounting.yaw", mounting.yaw, MAX_LIKELY_YAW),
+        )
+        if abs(value) > limit
+    ]
+
+
+AREA_FACTOR = 2.0
+"""Factor by which the coverage as given may exceed the area in which detections fall."""
+MIN_LOG_RATIO = 14.0
+"""Log-likelihood ratio of the smaller area from which on it is said."""
+MAX_OUTSIDE_SHARE = 0.05
+"""Share of the detections outside the coverage that is accepted."""
+MIN_OUTSIDE = 20
+"""Detections outside the coverage from which on it is said."""
+OUTSIDE_SCANS = 100
+"""Scans, the last, over which these are counted."""
+ERROR_FACTOR = 1.5
+"""Factor by which the errors as given may differ from those of the innovations."""
+LEAST_FACTOR = 0.01
+"""Factor below which detections have no errors of a sensor: they are simulated, or rounded."""
+RATE_WINDOW = 3600.0
+"""Time over which confirmations are counted, s."""
+RATE_FACTOR = 10.0
+"""Confirmations may exceed the target false-track rate by this factor: there are targets too."""
+SCANS_BETWEEN = 10
+MIN_EMPTY_SECTOR = math.pi / 3.0
+"""Sector without detections, rad, below which they count as all round: chance leaves gaps."""
+MIN_CONFIRMATIONS = 30
+"""Confirmations from which on a flood is said."""
+
+
+@dataclass(frozen=True)
+class SensorFigures:
+    """Learned figures beside those that are given.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+        As given.
+    seen : Extent or None
+        Where clutter is seen; None before enough detections.
+    seen_detections : int
+        Detections from which this is known.
+    outside : int
+        Detections outside the coverage, in the last `OUTSIDE_SCANS`.
+    detections : int
+        All detections of these.
+    outside_extent : Extent or None
+        Ranges and sector of all detections, where some are outside the coverage.
+    errors : FittedErrors or None
+        Errors that fit the held tracks' innovations.
+    confirmed : int
+        Tracks confirmed within `duration`.
+    duration : float
+        s, at most `RATE_WINDOW`.
+    false_tracks_per_hour : float or None
+        The target false-track rate; None where the method has none.
+    """
+
+    sensor: SensorModel = field(default_factory=SensorModel)
+    seen: Extent | None = None
+    seen_detections: int = 0
+    outside: int = 0
+    detections: int = 0
+    outside_extent: Extent | None = None
+    errors: FittedErrors | None = None
+    confirmed: int = 0
+    duration: float = 0.0
+    false_tracks_per_hour: float | None = None
+
+
+def findings(figures: SensorFigures) -> dict[str, str]:
+    """Sentences by subject, for what does not fit."""
+    found = {
+        "coverage": coverage_too_large(figures),
+        "coverage_too_small": coverage_too_small(figures),
+        "errors": errors_differ(figures),
+        "confirmations": many_confirmations(figures),
+    }
+    return {subject: sentence for subject, sentence in found.items() if sentence}
+
+
+def coverage_too_large(figures: SensorFigures) -> str:
+    """Detections fall in a small part of the coverage."""
+    seen, given = figures.seen, figures.sensor.coverage_area
+    if seen is None or seen.area <= 0.0 or given < AREA_FACTOR * seen.area:
+        return ""
+    if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
+        return ""
+    return (
+        f"all detections are {_of(seen)}; by the parameters, the coverage is "
+        f"{_of(Extent.of(figures.sensor))}: if the sonar covers no more, set "
+        f"{_settings(seen, figures.sensor)} (m, rad)"
+    )
+
+
+def coverage_too_small(figures: SensorFigures) -> str:
+    """Detections are dropped since they lie outside the coverage."""
+    share = figures.outside / max(figures.detections, 1)
+    extent = figures.outside_extent
+    if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
+        return ""
+    return (
+        f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "
+        f"{_of(extent)}: set {_settings(extent, figures.sensor)}, unless the coverage is limited "
+        "on purpose"
+    )
+
+
+def errors_differ(figures: SensorFigures) -> str:
+    """The errors of range or azimuth do not fit the detections of held tracks."""
+    errors = figures.errors
+    if errors is None:
+        return ""
+    if min(errors.range_factor, errors.azimuth_factor) < LEAST_FACTOR:
+        return (
+            "as the detections of held tracks show, errors of range or azimuth are less than "
+            f"{100.0 * LEAST_FACTOR:g} % of those of the parameters: are the detections simulated?"
+        )
+    parts = []
+    if not 1.0 / ERROR_FACTOR <= errors.range_factor <= ERROR_FACTOR:
+        parts.append(
+            f"range errors are {errors.range_factor:.2g} times those of the parameters (at a "
+            f"median range of {errors.median_range:.3g} m): set sensor.range_std to "
+            f"{errors.range_std:.2g} and sensor.range_std_fraction to "
+            f"{errors.range_std_fraction:.2g}"
+        )
+    if not 1.0 / ERROR_FACTOR <= errors.azimuth_factor <= ERROR_FACTOR:
+        parts.append(
+            f"azimuth errors are {errors.azimuth_factor:.2g} times those of the parameters: set "
+            f"sensor.azimuth_std to {errors.azimuth_std:.2g} rad "
+            f"({math.degrees(errors.azimuth_std):.2g} degrees)"
+        )
+    return "as the detections of held tracks show, " + "; ".join(parts) if parts else ""
+
+
+def many_confirmations(figures: SensorFigures) -> str:
+    """Far more tracks are confirmed than the target false-track rate allows."""
+    rate, confirmed = figures.false_tracks_per_hour, figures.confirmed
+    if rate is None or confirmed < MIN_CONFIRMATIONS:
+        return ""
+    if confirmed <= RATE_FACTOR * rate * figures.duration / 3600.0:
+        return ""
+    return (
+        f"{confirmed} tracks were confirmed in {figures.duration / 60.0:.0f} min; the target "
+        f"false-track rate is {rate:g} per hour. If there are fewer targets, see "
+        "docs/watch_and_operate.md, too many tracks"
+    )
+
+
+def _is_sector(extent: Extent) -> bool:
+    """Whether an extent leaves out more than a chance gap."""
+    seen = extent.azimuth_max - extent.azimuth_min
+    return not extent.all_round and 2.0 * math.pi - seen >= MIN_EMPTY_SECTOR
+
+
+def _of(extent: Extent) -> str:
+    """An extent in words."""
+    sector = "all round"
+    if _is_sector(extent):
+        sector = (
+            f"between {math.degrees(extent.azimuth_min):.0f} and "
+            f"{math.degrees(extent.azimuth_max):.0f} degrees"
+        )
+    return f"from {_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
+
+
+def _settings(extent: Extent, sensor: SensorModel) -> str:
+    """Parameters that make an extent the coverage."""
+    settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
+    if extent.min_range < sensor.min_range:
+        settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
+    if _is_sector(extent):
+        settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
+        settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
+    return ", ".join(f"{name} to {value}" for name, value in settings.items())
+
+
+def _rounded_up(value: float) -> float:
+    """To two significant digits, not below."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return step * math.ceil(value / step - 0.1)
+
+
+def _rounded_down(value: float) -> float:
+    """To two significant digits, not above."""
+    if value < 1e-300:  # its step would vanish
+        return 0.0
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return step * math.floor(value / step)
+
+
+class SensorCheck:
+    """Compares the sensor's figures with what an initiator learned; says each finding once."""
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+        self._scans = 0
+        self._confirmed: deque[float] = deque(maxlen=10_000)
+        self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
+        self._first_stamp: float | None = None
+
+    def observe(self, stamp: float, confirmed: int, outside: int, detections: int) -> None:
+        """Count what a scan brought.
+
+        Parameters
+        ----------
+        stamp : float
+            s, ascending.
+        confirmed : int
+            New tracks.
+        outside, detections : int
+            Detections outside the coverage, and all.
+        """
+        self._outside.append((outside, detections))
+        if self._first_stamp is None:
+            self._first_stamp = stamp
+        self._confirmed.extend([stamp] * confirmed)
+        while self._confirmed and self._confirmed[0] < stamp - RATE_WINDOW:
+            self._confirmed.popleft()
+
+    def figures(self, initiator: Tracker) -> SensorFigures:
+        """Learned figures beside those that are given."""
+        learned, sensor = initiator.learned, initiator.sensor
+        seen, all_seen = learned.seen_extent, learned.all_extent
+        stamp, first = initiator.stamp, self._first_stamp
+        duration = 0.0 if stamp is None or first is None else stamp - first
+        outside = sum(number for number, _ in self._outside)
+        return SensorFigures(
+            sensor=sensor,
+            seen=seen.estimate if seen.certain else None,
+            seen_detections=seen.detections,
+            outside=outside,
+            detections=sum(number for _, number in self._outside),
+            outside_extent=all_seen.estimate if outside else None,
+            errors=learned.errors.fitted,
+            confirmed=len(self._confirmed),
+            duration=min(duration, RATE_WINDOW),
+            false_tracks_per_hour=getattr(initiator.options, "false_tracks_per_hour", None),
+        )
+
+    def news(self, initiator: Tracker) -> list[tuple[str, str]]:
+        """Subjects and sentences not found before; looked for at every tenth scan."""
+        self._scans += 1
+        if self._scans % SCANS_BETWEEN:
+            return []
+        found = findings(self.figures(initiator))
+        new = [(subject, said) for subject, said in found.items() if subject not in self._said]
+        self._said |= {subject for subject, _ in new}
+        return new
+
+    def say_again(self) -> None:
+        """Say every finding again, and count anew: the figures as given may have changed."""
+        self._said = set()
+        self._outside.clear()

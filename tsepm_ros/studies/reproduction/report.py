@@ -1,0 +1,447 @@
+"""The command `tsepm reproduce`: stored runs, their paired comparison, and the report.
+
+Seeded runs are stored in files, so that an interrupted reproduction goes on. Ratios and
+differences over paired runs give the verdicts on published claims. Texts, tables and pictures
+become Markdown, CSV and PNG files.
+
+A new source is a module of this package with a function ``reproduce(setting)``, which returns the
+parts of its chapter, and a row in `SOURCES`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import inspect
+import math
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import tsepm_ros
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.commands.arguments import add_out, add_runs, workers_of
+from tsepm_ros.tools.evaluation.intervals import Z_95, Estimate, error_bars, mean
+from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.terminal import Progress, markdown_table, silent, with_progress
+from tsepm_ros.whole_files import opened_whole, write_text, written_whole
+
+SOURCES = {
+    "tsepm_2018": "TSEPM 2018",
+    "split_merge_2016": "Split-merge 2016",
+    "sequential_2014": "Sequential 2014",
+    "environment_2018": "Environment 2018",
+}
+"""Title of each source, by the name of its module."""
+
+Result = dict[str, list[float]]
+"""Result of a run: numbers by name."""
+RunFunction = Callable[[Any, list[int]], Result]
+"""Performs one run of a case, a dataclass, with a seed; importable by its name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """Number, seeds, storage and workers of the runs.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the stored runs.
+    runs, seed : int
+        Run i is seeded with (seed, i) on every worker.
+    workers : Workers
+    progress : callable
+        Shows the progress of the missing runs.
+    """
+
+    folder: Path
+    runs: int
+    seed: int = 1
+    workers: Workers = field(default_factory=Workers)
+    progress: Progress = silent
+
+    def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
+        """Perform the runs of some cases that are not stored yet.
+
+        Parameters
+        ----------
+        function : callable
+        cases : sequence
+            Dataclasses whose values determine a run, with its seed.
+
+        Returns
+        -------
+        list of list of dict
+            Per case its runs, in order.
+        """
+        files = [self._file(function, case) for case in cases]
+
+        def results_of(missing: list[tuple[int, int]]) -> Iterator[Result]:
+            jobs = [(function, cases[place], [self.seed, index]) for place, index in missing]
+            return self.workers.mapped(_run, jobs)
+
+        complete(files, self.runs, results_of, self.progress)
+        return [[file.results[index] for index in range(self.runs)] for file in files]
+
+    def _file(self, function: RunFunction, case: Any) -> RunFile:
+        header = {
+            "version": code_key(Path(inspect.getfile(function))),
+            "function": function.__name__,
+            "case": dataclasses.asdict(case),
+            "seed": self.seed,
+        }
+        return RunFile(self.folder, [function.__name__], header)
+
+
+def _run(job: tuple[RunFunction, Any, list[int]]) -> Result:
+    function, case, seed = job
+    return function(case, seed)
+
+
+def column(runs: Sequence[Result], name: str, place: int) -> np.ndarray:
+    """One number of every run, (runs,)."""
+    return np.array([run[name][place] for run in runs], float)
+
+
+MAX_MEAN_WITHOUT_EVENT = -math.log(0.025)
+"""Upper bound of a Poisson mean without an event, of the two-sided 95 % interval."""
+HOLDS, FAILS, OPEN = "holds", "does not hold", "undecided"
+
+
+def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:
+    """Ratio of two sums of counts over independent runs, with the interval of the delta method."""
+    value, influence = _linear(part, whole)
+    if value == 0.0:  # Garwood's bound of no event
+        return Estimate(0.0, 0.0, MAX_MEAN_WITHOUT_EVENT / float(np.sum(whole)))
+    estimate = _around(value, influence)
+    return Estimate(value, max(estimate.low, 0.0), estimate.high)
+
+
+def ratio_difference(
+    one: tuple[ArrayLike, ArrayLike], other: tuple[ArrayLike, ArrayLike]
+) -> Estimate:
+    """Difference of two ratios, `one` minus `other`, over the same runs."""
+    first, influence = _linear(*one)
+    second, other_influence = _linear(*other)
+    return _around(first - second, influence - other_influence)
+
+
+def _linear(part: ArrayLike, whole: ArrayLike) -> tuple[float, FloatArray]:
+    """Ratio of two sums, and the influence of each run on it."""
+    a, b = np.asarray(part, float), np.asarray(whole, float)
+    if not b.sum() > 0.0:
+        return math.nan, np.zeros(len(b))
+    value = float(a.sum() / b.sum())
+    return value, (a - value * b) / b.mean()
+
+
+def _around(value: float, influence: FloatArray) -> Estimate:
+    half = math.nan
+    if len(influence) > 1:
+        half = Z_95 * float(influence.std(ddof=1)) / math.sqrt(len(influence))
+    return Estimate(value, value - half, value + half)
+
+
+def share_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
+    """Difference of two shares over the same runs, with Bonett and Price's interval.
+
+    "Adjusted Wald confidence interval for a difference of binomial proportions based on paired
+    data", J. Educ. Behav. Stat. 37(4), 2012: one run is added for each kind of difference,
+    so that equal runs have an interval too.
+    """
+    first, second = np.asarray(one, bool), np.asarray(other, bool)
+    n = len(first) + 2
+    up = (np.count_nonzero(first & ~second) + 1) / n
+    down = (np.count_nonzero(~first & second) + 1) / n
+    half = Z_95 * math.sqrt((up + down - (up - down) ** 2) / n)
+    value = float(first.mean() - second.mean())
+    return Estimate(value, max(up - down - half, -1.0), min(up - down + half, 1.0))
+
+
+def mean_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
+    """Difference of two means over the same runs."""
+    return mean(np.asarray(one, float) - np.asarray(other, float))
+
+
+def is_below(difference: Estimate) -> str:
+    """Whether a difference is below 0, by its interval."""
+    if difference.high < 0.0:
+        return HOLDS
+    return FAILS if difference.low > 0.0 else OPEN
+
+
+def is_within(difference: Estimate, tolerance: float) -> str:
+    """Whether the size of a difference is within a tolerance, by its interval."""
+    if difference.low > -tolerance and difference.high < tolerance:
+        return HOLDS
+    return FAILS if difference.low > tolerance or difference.high < -tolerance else OPEN
+
+
+def is_not_below(difference: Estimate, tolerance: float) -> str:
+    """Whether a difference is not below 0 by more than a tolerance, by its interval."""
+    if difference.low > -tolerance:
+        return HOLDS
+    return FAILS if difference.high < -tolerance else OPEN
+
+
+def everywhere(verdicts: Sequence[str]) -> str:
+    """Verdict on a claim for all points of a curve, with the number of points where it holds."""
+    counts = {verdict: verdicts.count(verdict) for verdict in (FAILS, OPEN, HOLDS)}
+    worst = next(verdict for verdict, count in counts.items() if count)
+    if counts[worst] == len(verdicts):
+        return worst
+    return f"{worst} ({counts[HOLDS]} of {len(verdicts)} points hold)"
+
+
+Cell = str | int | float | Estimate
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table in the report, also written as a CSV file.
+
+    Attributes
+    ----------
+    name : str
+        Name of its file, without suffix.
+    columns : mapping of str to str
+        Number format of each column, by its heading.
+    rows : sequence of sequence of Cell
+    reported : sequence of sequence of Cell, optional
+        The rows that the report shows; all if not given, and no table if there are none.
+    bounds : bool
+        Whether the report shows the intervals, as the file does.
+    """
+
+    name: str
+    columns: Mapping[str, str]
+    rows: Sequence[Sequence[Cell]]
+    reported: Sequence[Sequence[Cell]] | None = None
+    bounds: bool = True
+
+    def markdown(self) -> str:
+        """The table in Markdown; empty without rows."""
+        rows = self.rows if self.reported is None else self.reported
+        texts = [
+            [self._text(*cell) for cell in zip(row, self.columns.values(), strict=True)]
+            for row in rows
+        ]
+        return markdown_table(list(self.columns), texts) if texts else ""
+
+    def _text(self, cell: Cell, spec: str) -> str:
+        """Text of a cell, a dash for nan."""
+        if isinstance(cell, str):
+            return cell.replace("|", "\\|")
+        if isinstance(cell, Estimate) and self.bounds:
+            return cell.text(spec)
+        value = cell.value if isinstance(cell, Estimate) else cell
+        return "-" if math.isnan(value) else format(value, spec)
+
+    def write_csv(self, path: Path) -> None:
+        """Write the numbers; a number with an interval has three columns."""
+        columns = zip(*self.rows, strict=True)
+        widths = [3 if any(isinstance(c, Estimate) for c in column) else 1 for column in columns]
+        heading = [[name, f"{name}, low", f"{name}, high"] for name in self.columns]
+        with opened_whole(path) as file:
+            writer = csv.writer(file, lineterminator="\n")
+            for row in (heading, *(map(_values, row) for row in self.rows)):
+                cells = zip(row, widths, strict=True)
+                writer.writerow(value for values, width in cells for value in values[:width])
+
+
+def _values(cell: Cell) -> list[Any]:
+    """A number and its bounds, which are empty if it has none."""
+    if isinstance(cell, Estimate):
+        return [cell.value, cell.low, cell.high]
+    return [cell, "", ""]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line or points of a panel.
+
+    Attributes
+    ----------
+    x, y : array_like
+        The values y may be estimates, which are drawn with their intervals.
+    label : str
+    style : mapping
+        Arguments of matplotlib.
+    """
+
+    x: Any
+    y: Any
+    label: str = ""
+    style: Mapping[str, Any] = field(default_factory=dict)
+
+    def draw(self, axis: Any) -> None:
+        """Draw it on an axis of matplotlib."""
+        if isinstance(self.y[0], Estimate):
+            values = np.array([estimate.value for estimate in self.y])
+            bars = error_bars(values, self.y)
+            axis.errorbar(self.x, values, yerr=bars, label=self.label, **self.style)
+        else:
+            axis.plot(self.x, self.y, label=self.label, **self.style)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """An axis of a picture.
+
+    Attributes
+    ----------
+    lines : sequence of Line
+    settings : mapping
+        Title, labels and limits, as `Axes.set` takes them.
+    marks : sequence of float
+        Values of x with a vertical line.
+    image : (m, n) ndarray, optional
+        Drawn below the lines.
+    """
+
+    lines: Sequence[Line]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    marks: Sequence[float] = ()
+    image: Any = None
+
+    def draw(self, axis: Any) -> None:
+        """Draw it on an axis of matplotlib."""
+        if self.image is not None:
+            axis.figure.colorbar(axis.imshow(self.image, cmap="Blues"))
+        for line in self.lines:
+            line.draw(axis)
+        for mark in self.marks:
+            axis.axvline(mark, color="grey", lw=0.8, ls="--")
+        axis.set(**self.settings)
+        axis.grid(alpha=0.3)
+        if any(line.label for line in self.lines):
+            axis.legend(fontsize=7)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of panels side by side.
+
+    Attributes
+    ----------
+    name : str
+        Name of its file, without suffix.
+    caption : str
+    panels : sequence of Panel
+    size : (float, float)
+        Width and height, inches.
+    """
+
+    name: str
+    caption: str
+    panels: Sequence[Panel]
+    size: tuple[float, float] = (9.0, 4.5)
+
+    def drawn(self, path: Path) -> bool:
+        """Draw it to a file, if matplotlib is installed; returns whether it was drawn."""
+        try:
+            from matplotlib.backends.backend_agg import FigureCanvasAgg
+            from matplotlib.figure import Figure
+        except ImportError:
+            return False
+        figure = Figure(figsize=self.size, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(1, len(self.panels), squeeze=False)[0]
+        for panel, axis in zip(self.panels, axes, strict=True):
+            panel.draw(axis)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary, dpi=100)
+        return True
+
+
+Part = str | Table | Picture
+"""A part of a chapter; a text is a paragraph in Markdown."""
+
+
+def write(parts: Sequence[Part], report: Path) -> list[Path]:
+    """Write a report, and its tables and pictures beside it.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    report : Path
+        The report's file.
+
+    Returns
+    -------
+    list of Path
+        All written files. Without matplotlib the report has a note in place of each picture.
+    """
+    report.parent.mkdir(parents=True, exist_ok=True)
+    texts, written = [], [report]
+    for part in parts:
+        if isinstance(part, str):
+            texts.append(part)
+            continue
+        path = report.parent / f"{part.name}.{'csv' if isinstance(part, Table) else 'png'}"
+        if isinstance(part, Table):
+            part.write_csv(path)
+            texts.append(part.markdown())
+        elif part.drawn(path):
+            texts.append(f"![{part.caption}]({path.name})")
+        else:
+            texts.append(f"*{part.caption}: not drawn, since it needs matplotlib (the extra plot)*")
+            continue
+        written.append(path)
+    write_text(report, "\n\n".join(filter(None, texts)) + "\n")
+    return written
+
+
+def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a reproduction."""
+    parser.add_argument(
+        "source", nargs="*", metavar="SOURCE", help=f"{', '.join(SOURCES)}; default all"
+    )
+    add_runs(parser, 300)
+    add_out(parser, "build/reproduction")
+
+
+def run_reproduction(options: argparse.Namespace) -> None:
+    """Regenerate the published results and write the report.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        From `add_reproduction_arguments`, and `line`, the command line.
+
+    Raises
+    ------
+    ValueError
+        If a source is unknown.
+    """
+    names = list(dict.fromkeys(options.source or SOURCES))
+    for name in names:
+        if name not in SOURCES:
+            raise ValueError(f"source must be one of {', '.join(SOURCES)}; got {name!r}")
+    setting = Setting(
+        folder=options.out / "runs",
+        runs=options.runs,
+        seed=options.seed,
+        workers=workers_of(options),
+        progress=with_progress,
+    )
+    parts: list[Part] = [
+        "# Reproduction of the published results",
+        f"`{options.line}`\n\n{options.runs} runs, seed {options.seed}, 95 % intervals, "
+        f"tsepm_ros {tsepm_ros.__version__}.",
+    ]
+    for name in names:
+        print(f"{name}: {SOURCES[name]}", flush=True)
+        chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
+        told = f"Measured with version {tsepm_ros.__version__}: {options.runs} runs, seed "
+        parts += [f"## {SOURCES[name]}", f"{told}{options.seed}.", *chapter(setting)]
+    written = write(parts, options.out / "report.md")
+    print("written: " + ", ".join(map(str, written)))

@@ -1,0 +1,919 @@
+"""By how much clutter is denser than expected: a counter, and places that it counts at.
+
+`Excess` is a pair of numbers: detections of clutter that were counted, N, and those that were
+expected, E. The bounds of the ratio are those of a Poisson mean, ``low(N - t) / E`` and ``high(N) /
+E``, with the score interval ``N + c^2 / 2 -+ c sqrt(N + c^2 / 4)`` and t detections of an unknown
+target. Its mean is ``(a + N) / (a + E)`` where the ratio has a gamma distribution of mean 1 and
+variance 1 / a. The clutter map bounds its density so in windows of polar cells. Here are the other
+places: around the hits of a path, cells of the fixed frame, and strips behind echoes.
+
+Around the hits of a path: the density that is learned is an estimate, and clutter is lumpier than
+the map resolves. Let the true density in the neighbourhood of a path be the estimate times a factor
+of gamma distribution with mean 1 and shape a. With N detections of the last scans around the j-th
+hit, of M that the map expects, and with the path's own hits at least, the predictive density of the
+hit is ::
+
+    lambda_hat max((a + max(N, j - 1)) / (a + M), 1)
+
+so that the mean of a path's likelihood ratio in clutter stays at most 1, over the randomness of the
+density too (the product over a path is that of the negative binomial law,
+``Gamma(a + k) / (Gamma(a) b^k)``). A place that looks empty for some scans is no evidence either:
+the predictive density is at least the map's. The mean density needs no such factor: it is learned
+from the hits of the path too.
+
+The variance ``v = 1 / a`` of the factor is learned from N and M at the detections of clutter, where
+the factor has the shape a + 1, so that its squared coefficient of variation is v / (1 + v)::
+
+    v / (1 + v) = (sum (N - c M)^2 / M - rho sum N / M) / (c sum N),    c = sum N / sum M
+
+less its standard error in even clutter, with rho M the variance of N there. In even clutter v is 0,
+and a is infinite. The first `RECENT` scans are not learned from: the targets in them are not
+recognised yet, and look like lumps.
+
+Cells of the fixed frame: a quay, a row of piles or a field of kelp has echoes at random places,
+ping for ping, within the same outline. It may be thinner than any window of the clutter map, which
+also moves and turns with the sensor. Detections are counted by periods, also those of held tracks
+that do not move: tracks that clutter started would otherwise hide it. Clutter differs from a target
+that stands still in that it lies on both sides, more than the errors of a detection away. Let N_0
+be the count in a cell, and N_1 and N_2 those in two cells that are `DIRECTIONS` away on opposite
+sides, in each the largest period counted as the second largest (a target that passes is in a single
+one). With n scans that saw the cell, about, in the periods since the first detection in it, the
+density in a cell of side s is ::
+
+    min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
+
+in the direction in which it is largest. The density is used where it is more than `RISE` times that
+of the map: where clutter is even it rarely is. Cells have sides of powers of two, about two and
+four standard deviations of a detection. The larger of the two densities is used. Targets that stand
+still in a row, a few errors apart, look the same.
+
+Strips behind echoes: a strong echo comes with others at its bearing, farther away: at multiples of
+its range, where the sound or the radar pulse goes to and fro more than once, and at any range, over
+other reflectors (Skolnik, "Introduction to Radar Systems", 3rd ed., 2001, Chap. 7). Interference
+fills a bearing in one scan. These echoes move as the bearing does, which a map of the clutter in
+space does not follow. The density of the map is multiplied by two factors, both 1 where nothing
+shows that clutter is denser. Both count clutter in strips of several widths in bearing. Each makes
+up for the whole excess: their product is cautious, since echoes of one cause are alike from scan to
+scan, which a density does not describe.
+
+- In front of a detection, in its own scan: the level of clutter in a strip has a gamma distribution
+  of mean 1 and variance ``g - 1``, with the pair correlation g: pairs of detections in all scans
+  over those that the map expects (Moller, Waagepetersen, "Statistical inference and simulation for
+  spatial point processes", 2003). The factor is the mean of the level by the other detections. In
+  even clutter g = 1, and so is the factor.
+- Behind a held target: the lower bound by the detections of the last scans there.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.tracker.sensor import SensorModel, View
+
+MAX_DEVIATIONS = 1.25
+"""Standard deviations c of a count within which the density stays unchanged."""
+MEMORY = 50.0
+"""Time constant, in scans, with which older scans fade."""
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Detections of clutter that were counted, and those that were expected there.
+
+    Attributes
+    ----------
+    counted, expected : ndarray
+        N and E, shapes that broadcast. With E as an area times a number of scans, the ratio is a
+        density.
+    """
+
+    counted: FloatArray
+    expected: FloatArray
+
+    def faded(self, keep: float, counted: FloatArray, expected: FloatArray) -> Excess:
+        """The part `keep` of these numbers, and those of newer scans."""
+        return Excess(keep * self.counted + counted, keep * self.expected + expected)
+
+    def lower(
+        self, target: FloatArray | float = 0.0, deviations: float = MAX_DEVIATIONS
+    ) -> FloatArray:
+        """Lower bound of the ratio, with t detections of an unknown target; 0 without E."""
+        return self._bound(np.maximum(self.counted - target, 0.0), -deviations, 0.0)
+
+    def upper(self) -> FloatArray:
+        """Upper bound of the ratio; infinite without E."""
+        return self._bound(self.counted, MAX_DEVIATIONS, math.inf)
+
+    def _bound(self, counted: FloatArray, deviations: float, unknown: float) -> FloatArray:
+        bound = poisson_bound(counted, deviations)
+        known = self.expected > 0.0
+        return np.divide(bound, self.expected, out=np.full_like(bound, unknown), where=known)
+
+    def mean(self, variance: FloatArray | float) -> FloatArray:
+        """Mean of the ratio, which has a gamma distribution of mean 1 and this variance."""
+        return np.asarray((1.0 + variance * self.counted) / (1.0 + variance * self.expected))
+
+
+def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
+    """Bound of a Poisson mean at a distance of `deviations` standard deviations from the count.
+
+    The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
+    """
+    half = deviations**2 / 2.0
+    bound: FloatArray = count + half + deviations * np.sqrt(count + half / 2.0)
+    return bound
+
+
+CELL = 1.0 / 24.0
+"""Width of a polar cell, rad, and its depth as a fraction of its range."""
+INNER_RANGE = 100.0
+"""Range within which all rings have one depth, m."""
+INNER_RINGS = 12
+"""Their number from the sensor on: twice the depth of the first ring beyond."""
+
+
+class Cells(NamedTuple):
+    """Polar cells of positions, (n,) each.
+
+    Attributes
+    ----------
+    row, column : ndarray of int
+        By range, and by azimuth.
+    """
+
+    row: IntArray
+    column: IntArray
+
+
+class PolarGrid:
+    """Polar cells over the coverage of a sensor, on rings that widen with range.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+
+    Attributes
+    ----------
+    edges : (r + 1,) ndarray
+        Ranges between the rings, m.
+    width : float
+        Of a cell, rad.
+    shape : tuple of int
+        Number of cells in range and in azimuth.
+    wraps : bool
+        Whether the last column is next to the first.
+    area : (r, 1) ndarray
+        Of a cell of each ring, m^2.
+    middles : tuple of ndarray
+        Range and azimuth of the middle of each cell, (r, 1) and (1, c).
+    """
+
+    def __init__(self, sensor: SensorModel) -> None:
+        columns = max(round(sensor.sector_width / CELL), 1)
+        self.width = sensor.sector_width / columns
+        self._start = -np.pi if sensor.all_round else sensor.azimuth_min
+        inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
+        rings = math.ceil(math.log(sensor.max_range / inner) / CELL)
+        edges = np.geomspace(inner, sensor.max_range, rings + 1)
+        near = math.ceil(INNER_RINGS * (1.0 - sensor.min_range / inner))
+        self.edges = np.append(np.linspace(sensor.min_range, inner, near, endpoint=False), edges)
+        self.shape = len(self.edges) - 1, columns
+        self.wraps = sensor.all_round
+        self.area: FloatArray = 0.5 * self.width * np.diff(self.edges**2)[:, None]
+        range_: FloatArray = np.sqrt(0.5 * (self.edges[1:] ** 2 + self.edges[:-1] ** 2))
+        azimuth = np.asarray(self._start + self.width * (np.arange(columns) + 0.5), float)
+        self.middles = range_[:, None], azimuth[None, :]
+
+    def cells(self, range: FloatArray, azimuth: FloatArray) -> Cells:
+        """Cells of positions (n,) in the sensor's frame: outside the coverage the nearest ones.
+
+        Parameters
+        ----------
+        range, azimuth : (n,) ndarray
+            m, rad.
+        """
+        rows, columns = self.shape
+        row = np.searchsorted(self.edges, range, side="right") - 1
+        row = np.minimum(np.maximum(row, 0), rows - 1)
+        from_start = np.remainder(azimuth - self._start, 2.0 * np.pi)
+        column = np.minimum((from_start / self.width).astype(np.int64), columns - 1)
+        return Cells(row, column)
+
+    def divided(self, cells: Cells, range: FloatArray, parts: int) -> Cells:
+        """Cells of ranges (n,) where each row is divided into parts of equal depth."""
+        near, far = self.edges[cells.row], self.edges[cells.row + 1]
+        part = (parts * (range - near) / (far - near)).astype(np.int64)
+        return Cells(parts * cells.row + np.minimum(np.maximum(part, 0), parts - 1), cells.column)
+
+    def looked(self, swept: tuple[float, float] | None) -> FloatArray:
+        """Share of each column (c,) that is in an arc: its start and width, rad; None: all."""
+        columns = self.shape[1]
+        if swept is None:
+            return np.ones(columns)
+        start, width = swept
+        begin = np.remainder(self._start + self.width * np.arange(columns) - start, 2.0 * np.pi)
+        after = np.clip(width - begin, 0.0, self.width)
+        before = np.clip(begin + self.width - 2.0 * np.pi, 0.0, min(width, self.width))
+        return np.asarray(np.minimum((after + before) / self.width, 1.0))
+
+    def halfway(self, row: IntArray) -> IntArray:
+        """Rows (n,) from which on half of the area is that from the given rows on."""
+        square = 0.5 * (self.edges[row] ** 2 + self.edges[-1] ** 2)
+        return np.asarray(np.searchsorted(self.edges, np.sqrt(square)))
+
+
+class BlockSums:
+    """Sums over blocks of cells: each costs four values, whatever its size.
+
+    Parameters
+    ----------
+    values : (r, c) ndarray
+        Not negative.
+    wraps : bool
+        Whether the last column is next to the first; else 0 is beyond the last.
+    """
+
+    def __init__(self, values: FloatArray, wraps: bool) -> None:
+        self.rows, self._columns = values.shape
+        self._wraps = wraps
+        self._sums = np.zeros((self.rows + 1, (1 + wraps) * self._columns + 1))
+        inner = self._sums[1:, 1 : self._columns + 1]
+        np.cumsum(values, axis=0, out=inner)
+        if wraps:
+            self._sums[1:, self._columns + 1 :] = inner
+        np.cumsum(self._sums, axis=1, out=self._sums)
+
+    def of(self, row: IntArray, end: IntArray, column: IntArray, width: IntArray) -> FloatArray:
+        """Sums of the blocks from a row to before an end, and from a column on, (...).
+
+        Parameters
+        ----------
+        row, end, column, width : (...) ndarray of int
+            Shapes that broadcast; columns may be negative.
+        """
+        if self._wraps:
+            width = np.minimum(width, self._columns)
+            left = column % self._columns
+            right = left + width
+        else:
+            left = np.maximum(column, 0)
+            right = np.minimum(column + width, self._columns)
+        sums = self._sums[end, right] - self._sums[end, left]
+        sums = sums - (self._sums[row, right] - self._sums[row, left])
+        return np.maximum(sums, 0.0)  # rounding errors
+
+    def windows(self, row: IntArray, height: int, column: IntArray, width: int) -> FloatArray:
+        """Sums of the windows of a size that begin in rows (i,) and columns (j,), (i, j)."""
+        strips = self._sums[:, column + width] - self._sums[:, column]
+        return np.maximum(strips[row + height] - strips[row], 0.0)
+
+    def scaled(self, factor: float) -> BlockSums:
+        """The sums of the values times a factor."""
+        other = copy.copy(self)
+        other._sums = factor * self._sums
+        return other
+
+
+BATCH = 0.5
+"""Duration of the scans that are learned from together, s: those up to 2 Hz one by one."""
+
+
+class Batch:
+    """Detections of scans that are learned from together.
+
+    Parameters
+    ----------
+    columns : int
+        Of the polar grid.
+
+    Attributes
+    ----------
+    weights : list of ndarray
+        Probabilities that the detections are clutter, scan for scan; lowered in place where they
+        turn out to be targets'.
+    densities : list of ndarray
+        Clutter densities there, 1/m^2.
+    looks : (c,) ndarray
+        Number of the scans that looked at each column.
+    """
+
+    def __init__(self, columns: int) -> None:
+        self.looks = np.zeros(columns)
+        self.end(-math.inf)
+
+    def take(
+        self,
+        cells: Cells,
+        polar: tuple[FloatArray, FloatArray],
+        weight: FloatArray,
+        looked: FloatArray,
+    ) -> None:
+        """Take the detections of a scan, and how much of each column (c,) it looked at."""
+        self.places.append((*cells, *polar))
+        self.weights.append(weight)
+        self.looks += looked
+
+    def is_whole(self, stamp: float) -> bool:
+        """Whether the scan of a stamp, s, is the last of the batch."""
+        return stamp - self._begin >= BATCH - 1e-9
+
+    def end(self, stamp: float) -> None:
+        """Begin anew after the scan of a stamp, s."""
+        self._begin = stamp
+        self.places: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
+        self.weights: list[FloatArray] = []
+        self.densities: list[FloatArray] = []
+        self.looks = np.zeros(len(self.looks))
+
+    @property
+    def cells(self) -> Cells:
+        """Cells of the detections."""
+        row, column, *_ = zip(*self.places, strict=True)
+        return Cells(np.concatenate(row), np.concatenate(column))
+
+    @property
+    def polar(self) -> tuple[FloatArray, FloatArray]:
+        """Their range (m) and azimuth (rad)."""
+        *_, range_, azimuth = zip(*self.places, strict=True)
+        return np.concatenate(range_), np.concatenate(azimuth)
+
+    @property
+    def weight(self) -> FloatArray:
+        """Probability that each is clutter."""
+        return np.concatenate(self.weights)
+
+    @property
+    def scans(self) -> float:
+        """Number of the scans, as looks at the whole coverage."""
+        return float(self.looks.mean())
+
+
+RECENT = 16.0
+"""Time constant, in scans, of the detections that others follow: about the length of a path."""
+MAX_VARIANCE = 1.0
+"""v is at most this: what is more are rather targets that are not recognised yet."""
+MIN_EXPECTED = 0.05
+"""M with which a detection counts, at least."""
+AROUND = (0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)
+"""Cells around a detection, its own and the four beside it, in rows and columns: a choice.
+
+With its own alone the hits of a path hardly see each other, and a tenth of the wanted false tracks
+is left in lumpy clutter; with all nine, lumps of the size of a cell remain evidence.
+"""
+_ROW_OFFSETS, _COLUMN_OFFSETS = np.array(AROUND).T
+
+
+class PredictiveDensity(NamedTuple):
+    """What makes the clutter density at a scan's detections uncertain.
+
+    Attributes
+    ----------
+    shape : float
+        a; inf where clutter is as even as its map.
+    around : (d,) ndarray
+        N, detections of clutter of the last scans around each detection.
+    expected : (d,) ndarray
+        M, those that the map expects.
+    """
+
+    shape: float
+    around: FloatArray
+    expected: FloatArray
+
+    def increment(self, hits: IntArray, parent: IntArray, row: IntArray) -> FloatArray:
+        """Score increment of each child (p,) of a path and a detection.
+
+        Parameters
+        ----------
+        hits : (n,) ndarray of int
+            Hits of the paths before, j - 1.
+        parent, row : (p,) ndarray of int
+            Path and detection of each child.
+        """
+        if not math.isfinite(self.shape):
+            return np.zeros(len(parent))
+        around = np.maximum(self.around[row], hits[parent])
+        ratio = Excess(around, self.expected[row]).mean(1.0 / self.shape)
+        return np.minimum(-np.log(ratio), 0.0)
+
+
+class ClutterClumps:
+    """Learns by how much clutter is lumpier than its map.
+
+    A batch of scans counts when the next one comes: until then its detections may turn out to be
+    targets'.
+
+    Parameters
+    ----------
+    grid : PolarGrid
+    """
+
+    def __init__(self, grid: PolarGrid) -> None:
+        self._grid = grid
+        self._around = np.zeros(grid.shape)
+        # Number of scans in N, by columns, fading; the same with squared weights; and all.
+        self._scans, self._squares, self._number = np.zeros(grid.shape[1]), 0.0, 0.0
+        self._last: _Taken | None = None
+        # Of the detections: their number, N, M, N^2 / M, N / M, and the variance of N over M.
+        self._sums = np.zeros(6)
+
+    @property
+    def variance(self) -> float:
+        """Variance v of the true density over the estimate, at least 0."""
+        number, around, expected, squares, ratios, noise = self._sums
+        if not around or not expected:
+            return 0.0
+        explained = around**2 / expected
+        mean = expected / number
+        # Detections with the same neighbours count as one.
+        error = math.sqrt(2.0 * (1.0 + 2.0 * mean) / number) * noise / expected
+        share = (squares - explained - ratios) / explained - MAX_DEVIATIONS * error
+        return float(min(max(share / max(1.0 - share, 1e-9), 0.0), MAX_VARIANCE))
+
+    def around(self, cells: Cells, density: FloatArray, area: FloatArray) -> Excess:
+        """N and M at detections (n,) with these clutter densities, by the batches before.
+
+        Parameters
+        ----------
+        cells : Cells
+        density : (n,) ndarray
+            1/m^2.
+        area : (r, c) ndarray
+            Area in each cell in which clutter is expected, m^2.
+        """
+        row, column, inside = self._neighbours(cells)
+        expected = density * (area[row, column] * self._scans[column] * inside).sum(axis=1)
+        return Excess(self._around[cells], expected)
+
+    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> PredictiveDensity:
+        """What makes the density at detections (n,) uncertain; see `around`."""
+        variance = self.variance
+        if not variance:
+            return PredictiveDensity(math.inf, *np.zeros((2, len(density))))
+        around = self.around(cells, density, area)
+        return PredictiveDensity(1.0 / variance, around.counted, around.expected)
+
+    def update(self, batch: Batch, area: FloatArray) -> None:
+        """Learn from the batch before, and take the next; for the area see `around`."""
+        if self._last is not None:
+            self._learn(self._last)
+        cells, density = batch.cells, np.concatenate(batch.densities)
+        around, looks = self.around(cells, density, area), batch.looks
+        self._last = _Taken(cells, batch.weights, around, looks)
+
+    def _learn(self, taken: _Taken) -> None:
+        weight, scans = np.concatenate(taken.weights), float(taken.looks.mean())
+        if self._number >= RECENT:
+            self._learn_scatter(weight, taken.around, scans)
+        self._number += scans
+        keep = (1.0 - 1.0 / RECENT) ** scans
+        self._scans = keep * self._scans + taken.looks
+        self._squares = keep**2 * self._squares + scans
+        self._around *= keep
+        row, column, inside = self._neighbours(taken.cells)
+        np.add.at(self._around, (row, column), weight[:, None] * inside)
+
+    def _learn_scatter(self, weight: FloatArray, of: Excess, scans: float) -> None:
+        """Learn from N and M at detections of these weights (n,)."""
+        around, expected = of.counted, np.maximum(of.expected, MIN_EXPECTED)
+        # Detections of clutter count in N by their age: their variance is less than their number.
+        noise = self._squares / max(self._scans.mean(), 1e-9)
+        of_each = 1.0, around, expected, around**2 / expected, noise * around / expected, noise
+        self._sums *= (1.0 - 1.0 / MEMORY) ** scans
+        self._sums += [float(np.sum(each * weight)) for each in of_each]
+
+    def _neighbours(self, cells: Cells) -> tuple[IntArray, IntArray, BoolArray]:
+        """Cells around detections, (n, 5) each, and whether they are cells of the map.
+
+        Those that are not have the place of another that is.
+        """
+        rows, columns = self._grid.shape
+        row: IntArray = cells.row[:, None] + _ROW_OFFSETS
+        column: IntArray = cells.column[:, None] + _COLUMN_OFFSETS
+        if self._grid.wraps and columns > 2:
+            column %= columns
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return row % rows, column % columns, inside
+
+
+class _Taken(NamedTuple):
+    """The detections of a batch, and N and M there."""
+
+    cells: Cells
+    weights: list[FloatArray]
+    around: Excess
+    looks: FloatArray
+
+
+SIDE = 2.0
+"""Sides of the smaller cells in standard deviations of a detection, about."""
+LEAST_SIDE = 0.25
+"""The same in m, at least."""
+DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
+"""Cells from a cell to that on one side; to that on the other side they are the same, negative."""
+SCANS = 8
+"""Scans of a period, at least."""
+LEAST_TIME = 5.0
+"""Duration of a period, s, at least: fast sonars have many pings while a target leaves a cell."""
+PERIODS = 12
+"""Periods that count."""
+MOST_DETECTIONS = 1000
+"""Detections of a period from which on no further scan is counted: bounds the time.
+
+In dense clutter these are the first scans of the period alone.
+"""
+VIEWS = 16
+"""Different views of a period, at most, that show which cells were seen: of more, random ones."""
+RISE = 2.0
+"""Factor above the map's density from which on that of a cell is used."""
+THREE = np.array(3.0)
+_BITS = 28
+"""Of the number of a cell, for its place on each axis."""
+_MASK = (1 << _BITS) - 1
+_LEVELS = 32
+"""Added to the power of two of a side, so that it is positive."""
+
+
+class CellNumbers(NamedTuple):
+    """Cells of detections.
+
+    Attributes
+    ----------
+    all : (n, 3) ndarray of int
+        Of three sizes, the smallest first: those that the detection is counted in.
+    nearest : (n, 2) ndarray of int
+        Of the two sizes that fit its errors best.
+    """
+
+    all: IntArray
+    nearest: IntArray
+
+
+class PersistentClutter:
+    """Learns from scan to scan where clutter stays.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+        Where its sector begins, the cells do: they turn with it.
+    """
+
+    def __init__(self, sensor: SensorModel) -> None:
+        turn = 0.0 if sensor.all_round else sensor.azimuth_min
+        cos, sin = math.cos(turn), math.sin(turn)
+        self._axes = np.array([[cos, -sin], [sin, cos]])
+        self._periods: deque[_Period] = deque(maxlen=PERIODS)
+        self._cells = np.zeros(0, np.int64)
+        self._densities = np.zeros(0)
+        self._begun, self._last = 0.0, -math.inf
+        self._begin()
+
+    def _begin(self) -> None:
+        self._scans = self._number = 0
+        self._taken: list[IntArray] = []
+        self._views: list[View] = []
+
+    @property
+    def found(self) -> bool:
+        """Whether clutter stays anywhere."""
+        return len(self._cells) > 0
+
+    def cells(self, position: FloatArray, deviation: FloatArray) -> CellNumbers:
+        """Cells of detections.
+
+        Parameters
+        ----------
+        position : (n, 2) ndarray
+            In the fixed frame, m; within 3e7 m of its origin.
+        deviation : (n,) ndarray
+            Standard deviation of each along its major axis, m.
+        """
+        part, power = np.frexp(np.maximum(SIDE * deviation, LEAST_SIDE))
+        levels = power[:, None] - np.array([1, 0, -1])
+        numbers = _numbers((position @ self._axes)[:, None], levels)
+        nearer = (part > math.sqrt(0.5))[:, None]
+        return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
+
+    def density(self, cells: CellNumbers) -> FloatArray:
+        """Density where clutter stays, 0 elsewhere, at detections, (n,), 1/m^2."""
+        row, known = _found(cells.nearest, self._cells)
+        density: FloatArray = np.where(known, self._densities[row], 0.0).max(axis=1)
+        return density
+
+    def update(self, stamp: float, view: View, cells: CellNumbers, moving: IntArray) -> None:
+        """Take a scan's detections; they count when the period ends.
+
+        A scan that was taken before, and is observed again, is left out.
+
+        Parameters
+        ----------
+        stamp : float
+            s.
+        view : View
+            What the scan looked at.
+        cells : CellNumbers
+        moving : (k,) ndarray of int
+            Rows of detections that are left out, those of held tracks that move.
+        """
+        if stamp <= self._last:
+            return
+        self._last = stamp
+        if self._scans >= SCANS and stamp - self._begun >= LEAST_TIME:
+            self._end_period()
+            self._begin()
+        if not self._scans:
+            self._begun = stamp
+        self._scans += 1
+        if self._number < MOST_DETECTIONS:
+            self._number += len(cells.all)
+            self._taken.append(np.delete(cells.all, moving, axis=0).ravel())
+            self._views.append(view)
+
+    def _end_period(self) -> None:
+        cells, counts = np.unique(np.concatenate(self._taken), return_counts=True)
+        views = self._views
+        if len(set(views)) > VIEWS:
+            rng = np.random.default_rng(len(views))
+            views = [views[i] for i in rng.choice(len(views), VIEWS, replace=False)]
+        self._periods.append(_Period(cells, counts, len(self._views), Counter(views)))
+        if len(self._periods) > 1:
+            self._cells, self._densities = _densities(list(self._periods), self._axes)
+
+
+class _Period(NamedTuple):
+    """Detections in a period.
+
+    Attributes
+    ----------
+    cells : (k,) ndarray of int
+        With detections, ascending.
+    counts : (k,) ndarray of int
+    scans : int
+    views : Counter of View
+        How many of the scans, or of some of them, had each view.
+    """
+
+    cells: IntArray
+    counts: IntArray
+    scans: int
+    views: Counter[View]
+
+
+def _densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
+    cells, counts, first = _counted(periods)
+    number = _staying(cells, counts)
+    stays = np.flatnonzero(number)
+    cells, number, first = cells[stays], number[stays], first[stays]
+    scans = _scans_since(first, _middles(cells) @ axes.T, periods)
+    use = np.flatnonzero(scans)
+    return cells[use], number[use] / (scans[use] * _sides(cells[use]) ** 2)
+
+
+def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
+    """Cells of two periods at least, (k,), ascending, their counts over all, and first periods.
+
+    The largest count of a cell counts as the second largest.
+    """
+    cells = np.concatenate([one.cells for one in periods])
+    counts = np.concatenate([one.counts for one in periods]).astype(float)
+    period = np.repeat(np.arange(len(periods)), [len(one.cells) for one in periods])
+    order = np.lexsort((counts, cells))
+    cells, counts, period = cells[order], counts[order], period[order]
+    last = np.flatnonzero(np.diff(cells, append=-1))  # the largest; no cell is negative
+    if not len(last):
+        return cells, counts, period
+    begin = np.append(0, last[:-1] + 1)
+    first = np.minimum.reduceat(period, begin)
+    counts[last] = np.where(last > begin, counts[last - 1], 0.0)
+    several = last > begin
+    return cells[last[several]], np.add.reduceat(counts, begin)[several], first[several]
+
+
+def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
+    """Number of detections of clutter that stays in cells (n,), of the counts there (n,).
+
+    0 where no two cells on opposite sides have any.
+    """
+    staying = np.zeros(len(cells))
+    for x, y in DIRECTIONS:
+        between = np.arange(len(cells))
+        least, total = counts, counts
+        for sign in (1, -1):
+            row, known = _found(_beside(cells[between], sign * x, sign * y), cells)
+            between, count = between[known], counts[row[known]]
+            least, total = np.minimum(least[known], count), total[known] + count
+        number = np.minimum(Excess(total, THREE).lower(), 2.0 * least)
+        staying[between] = np.maximum(staying[between], number)
+    return staying
+
+
+def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) -> FloatArray:
+    """Number of scans, (n,), that saw each place (n, 2), from its first period (n,) on; about."""
+    # Most sensors look at the same from scan to scan.
+    views = {view for one in periods for view in one.views}
+    covered = {view: view.covers(places) for view in views}
+    scans = np.zeros(len(places))
+    for number, one in enumerate(periods):
+        seen = sum((share * covered[view] for view, share in one.views.items()), np.zeros(1))
+        scans += np.where(first <= number, one.scans / one.views.total() * seen, 0.0)
+    return scans
+
+
+def _numbers(position: FloatArray, level: IntArray) -> IntArray:
+    """Numbers (...) of the cells of positions (..., 2) with sides of powers of two (...)."""
+    place = np.floor(np.ldexp(position, -level[..., None])).astype(np.int64) & _MASK
+    of_level = (level + _LEVELS).astype(np.int64) << 2 * _BITS
+    return np.asarray(of_level | (place[..., 0] << _BITS) | place[..., 1])
+
+
+def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
+    """Rows of cells (k,), ascending, with given numbers (...), and whether there is such a cell.
+
+    Where there is none, the row has no meaning.
+    """
+    if not len(cells):
+        return np.zeros(numbers.shape, np.int64), np.zeros(numbers.shape, bool)
+    row = np.searchsorted(cells, numbers)
+    row[row == len(cells)] = 0
+    return row, np.asarray(cells[row] == numbers)
+
+
+def _beside(cells: IntArray, x: int, y: int) -> IntArray:
+    """Numbers of the cells that are some places beside others (n,)."""
+    level = cells >> 2 * _BITS << 2 * _BITS
+    return np.asarray(level | (((cells >> _BITS) + x) & _MASK) << _BITS | ((cells + y) & _MASK))
+
+
+def _sides(cells: IntArray) -> FloatArray:
+    """Sides of cells (n,), m."""
+    return np.asarray(np.exp2((cells >> 2 * _BITS) - _LEVELS))
+
+
+def _middles(cells: IntArray) -> FloatArray:
+    """Middles of cells, (n, 2), m."""
+    place = np.stack([cells >> _BITS, cells], axis=1) & _MASK
+    place -= (place >> (_BITS - 1)) << _BITS  # below zero
+    return np.asarray((place + 0.5) * _sides(cells)[:, None])
+
+
+HALF_WIDTHS = 1, 2, 4, 8
+"""Cells on either side of the middle of a strip."""
+_WIDTHS = np.array(HALF_WIDTHS)[:, None]
+BEHIND = 3
+"""Cells in range between a target and a strip behind it."""
+TARGET_MEMORY = 20.0
+"""Time constant, in scans, with which what is behind a target fades: its bearing changes."""
+MAX_TARGET_COUNT = 5.0
+"""Detections in a strip behind a target attributed to another: at most this, or two and one a
+scan."""
+MAX_PAIR_DEVIATIONS = 2.0
+"""Standard deviations of a number of pairs within which clutter counts as even."""
+
+
+class HeldTargets(NamedTuple):
+    """Held tracks in the sensor's frame, (n,) each.
+
+    Attributes
+    ----------
+    track_id : ndarray of int
+    range, azimuth : ndarray
+        m, rad.
+    existence : ndarray
+        Probability that the target exists.
+    """
+
+    track_id: IntArray
+    range: FloatArray
+    azimuth: FloatArray
+    existence: FloatArray
+
+
+class _Strips:
+    """Strips behind targets (n, widths, 2): behind a target, and the farther half.
+
+    Attributes
+    ----------
+    middle : (n, 1, 1) ndarray of int
+        Column of each target.
+    start : (n, 1, 2) ndarray of int
+        Rows at which the strips begin: behind the target, and at half the area left.
+    """
+
+    def __init__(self, grid: PolarGrid, targets: HeldTargets) -> None:
+        row, middle = grid.cells(targets.range, targets.azimuth)
+        start = np.minimum(row + BEHIND, grid.shape[0])
+        self.middle = middle[:, None, None]
+        self.start = np.stack([start, grid.halfway(start)], axis=1)[:, None, :]
+        self._grid = grid
+
+    def hold(self, cells: Cells) -> BoolArray:
+        """Whether each strip holds each of the cells (d,): (n, widths, 2, d)."""
+        away = np.abs(cells.column - self.middle)
+        if self._grid.wraps:
+            away = np.minimum(away, self._grid.shape[1] - away)
+        near = away <= _WIDTHS
+        return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
+
+    def sums(self, values: BlockSums) -> FloatArray:
+        """Sums of the cells in each strip, (n, widths, 2)."""
+        end = np.array(values.rows)
+        return values.of(self.start, end, self.middle - _WIDTHS, 2 * _WIDTHS + 1)
+
+
+class SecondaryEchoes:
+    """Learns how much denser clutter is behind echoes.
+
+    Parameters
+    ----------
+    grid : PolarGrid
+
+    Attributes
+    ----------
+    pairs : Excess
+        Pairs of clutter detections of a scan, one behind the other, for each width (w,) of a strip.
+    """
+
+    def __init__(self, grid: PolarGrid) -> None:
+        self._grid = grid
+        self.pairs = Excess(*np.zeros((2, len(HALF_WIDTHS))))
+        self._track_id, self._scans, self._behind = self._of_targets(np.zeros(0, np.int64))
+
+    def behind_targets(self, targets: HeldTargets, cells: Cells) -> FloatArray:
+        """Factor (n,) of the map's density in cells, by held targets."""
+        if not len(targets.track_id) or not len(cells.row):
+            return np.ones(len(cells.row))
+        _, scans, behind = self._of_targets(targets.track_id)
+        target = np.minimum(scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
+        rise = np.maximum(behind.lower(target), 1.0) - 1.0
+        factor = 1.0 + targets.existence[:, None, None] * rise
+        if not rise.any():
+            return np.ones(len(cells.row))
+        held = _Strips(self._grid, targets).hold(cells)
+        return np.asarray(np.where(held, factor[..., None], 1.0).max(axis=(0, 1, 2)))
+
+    def among(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> FloatArray:
+        """Factor (n,) of the map's density in cells, by the other detections of their scan.
+
+        Parameters
+        ----------
+        cells : Cells
+            Those of the detections (n,) of a scan.
+        weight : (n,) ndarray
+            Probability that each is clutter.
+        expected : BlockSums
+            Of the numbers that the map expects in a scan.
+        """
+        correlation = self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS)
+        variance = np.maximum(correlation - 1.0, 0.0)[:, None]
+        if not variance.any() or not len(weight):
+            return np.ones(len(weight))
+        before = self._before(cells, weight, expected)
+        return np.maximum(before.mean(variance), 1.0).max(axis=0)
+
+    def update(self, targets: HeldTargets, batch: Batch, expected: BlockSums) -> None:
+        """Learn from a batch: pairs of its last scan, and what is behind targets in all.
+
+        Parameters
+        ----------
+        targets : HeldTargets
+        batch : Batch
+        expected : BlockSums
+            Of the numbers that the map expects in a scan.
+        """
+        (*cells, _, _), weight = batch.places[-1], batch.weights[-1]
+        before = self._before(Cells(*cells), weight, expected)
+        keep = (1.0 - 1.0 / MEMORY) ** batch.scans
+        self.pairs = self.pairs.faded(keep, before.counted @ weight, before.expected @ weight)
+        ids, scans, behind = self._of_targets(targets.track_id)
+        if len(ids):
+            strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** batch.scans
+            looks, count = batch.looks[strips.middle], strips.hold(batch.cells) @ batch.weight
+            behind = behind.faded(keep, count, looks * strips.sums(expected))
+            scans = keep * scans + looks[:, 0, 0]
+        self._track_id, self._scans, self._behind = ids, scans, behind
+
+    def _before(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> Excess:
+        """Detections (w, n) in front of each of these, in the strips around its bearing."""
+        counts = np.zeros(self._grid.shape)
+        np.add.at(counts, cells, weight)
+        first, left, width = np.array(0), cells.column - _WIDTHS, 2 * _WIDTHS + 1
+        counted = BlockSums(counts, self._grid.wraps).of(first, cells.row, left, width)
+        return Excess(counted, expected.of(first, cells.row, left, width))
+
+    def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:
+        """Ids of targets (n,), scans since they are known, and what is behind them."""
+        number = len(track_id)
+        scans, both = np.zeros(number), np.zeros((2, number, len(HALF_WIDTHS), 2))
+        if number and len(self._track_id):
+            _, new, old = np.intersect1d(track_id, self._track_id, return_indices=True)
+            scans[new] = self._scans[old]
+            both[0, new], both[1, new] = self._behind.counted[old], self._behind.expected[old]
+        return track_id, scans, Excess(*both)

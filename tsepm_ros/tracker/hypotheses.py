@@ -1,0 +1,309 @@
+"""Hypotheses: which detections are one target's, and where it is; the tree of them after a scan.
+
+Hypotheses are in the order of their newest detections: those of one newest detection are a run of
+rows, and those that end in the last scan come last.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
+from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker.measurement import covariance_at
+from tsepm_ros.tracker.path_fit import Paths
+from tsepm_ros.tracker.sensor import SensorModel
+
+
+@dataclass(frozen=True)
+class Hypotheses(Paths):
+    """Hypotheses as arrays, a row each.
+
+    Attributes
+    ----------
+    hits, hit_count, first_scan
+        As in `Paths`, for at most `window` hits.
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At the last scan's stamp.
+    score : (n,) ndarray
+        Log-likelihood ratio.
+    score_given_held : (n,) ndarray
+        The same for one more target, where the density due to held tracks counts as clutter.
+    faded : (n,) ndarray
+        Probability that the target has faded, see `fading`.
+    strength_count, strength_total : (n,) ndarray
+        Hits whose strength counts, and the sum of their exponents; see `path_strength`.
+    strength_score : (n,) ndarray
+        Part of the score that is due to strengths.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    score: FloatArray
+    score_given_held: FloatArray
+    faded: FloatArray
+    strength_count: IntArray
+    strength_total: FloatArray
+    strength_score: FloatArray
+
+    def scored_given_held(self) -> Hypotheses:
+        """The hypotheses with their scores given the held tracks."""
+        return changed(self, score=self.score_given_held)
+
+    @classmethod
+    def none(cls, window: int) -> Hypotheses:
+        """No hypotheses."""
+        count = np.zeros(0, np.int64)
+        return cls(
+            np.zeros((0, window), np.int64),
+            count,
+            count,
+            np.zeros((0, 4)),
+            np.zeros((0, 4, 4)),
+            np.zeros(0),
+            np.zeros(0),
+            np.zeros(0),
+            count,
+            np.zeros(0),
+            np.zeros(0),
+        )
+
+
+def run_begins(keys: IntArray) -> IntArray:
+    """First row of each run of equal keys (n,), which are not negative."""
+    return np.flatnonzero(np.diff(keys, prepend=-1))
+
+
+PRIOR_TARGET_ODDS = 0.001
+"""Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The hypotheses after a scan, in the order of their newest detections.
+
+    Attributes
+    ----------
+    hypotheses : Hypotheses
+    missed : int
+        Number of those that leave the scan out: they come first.
+    ids : (d,) ndarray of int
+        Ids of the scan's detections, ascending.
+    """
+
+    hypotheses: Hypotheses
+    missed: int
+    ids: IntArray
+
+    @cached_property
+    def newest(self) -> IntArray:
+        """Place in the scan of the last hit of each hypothesis that ends in it."""
+        ended = self.hypotheses[slice(self.missed, None)]
+        return ended.last_hit - (self.ids[0] if len(self.ids) else 0)
+
+    @cached_property
+    def runs(self) -> tuple[IntArray, IntArray]:
+        """First row of those that end in a detection, and the place of the detection, (k,)."""
+        begin = run_begins(self.newest)
+        return begin + self.missed, self.newest[begin]
+
+    @cached_property
+    def evidence(self) -> FloatArray:
+        """``ln sum_i exp(s_i)`` over the hypotheses that end in each detection, (d,)."""
+        return self.summed(self.hypotheses.score)
+
+    def summed(self, score: FloatArray) -> FloatArray:
+        """Log of the likelihood ratios (n,), summed over those that end in each detection, (d,).
+
+        -inf where none does.
+        """
+        largest, sums = self.largest(score), np.full(len(self.ids), -np.inf)
+        base = np.where(np.isfinite(largest), largest, 0.0)
+        begin, place = self.runs
+        ratio = np.exp(score[self.missed :] - base[self.newest])
+        with np.errstate(divide="ignore"):
+            sums[place] = np.log(np.add.reduceat(ratio, begin - self.missed)) + base[place]
+        return sums
+
+    def largest(self, values: FloatArray) -> FloatArray:
+        """Largest of the values (n,) over those that end in each detection, (d,); or -inf."""
+        largest = np.full(len(self.ids), -np.inf)
+        begin, place = self.runs
+        largest[place] = np.maximum.reduceat(values, begin)
+        return largest
+
+    def ending_in(self, place: int) -> Hypotheses:
+        """The hypotheses that end in a detection of the scan."""
+        first, last = np.searchsorted(self.newest, [place, place + 1]) + self.missed
+        return self.hypotheses[slice(first, last)]
+
+    @property
+    def target_probability(self) -> FloatArray:
+        """Probability that each detection is that of a target not confirmed yet, (d,)."""
+        odds = self.evidence + math.log(PRIOR_TARGET_ODDS)
+        probability: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
+        return probability
+
+
+@dataclass(frozen=True)
+class Start:
+    """A track to be confirmed.
+
+    Attributes
+    ----------
+    hits : (h,) ndarray of int
+        Detections that are credible hits of the target, ascending.
+    detections, probability : (c,) ndarray
+        All detections that may be the target's, ascending, and the probability of each.
+    state, covariance : (4,), (4, 4) ndarray
+    evidence : float
+        Of the newest detection.
+    """
+
+    hits: IntArray
+    detections: IntArray
+    probability: FloatArray
+    state: FloatArray
+    covariance: FloatArray
+    evidence: float
+
+
+_ERRORS = (
+    "time",
+    "range_std",
+    "azimuth_std",
+    "least_across",
+    "sensor_pose",
+    "sensor_pose_covariance",
+)
+"""What the innovation covariance of a hypothesis and a detection depends on."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedDetections:
+    """What hypotheses expect of a scan's detections.
+
+    Where the detections have one time and one error model, as without times and poses of their own,
+    the innovation covariance, the gain and the updated covariance depend on the hypothesis alone.
+
+    Attributes
+    ----------
+    hypotheses : Hypotheses
+        Predicted to the scan.
+    stamp : float
+        The scan's, s.
+    detections : (d,) ndarray of DETECTION
+    sensor : SensorModel
+    of_hypothesis : tuple of (n, 2) and (n, 2, 2) ndarray, or None
+        Expected position, m, and innovation covariance, m^2, of any detection; None where these
+        differ from detection to detection.
+    has_range_rates : bool
+        Whether any detection has a range rate that is used.
+    """
+
+    hypotheses: Hypotheses
+    stamp: float
+    detections: NDArray[np.void]
+    sensor: SensorModel
+    of_hypothesis: tuple[FloatArray, FloatArray] | None
+    has_range_rates: bool
+
+    @classmethod
+    def of(
+        cls,
+        hypotheses: Hypotheses,
+        stamp: float,
+        detections: NDArray[np.void],
+        sensor: SensorModel,
+    ) -> ExpectedDetections:
+        """What hypotheses that are predicted to a scan expect of its detections."""
+        common = None
+        if len(detections) and len(hypotheses) and _alike(detections):
+            first = detections[:1]
+            after = first["time"] - stamp
+            expected = motion.position_after(hypotheses.state, after)
+            spread = motion.position_covariance_after(hypotheses.covariance, after)
+            spread += covariance_at(first, expected, sensor)
+            common = expected, spread
+        rated = bool(range_rates.measured(detections).any())
+        return cls(hypotheses, stamp, detections, sensor, common, rated)
+
+    def innovations(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Innovations (p, 2), m, and their covariances (p, 2, 2), m^2, of pairs."""
+        if self.of_hypothesis is not None:
+            expected, spread = self.of_hypothesis
+            innovation = self.detections["position"].take(row, axis=0)
+            innovation -= expected.take(parent, axis=0)
+            return innovation, spread.take(parent, axis=0)
+        detections = taken(self.detections, row)
+        return motion.innovations(
+            self.hypotheses.state[parent],
+            self.hypotheses.covariance[parent],
+            detections["time"] - self.stamp,
+            detections,
+            self.sensor,
+        )
+
+    def log_likelihood(
+        self, parent: IntArray, row: IntArray, gate_probability: float
+    ) -> FloatArray:
+        """Log of the likelihood of each pair's detection, (p,); see `motion.log_likelihood`."""
+        innovation, spread = self.innovations(parent, row)
+        if not self.has_range_rates:
+            return motion.position_log_likelihood(innovation, spread, gate_probability)
+        detections = taken(self.detections, row)
+        return motion.log_likelihood(
+            self.hypotheses.state,
+            self.hypotheses.covariance,
+            parent,
+            detections["time"] - self.stamp,
+            innovation,
+            spread,
+            detections,
+            gate_probability,
+        )
+
+    def updated(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """States (p, 4) and covariances (p, 4, 4) of hypotheses after a detection.
+
+        The position comes first, then the range rate, where there is one.
+        """
+        state, covariance = self.hypotheses.state, self.hypotheses.covariance
+        innovation, spread = self.innovations(parent, row)
+        time_after_state = self.detections["time"][row] - self.stamp
+        if self.of_hypothesis is None:
+            moved, changed = motion.update(
+                state[parent], covariance[parent], time_after_state, innovation, spread
+            )
+        else:
+            # A gain and a covariance for all detections of a hypothesis.
+            used = np.zeros(len(state), bool)
+            used[parent] = True
+            rows, place = np.flatnonzero(used), (np.cumsum(used) - 1)[parent]
+            spread, after = self.of_hypothesis[1][rows], self.detections["time"][:1] - self.stamp
+            before = covariance[rows]
+            gain = motion.kalman_gain(before, after, spread)
+            change = gain @ spread @ np.swapaxes(gain, -1, -2)
+            step = gain.take(place, axis=0) @ innovation[..., None]
+            moved = state.take(parent, axis=0) + step[..., 0]
+            changed = (before - change).take(place, axis=0)
+        if not self.has_range_rates:
+            return moved, changed
+        return range_rates.update(moved, changed, time_after_state, taken(self.detections, row))
+
+
+def _alike(detections: NDArray[np.void]) -> bool:
+    """Whether all detections have the time, the pose and the errors of the first."""
+    for name in _ERRORS:
+        values = detections[name]
+        same = values == values[0]
+        if name == "range_std":  # nan: the sensor model's
+            same |= np.isnan(values) & np.isnan(values[0])
+        if not same.all():
+            return False
+    return True

@@ -1,0 +1,542 @@
+"""The threshold of confirmation, from drawn targets at a false-track rate.
+
+Targets drawn from the model of the likelihood-ratio method, as a sensor would measure them.
+
+They are anywhere in the coverage, move as the model's do, and may fade.
+
+Prediction of the share of starts from clutter that passes a threshold.
+
+Targets are drawn from the model of the likelihood-ratio method, and their evidence is simulated
+without clutter. The share that passes a threshold, and the excess over it, give the share for
+clutter by Wald's identity:
+
+``P_0(passes A) = E_1[1 / L at the passage; passes A]``
+
+with P_0 for a start from clutter, E_1 for one from a target, and L the evidence that is tested: the
+likelihood ratios summed over all starts, of which a target makes one at each of its detections
+(Wald, "Sequential Analysis", 1947; Siegmund, "Sequential Analysis", 1985).
+
+The threshold of the evidence that gives the target false-track rate.
+
+Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
+share of starts that may be confirmed falsely. `score_plan` gives the threshold that at most
+this share of the starts from clutter passes::
+
+    share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
+    A             = -ln(share) - the mean jump over it
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.tracker import evaluation, motion, range_rates
+from tsepm_ros.tracker.clutter import target_strength
+from tsepm_ros.tracker.clutter.target_strength import PathRatio
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
+from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.sensor import SensorModel
+
+SIMULATED_TARGETS = 1500
+SEED = 1
+ANY_RATIO = -1.0
+"""Stands for ratios of the prior."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnTargets:
+    """Targets that were detected in the first scan.
+
+    Attributes
+    ----------
+    detections : list of (n,) ndarray of DETECTION
+        As they would be measured in each scan. An array a scan: a single array of all scans, made
+        while a node runs, leaves a gap of 6 MB that the allocator keeps.
+    detected : (n, window) ndarray of bool
+    exponents : (n, window) ndarray or None
+        Of the strengths of the detections.
+    """
+
+    detections: list[NDArray[np.void]]
+    detected: BoolArray
+    exponents: FloatArray | None
+
+    def strength_increments(self, first: int) -> FloatArray:
+        """What the strength of each target's detection adds in each scan, (n, window).
+
+        Of the hypotheses that start in scan `first`; 0 before it.
+        """
+        increments = np.zeros(self.detected.shape)
+        if self.exponents is not None:
+            hit = self.detected[:, first:]
+            totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
+            counts = np.cumsum(hit, axis=1, dtype=np.int64)
+            ratio = PathRatio.of(target_strength.LAW_KNOWN, self.detected.shape[1])
+            evidence = ratio.at(counts, totals)
+            increments[:, first] = evidence[:, 0]
+            increments[:, first + 1 :] = np.diff(evidence, axis=1)
+        return increments
+
+
+def draw_targets(
+    sensor: SensorModel,
+    max_speed: float,
+    interval: float,
+    window: int,
+    process_noise: float,
+    ratio: float | None,
+    fades: bool,
+) -> DrawnTargets:
+    """Targets anywhere in the coverage."""
+    rng = np.random.default_rng(SEED)
+    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, SIMULATED_TARGETS)
+    truth = np.zeros((SIMULATED_TARGETS, 4))
+    truth[:, 0] = np.sqrt(square)
+    truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (SIMULATED_TARGETS, 2))
+    scans = []
+    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, SIMULATED_TARGETS))
+    for scan in range(window):
+        detections = np.zeros(SIMULATED_TARGETS, DETECTION)
+        detections["range_rate_std"] = sensor.range_rate_std
+        detections["covariance"] = errors_at(truth, sensor)
+        rate, _, _ = range_rates.expected(detections, truth[:, 0::2], truth[:, 1::2])
+        detections["range_rate"] = rate + sensor.range_rate_std * rate_errors[scan]
+        detections["position"] = truth[:, 0::2] + _drawn(rng, truth, sensor)
+        scans.append(detections)
+        truth[:, 0::2] += interval * truth[:, 1::2]
+        truth[:, 1::2] += rng.normal(
+            0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
+        )
+    share = np.where(_faded(window) & fades, evaluation.FADED_FACTOR, 1.0)
+    detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
+    detected[:, 0] = True
+    return DrawnTargets(scans, detected, _drawn_exponents(ratio, window))
+
+
+def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
+    """Exponents of the strengths of targets' detections, (n, window)."""
+    if ratio is None:
+        return None
+    rng = np.random.default_rng([SEED, 2])
+    means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
+    if ratio == ANY_RATIO:
+        ratios, weights = target_strength.ratio_prior()
+        means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
+    return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
+
+
+def _faded(window: int) -> BoolArray:
+    """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
+    rng = np.random.default_rng([SEED, 2])
+    draws = rng.random((SIMULATED_TARGETS, window))
+    faded = draws < evaluation.FADED_AT_START
+    for scan in range(1, window):
+        before = faded[:, scan - 1].astype(np.float64)
+        faded[:, scan] = draws[:, scan] < evaluation.fading_predicted(before)
+    return faded
+
+
+def errors_at(state: FloatArray, sensor: SensorModel) -> FloatArray:
+    """Covariance of a detection at each state's position, (n, 2, 2), m^2."""
+    range_ = np.hypot(state[:, 0], state[:, 2])
+    azimuth = np.arctan2(state[:, 2], state[:, 0])
+    return position_covariance(
+        range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std, LEAST_ACROSS
+    )
+
+
+def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> FloatArray:
+    """Errors of the covariances of `errors_at`, along and across the line of sight, (n, 2), m."""
+    range_ = np.hypot(state[:, 0], state[:, 2])
+    straight = errors_at(np.stack([range_, *np.zeros((3, len(state)))], axis=1), sensor)
+    along, across = rng.standard_normal((2, len(state))) * np.sqrt(
+        [straight[:, 0, 0], straight[:, 1, 1]]
+    )
+    cosine, sine = state[:, 0] / range_, state[:, 2] / range_
+    return np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=1)
+
+
+THRESHOLDS = np.arange(0.0, 40.0, 0.05)
+"""Thresholds of a plan, in units of the log-likelihood ratio."""
+MIN_PASSAGES = 30
+"""Simulated passages of a threshold, at least, for a share of use."""
+MAX_BELOW_VILLE = 2.5
+"""The threshold is at most this far below Ville's: true targets may differ from the simulated."""
+ROUNDING_STEP = 0.1
+
+
+def rounded(value: float) -> float:
+    """A value above 0 in steps of 10 %, so that similar values share a plan."""
+    return math.exp(ROUNDING_STEP * round(math.log(value) / ROUNDING_STEP))
+
+
+def ville_threshold(false_share: float) -> float:
+    """Threshold that at most this share of the starts from clutter passes, for any clutter.
+
+    ``-ln(share)``, from P(sup L >= A) <= 1 / A for a likelihood ratio L of mean 1.
+    """
+    return -math.log(false_share)
+
+
+def min_threshold(false_share: float) -> float:
+    """Lower limit of the threshold for any targets: `MAX_BELOW_VILLE` below Ville's."""
+    return ville_threshold(false_share) - MAX_BELOW_VILLE
+
+
+@dataclass(frozen=True, eq=False)
+class ScorePlan:
+    """Shares of starts that pass each threshold, from clutter and from targets.
+
+    Attributes
+    ----------
+    false_share : (t,) ndarray
+        P_0 of passing each of the first of `THRESHOLDS`, per start from clutter; as far as enough
+        of the simulated targets passed.
+    passed_share : (t, scans) ndarray
+        P_1 of having passed each of these by each scan, per target, from its first detection on.
+    """
+
+    false_share: FloatArray
+    passed_share: FloatArray
+
+    def threshold(self, false_share: float) -> float:
+        """The least threshold that at most this share of the starts from clutter passes.
+
+        Beyond what was simulated, the share falls as exp(-threshold). Never above Ville's.
+        """
+        highest = ville_threshold(false_share)
+        low_enough = self.false_share <= false_share
+        threshold = highest
+        if low_enough.any():
+            threshold = float(THRESHOLDS[np.argmax(low_enough)])
+        elif len(low_enough):
+            excess = math.log(self.false_share[-1] / false_share)
+            threshold = THRESHOLDS[len(low_enough) - 1] + excess
+        return min(max(threshold, min_threshold(false_share)), highest)
+
+    def passed(self, threshold: float) -> FloatArray:
+        """Share of the targets that have passed a threshold by each scan, (scans,).
+
+        From the first detection on, and without clutter, which adds evidence of its own; 0 beyond
+        the thresholds that were simulated.
+        """
+        row = math.ceil(threshold / THRESHOLDS[1])
+        if row >= len(self.passed_share):
+            return np.zeros(self.passed_share.shape[1])
+        share: FloatArray = self.passed_share[row]
+        return share
+
+
+@lru_cache(maxsize=64)
+def score_plan(
+    sensor: SensorModel,
+    *,
+    max_speed: float,
+    interval: float,
+    window: int,
+    gate_probability: float,
+    process_noise: float,
+    deletion: float,
+    min_hits: int,
+    strengths: bool = False,
+) -> ScorePlan:
+    """Simulate the evidence for targets drawn from the method's model.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+    max_speed : float
+        v_max, m/s.
+    interval : float
+        Time between scans, s.
+    window : int
+        Scans.
+    gate_probability, process_noise, deletion, min_hits
+        As in the method.
+    strengths : bool, optional
+        Whether detections have a strength, of targets of any ratio of the prior.
+
+    Returns
+    -------
+    ScorePlan
+    """
+    (plan,) = score_plans(
+        sensor,
+        max_speed=max_speed,
+        interval=interval,
+        windows=(window,),
+        scans=window,
+        gate_probability=gate_probability,
+        process_noise=process_noise,
+        deletion=deletion,
+        min_hits=min_hits,
+        ratio=ANY_RATIO if strengths else None,
+    )
+    return plan
+
+
+def score_plans(
+    sensor: SensorModel,
+    *,
+    max_speed: float,
+    interval: float,
+    windows: Sequence[int],
+    scans: int,
+    gate_probability: float,
+    process_noise: float,
+    deletion: float,
+    min_hits: int,
+    ratio: float | None = None,
+    fades: bool = True,
+) -> list[ScorePlan]:
+    """The plans of several windows, from the same targets.
+
+    Parameters
+    ----------
+    windows : sequence of int
+    scans : int
+        Scans through which the targets are followed, at least the longest window.
+    ratio : float, optional
+        Signal-to-clutter ratio of the targets, not in dB; `ANY_RATIO`: of the prior; None: their
+        detections have no strength.
+    fades : bool, optional
+        Whether the targets fade, as the model's do: only these give `ScorePlan.false_share`.
+        Otherwise they have the sensor's P_D throughout.
+    sensor, max_speed, interval, gate_probability, process_noise, deletion, min_hits
+        See `score_plan`.
+    """
+    targets = draw_targets(sensor, max_speed, interval, scans, process_noise, ratio, fades)
+    evidences = np.full((len(windows), *targets.detected.shape), -np.inf)
+    for first in range(scans):
+        score = _scores(
+            targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
+        )
+        for evidence_of_window, window in zip(evidences, windows, strict=True):
+            part = slice(first, min(first + window, scans))
+            np.logaddexp(
+                evidence_of_window[:, part], score[:, part], out=evidence_of_window[:, part]
+            )
+    enough = np.cumsum(targets.detected, axis=1) >= min_hits
+    tested = np.where(targets.detected & enough, evidences, -np.inf)
+    return [_plan(evidence, window) for evidence, window in zip(tested, windows, strict=True)]
+
+
+def _scores(
+    targets: DrawnTargets,
+    first: int,
+    sensor: SensorModel,
+    max_speed: float,
+    interval: float,
+    gate_probability: float,
+    process_noise: float,
+    deletion: float,
+) -> FloatArray:
+    """Score after each scan of the hypotheses that start in scan `first`, (n, window).
+
+    -inf before the start, without a detection in that scan, and after deletion.
+    """
+    window = targets.detected.shape[1]
+    rows = np.flatnonzero(targets.detected[:, first])
+    n = len(rows)
+    state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
+    detections = taken(targets.detections[first], rows)
+    state[:, 0::2] = detections["position"]
+    covariance[:, 0::2, 0::2] = detections["covariance"]
+    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
+    scores = np.full(targets.detected.shape, -np.inf)
+    of_strength = targets.strength_increments(first)
+    score = start + of_strength[rows, first]
+    scores[rows, first] = score
+    faded = np.full(n, evaluation.FADED_AT_START)
+    for scan in range(first + 1, window):
+        state, covariance = motion.predict(state, covariance, interval, process_noise)
+        target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
+        detections = taken(targets.detections[scan], rows)
+        innovation = detections["position"] - state[:, 0::2]
+        innovation_covariance = covariance[:, 0::2, 0::2] + errors_at(state, sensor)
+        density = motion.log_likelihood(
+            state,
+            covariance,
+            target,
+            at_stamp,
+            innovation,
+            innovation_covariance,
+            detections,
+            gate_probability,
+        )
+        hit = targets.detected[rows, scan] & np.isfinite(density)
+        clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
+        faded = evaluation.fading_predicted(faded)
+        probability = sensor.detection_probability * evaluation.visible_share(faded)
+        increment = evaluation.hit_increment(density, probability, clutter)
+        increment = increment + of_strength[rows, scan]
+        missed = evaluation.miss_increment(probability, gate_probability)
+        faded = np.where(
+            hit,
+            evaluation.fading_after_hit(faded),
+            evaluation.fading_after_miss(faded, probability, gate_probability),
+        )
+        score = score + np.where(hit, increment, missed)
+        found = np.flatnonzero(hit)
+        updated = motion.update(
+            state.take(found, axis=0),
+            covariance.take(found, axis=0),
+            at_stamp[found],
+            innovation.take(found, axis=0),
+            innovation_covariance.take(found, axis=0),
+        )
+        state[found], covariance[found] = range_rates.update(
+            *updated, at_stamp[found], taken(detections, found)
+        )
+        kept = np.flatnonzero(score >= deletion)
+        rows, score, faded = rows[kept], score[kept], faded[kept]
+        state, covariance = state.take(kept, axis=0), covariance.take(kept, axis=0)
+        scores[rows, scan] = score
+    return scores
+
+
+def _plan(tested: FloatArray, window: int) -> ScorePlan:
+    """``E_1[exp(-evidence at the first passage); passes]`` in the window, and passages by scan."""
+    running = np.maximum.accumulate(tested, axis=1)
+    passed = np.stack([_at_least(column) for column in running.T], axis=1)
+    used = np.count_nonzero(passed[:, window - 1] >= MIN_PASSAGES)
+    # A target passes the thresholds above its largest evidence so far, up to the new largest.
+    before = np.concatenate([np.full((len(tested), 1), -np.inf), running[:, : window - 1]], axis=1)
+    in_window = running[:, :window]
+    highest = np.where(in_window > before, np.exp(-in_window), 0.0).ravel()
+    steps = np.zeros(len(THRESHOLDS) + 1)
+    np.add.at(steps, np.searchsorted(THRESHOLDS, in_window.ravel(), side="right"), highest)
+    np.subtract.at(steps, np.searchsorted(THRESHOLDS, before.ravel(), side="right"), highest)
+    # From the highest threshold down: the shares fall over many powers of ten.
+    false = np.cumsum(steps[::-1])[-2::-1][:used] / len(tested)
+    return ScorePlan(false, passed[:used] / len(tested))
+
+
+def _at_least(values: FloatArray) -> IntArray:
+    """Number of the values (n,) that are at least each threshold, (t,)."""
+    return np.asarray(len(values) - np.searchsorted(np.sort(values), THRESHOLDS))
+
+
+MAX_SCANS_REMEMBERED = 50
+"""Scans over which the mean of the detections is taken."""
+SECONDS_PER_HOUR = 3600.0
+
+
+class Threshold:
+    """The threshold, from the scan rate and the number of detections so far."""
+
+    def __init__(self) -> None:
+        self._counts: deque[int] = deque(maxlen=MAX_SCANS_REMEMBERED)
+        self._last: Observation | None = None
+
+    def observe(self, observed: Observation) -> None:
+        """Count a scan's detections."""
+        self._counts.append(len(observed.detections))
+        self._last = observed
+
+    @property
+    def interval(self) -> float:
+        """Median interval of the scans, s; 0 while unknown."""
+        return self._last.median_interval if self._last is not None else 0.0
+
+    def false_share(self, false_tracks_per_hour: float) -> float | None:
+        """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
+
+        The starts per scan are the mean of the detections, or those of the last scan if more.
+        """
+        interval = self.interval
+        if not interval:
+            return None
+        detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
+        starts_per_hour = detections * SECONDS_PER_HOUR / interval
+        return min(false_tracks_per_hour / starts_per_hour, 1.0)
+
+    def value(self, sensor: SensorModel, common: CommonOptions, options: ScoreOptions) -> float:
+        """The log-likelihood ratio that confirms; infinite while the scan rate is unknown.
+
+        Parameters
+        ----------
+        sensor : SensorModel
+            As given.
+        common : CommonOptions
+            With the properties that are estimated.
+        options : ScoreOptions
+            With the target false-track rate.
+        """
+        share = self.false_share(options.false_tracks_per_hour)
+        if share is None or self._last is None:
+            return math.inf
+        plan = score_plan(
+            coarse_sensor(sensor, self._last, common),
+            max_speed=common.max_speed,
+            interval=rounded(self.interval),
+            window=options.window,
+            gate_probability=options.gate_probability,
+            process_noise=options.process_noise,
+            deletion=options.deletion_threshold,
+            min_hits=MIN_HITS,
+            strengths=self._last.strengths is not None,
+        )
+        return plan.threshold(share)
+
+    def value_if_near(
+        self, evidence: float, sensor: SensorModel, common: CommonOptions, options: ScoreOptions
+    ) -> float:
+        """As `value`; infinite, without a plan, where the evidence is below any threshold."""
+        share = self.false_share(options.false_tracks_per_hour)
+        if share is None or evidence < min_threshold(share):
+            return math.inf
+        return self.value(sensor, common, options)
+
+
+def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:
+    """The sensor of a plan; estimates are rounded, so that similar estimates share a plan.
+
+    The detection probability goes in steps of 0.1, the median of the clutter density in steps of
+    half a decade, the farthest range of clutter and its range rate by factors of 2. Range rates
+    count only where the scan has any.
+
+    Parameters
+    ----------
+    sensor : SensorModel
+        As given.
+    observed : Observation
+        The last scan, with the estimates.
+    common : CommonOptions
+        With the properties that are estimated.
+    """
+    changes: dict[str, float] = {}
+    if common.detection_probability == "estimated":
+        changes["detection_probability"] = max(round(observed.detection_probability_in_use, 1), 0.1)
+    detections = observed.detections
+    if common.clutter_density == "estimated" and len(detections):
+        density = float(np.median(detections["clutter_density"]))
+        half = 2.0 ** round(math.log2(observed.clutter_sensor.clutter_range_rate))
+        farthest = sensor.max_range * 2.0 ** math.ceil(
+            math.log2(observed.seen_extent.max_range / sensor.max_range) - 0.1
+        )
+        changes |= {
+            "clutter_density": 10.0 ** (0.5 * round(2.0 * math.log10(density))),
+            "clutter_range_rate": half,
+            "max_range": farthest,
+            "min_range": min(sensor.min_range, 0.5 * farthest),
+        }
+    if not range_rates.measured(detections).any():
+        changes["range_rate_std"] = 0.0
+    return _changed(sensor, tuple(changes.items()))
+
+
+@lru_cache(maxsize=64)
+def _changed(sensor: SensorModel, changes: tuple[tuple[str, float], ...]) -> SensorModel:
+    """The sensor with changes, which repeat from scan to scan."""
+    return replace(sensor, **dict(changes))
