@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msg_adapters.odometry import UNOBSERVED_VARIANCE, X, Y, odometry_covariance
+from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, X, Y, odometry_covariance
 from tsepm_ros.tracker.tracks import TrackArrays
 
 if TYPE_CHECKING:

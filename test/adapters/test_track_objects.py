@@ -10,7 +10,7 @@ import pytest
 from support import foreign_messages
 
 from msg_adapters import make_header
-from msg_adapters.odometry import UNOBSERVED_VARIANCE
+from msg_adapters.nav_messages import UNOBSERVED_VARIANCE
 from msg_adapters.track_objects import radar_tracks, track_uuid, tracked_objects
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 

@@ -412,7 +412,7 @@ class ViewerNodeOptions(ParameterGroup):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BridgeNodeOptions:
+class BridgeNodeOptions(ParameterGroup):
     """Options of the node `track_bridge`."""
 
     nmea_address: str = parameter(
@@ -459,7 +459,7 @@ class BridgeNodeOptions:
     )
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         udp_address(self.nmea_address)
         if not re.fullmatch("[A-Z]{2}", self.nmea_talker):
             raise ValueError(
