@@ -8,7 +8,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.numerics.arrays import changed
 from tsepm_ros.tracker import plot_extraction
 from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
-from tsepm_ros.tracker.maintenance.gated_detections import OwnDetections
+from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.maintenance.stationary import StraightFits
 from tsepm_ros.tracker.plot_extraction import BESIDE, of_neighbours
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays

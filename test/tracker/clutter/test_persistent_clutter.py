@@ -12,7 +12,7 @@ import pytest
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter import excess
 from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, poisson_bound
-from tsepm_ros.tracker.clutter.excess import (
+from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
     LEAST_SIDE,
     LEAST_TIME,

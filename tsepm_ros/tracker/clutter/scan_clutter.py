@@ -11,13 +11,8 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterStrengths
-from tsepm_ros.tracker.clutter.excess import (
-    RISE,
-    CellNumbers,
-    Cells,
-    HeldTargets,
-    PredictiveDensity,
-)
+from tsepm_ros.tracker.clutter.excess import Cells, HeldTargets, PredictiveDensity
+from tsepm_ros.tracker.clutter.fixed_places import RISE, CellNumbers
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
 from tsepm_ros.tracker.measurement import NAMES
