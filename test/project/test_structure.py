@@ -45,7 +45,7 @@ MAX_IN_PACKAGE = 22
 MAX_AT_THE_TOP = 22
 OTHER_TESTS = {"adapters", "benchmarks", "campaigns", "examples", "golden", "project", "support"}
 """Folders of test/ that are no package of tsepm_ros."""
-BUDGETS = {"first": (125, 12_444), "tools": (53, 5_506), "studies": (20, 1_840)}
+BUDGETS = {"first": (99, 11_330), "tools": (45, 5_300), "studies": (15, 1_885)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

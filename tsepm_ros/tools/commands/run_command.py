@@ -20,8 +20,8 @@ from types import ModuleType
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
+from tsepm_ros.session.consistency_checks import explained, questions
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.plausibility import explained, questions
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions

@@ -387,7 +387,7 @@ class PredictiveDensity(NamedTuple):
         return np.minimum(-np.log(ratio), 0.0)
 
 
-class ClutterClumps:
+class Overdispersion:
     """Learns by how much clutter is lumpier than its map.
 
     A batch of scans counts when the next one comes: until then its detections may turn out to be

@@ -74,7 +74,7 @@ class CellNumbers(NamedTuple):
     nearest: IntArray
 
 
-class PersistentClutter:
+class FixedPlaces:
     """Learns from scan to scan where clutter stays.
 
     Parameters

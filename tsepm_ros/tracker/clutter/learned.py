@@ -29,18 +29,18 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, taken
 from tsepm_ros.parameters import shown
-from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterStrengths
+from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.detection_probability import MAX_GAP, DetectionProbability
 from tsepm_ros.tracker.clutter.excess import (
     MEMORY,
     Batch,
-    ClutterClumps,
+    Overdispersion,
     SecondaryEchoes,
 )
-from tsepm_ros.tracker.clutter.fixed_places import PersistentClutter
+from tsepm_ros.tracker.clutter.fixed_places import FixedPlaces
 from tsepm_ros.tracker.clutter.measurement_errors import MeasurementErrors
-from tsepm_ros.tracker.clutter.seen_extent import EVERYWHERE, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.seen import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.tracker.maintenance.features import Surroundings
 from tsepm_ros.tracker.range_rates import measured, over_ground
 from tsepm_ros.tracker.sensor import SensorModel
@@ -137,10 +137,10 @@ class Learned:
     """
 
     clutter_map: ClutterMap
-    clumps: ClutterClumps
+    clumps: Overdispersion
     seen_extent: SeenExtent
-    strengths: ClutterStrengths
-    persistent: PersistentClutter
+    strengths: ClutterAmplitudes
+    persistent: FixedPlaces
     secondary_echoes: SecondaryEchoes
     batch: Batch
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
@@ -157,10 +157,10 @@ class Learned:
         grid = clutter_map.grid
         return cls(
             clutter_map,
-            ClutterClumps(grid),
+            Overdispersion(grid),
             SeenExtent(Extent.of(sensor)),
-            ClutterStrengths(grid.shape, grid.wraps),
-            PersistentClutter(sensor),
+            ClutterAmplitudes(grid.shape, grid.wraps),
+            FixedPlaces(sensor),
             SecondaryEchoes(grid),
             Batch(grid.shape[1]),
         )
