@@ -15,6 +15,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 
 from msg_adapters.message_input import MessageInput
@@ -47,6 +48,7 @@ from tsepm_ros.tools.replay.bag import (
     find_topics,
     moving_frames,
 )
+from tsepm_ros.tools.replay.image_folder import GEOMETRY, detected
 from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
@@ -86,8 +88,8 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
     parser.add_argument(
         "recording",
         nargs=nargs,
-        help="folder with detections.csv, or a .csv file; bag: folder with metadata.yaml, .mcap or "
-        ".db3 file; "
+        help="folder with detections.csv or images, or a .csv file; bag: folder with "
+        "metadata.yaml, .mcap or .db3 file; "
         f"or scenario to simulate: {scenario_names()}",
     )
     parser.add_argument(
@@ -171,6 +173,8 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         raise ValueError(
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
+    if (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists():
+        path = detected(path, Path(stack.enter_context(TemporaryDirectory())))
     source, is_bag = source_of(path)
     if is_bag:
         return _bag(stack.enter_context(Bag(source)), options)
