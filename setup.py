@@ -86,6 +86,7 @@ setup(
             "track_initiator = tsepm_ros.ending_signals:track_initiator",
             "sonar_simulator = tsepm_ros.ending_signals:sonar_simulator",
             "scan_player = tsepm_ros.ending_signals:scan_player",
+            "sonar_detector = tsepm_ros.ending_signals:sonar_detector",
             "track_viewer = tsepm_ros.ending_signals:track_viewer",
             "track_bridge = tsepm_ros.ending_signals:track_bridge",
             "tsepm_demo = tsepm_ros.ending_signals:tsepm_demo",

@@ -17,7 +17,10 @@ from rcl_interfaces.srv import ListParameters
 from support.patience import WAIT
 
 PACKAGE = "tsepm_ros"
-EXECUTABLES = ["track_initiator", "sonar_simulator", "scan_player", "track_viewer", "tsepm"]
+EXECUTABLES = [
+    *("track_initiator", "sonar_detector", "sonar_simulator", "scan_player", "track_viewer"),
+    *("track_bridge", "tsepm"),
+]
 SHARED = ["package.xml", "config/*.yaml", "launch/*.xml"]
 OF_CONFIG = ["rviz/*", "foxglove/*", "sros2/*"]
 """Of config/ in the source tree, and beside it in the share directory."""

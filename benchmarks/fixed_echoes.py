@@ -37,7 +37,7 @@ from fixed_echoes_scenes import (
 
 from tsepm_ros import make_initiator
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.clustering import chosen
+from tsepm_ros.tracker.clusters.grouping import chosen
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
 SURE = 0.9

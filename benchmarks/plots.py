@@ -32,8 +32,8 @@ from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent, grouped, plots_of
-from tsepm_ros.tracker.multi_detection import LOG_RATIO
+from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, clusters_of, grouped
+from tsepm_ros.tracker.clusters.multi_detection import LOG_RATIO
 from tsepm_ros.tracker.scan import Scan
 
 MAX_SPEED = 5.0
@@ -289,10 +289,10 @@ def times(options: argparse.Namespace) -> None:
     rng = np.random.default_rng(options.seed)
     sensor = Swimmers().sensor
     for number, size, extent in (
-        (100, 4, PlotExtent(4.0, 4.0, 0.06, 32.0)),
-        (1000, 4, PlotExtent(2.0, 2.0)),
-        (1000, 4, PlotExtent(4.0, 4.0, 0.06, 32.0)),
-        (1000, 1, PlotExtent(2.0, 2.0)),
+        (100, 4, ClusterExtent(4.0, 4.0, 0.06, 32.0)),
+        (1000, 4, ClusterExtent(2.0, 2.0)),
+        (1000, 4, ClusterExtent(4.0, 4.0, 0.06, 32.0)),
+        (1000, 1, ClusterExtent(2.0, 2.0)),
     ):
         centres = number // size
         range_ = np.repeat(MAX_RANGE * np.sqrt(rng.random(centres)) + 1.0, size)
@@ -304,7 +304,7 @@ def times(options: argparse.Namespace) -> None:
             begin = time.perf_counter()
             label = grouped(scan.range, scan.azimuth, extent)
             middle = time.perf_counter()
-            made = plots_of(scan, label, EchoErrors(), sensor)
+            made = clusters_of(scan, label, ClusterErrors(), sensor)
             spent.append((middle - begin, time.perf_counter() - middle))
         grouping, making = 1e3 * np.median(spent, axis=0)
         print(

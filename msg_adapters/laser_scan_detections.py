@@ -24,7 +24,7 @@ from msg_adapters.ping import (
 )
 from msg_adapters.stamps import time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.clustering import goes_on
+from tsepm_ros.tracker.clusters.grouping import goes_on
 from tsepm_ros.tracker.scan import Arc, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -336,7 +336,7 @@ def read_detections(
         If an option has a value that is not allowed.
     """
     options = ReadingOptions(bearing_reference, sound_speed, sensor)
-    name = _type_name(message)
+    name = type_name_of(message)
     adapter = _adapter(name)
     try:
         return adapter(message, options)
@@ -378,20 +378,23 @@ def write_detections(type_name: str, header: Header, scan: Scan, *, sound_speed:
     return _writers[type_name](header, scan, sound_speed)
 
 
-def message_class(type_name: str) -> type:
+def message_class(type_name: str, readable: Collection[str] | None = None) -> type:
     """Import the class of a supported message type.
 
     Parameters
     ----------
     type_name : str
-        One of `supported_types`.
+        One of those.
+    readable : collection of str, optional
+        The supported types; by default `supported_types`.
 
     Raises
     ------
     MessageError
         If the type is not supported, or its package is not installed.
     """
-    _adapter(type_name)
+    if type_name not in (readable or ()):
+        _adapter(type_name)
     package, _, name = type_name.split("/")
     try:
         message_type: type = getattr(importlib.import_module(f"{package}.msg"), name)
@@ -404,7 +407,8 @@ def message_class(type_name: str) -> type:
     return message_type
 
 
-def _type_name(message: Any) -> str:
+def type_name_of(message: Any) -> str:
+    """ROS name of a message's type, also of a message of a bag library."""
     kind = type(message)
     declared: str | None = getattr(kind, "__msgtype__", None)
     return declared or f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"

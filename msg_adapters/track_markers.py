@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.grouped import summed
 from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 if TYPE_CHECKING:
@@ -364,6 +365,7 @@ def truth_markers(header: Header, truth: list[ConfirmedTrack], reach: float = 0.
 
 
 FIXED_ECHO_COLOR = 0.95, 0.75, 0.2
+DETECTION_COLOR = 0.9, 0.9, 0.95
 """Red, green and blue: unlike tracks, potential tracks and truth."""
 MAX_LABELS = 500
 """Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
@@ -409,4 +411,29 @@ def fixed_echo_markers(
         label = _marker(header, "label", number, place=(x, y + size), **own)
         label.text = f"{echo.track_id}: {echo.age / 60.0:.1f} min"
         markers.append(label)
+    return MarkerArray(markers=markers)
+
+
+def detection_markers(header: Header, scan: Scan, size: float) -> MarkerArray:
+    """Build the marker of a scan's detections, which replaces that of the last message.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+        The sensor's frame, x ahead and y to port.
+    scan : Scan
+    size : float
+        Diameter of the points, m.
+    """
+    from geometry_msgs.msg import Point
+    from visualization_msgs.msg import MarkerArray
+
+    markers = [_marker(header, action="DELETEALL")]
+    if len(scan):
+        points = _marker(
+            header, "detection", kind="SPHERE_LIST", scale=(size,) * 3, color=DETECTION_COLOR
+        )
+        x, y = scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)
+        points.points = [Point(x=one, y=two) for one, two in zip(x, y, strict=True)]
+        markers.append(points)
     return MarkerArray(markers=markers)

@@ -10,6 +10,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tsepm_ros.detector.detector import make_detector
+    from tsepm_ros.detector.image import SonarImage
     from tsepm_ros.methods.registry import available_methods, make_initiator
     from tsepm_ros.tracker.clutter.land import LandMask
     from tsepm_ros.tracker.scan import Scan
@@ -23,7 +25,9 @@ _PLACES = {
     "LandMask": "tracker.clutter.land",
     "Scan": "tracker.scan",
     "SensorModel": "tracker.sensor",
+    "SonarImage": "detector.image",
     "available_methods": "methods.registry",
+    "make_detector": "detector.detector",
     "make_initiator": "methods.registry",
 }
 
@@ -32,7 +36,9 @@ __all__ = [
     "LandMask",
     "Scan",
     "SensorModel",
+    "SonarImage",
     "available_methods",
+    "make_detector",
     "make_initiator",
 ]
 

@@ -167,7 +167,7 @@ def _change(method: str, values: dict[str, Value]) -> None:
     for index, ping in enumerate(good_stream(KIND).pings):
         if index in (5, 9):
             chosen = after if index == 5 else before
-            fed.session.rehearse(chosen)
+            fed.session.validate(chosen)
             fed.session.configure(chosen)
         for pose in ping.poses:
             fed.feed("own_ship", pose)

@@ -9,13 +9,13 @@ import pytest
 
 from tsepm_ros.diagnostics.health import MAX_RECORDS, SENSOR, Health
 from tsepm_ros.diagnostics.health_figures import Connections, Latency, Level, Status
+from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.plausibility import SensorFigures
 from tsepm_ros.session.result import SessionSnapshot
 from tsepm_ros.session.scan_queue import waited
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen_extent import Extent
+from tsepm_ros.tracker.clutter.seen import Extent
 from tsepm_ros.tracker.method import ScanStatistics
 
 GOOD = SessionSnapshot(

@@ -10,7 +10,8 @@ import pytest
 
 NAMES = {
     "tsepm_ros": """
-        ConfirmedTrack LandMask Scan SensorModel available_methods make_initiator
+        ConfirmedTrack LandMask Scan SensorModel SonarImage available_methods make_detector
+        make_initiator
     """,
     "msg_adapters": """
         TRACK_DTYPE MessageError Ping PlacedDetections clear_markers detections_cloud

@@ -11,7 +11,7 @@ from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud_detections import detections_of_fields
 from tsepm_ros import SensorModel
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.session.plausibility import questions
+from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 

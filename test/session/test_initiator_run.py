@@ -85,7 +85,7 @@ def unusable_settings(**options) -> Settings:
 
 
 @pytest.mark.parametrize("method", ["tsepm", "score"])
-@pytest.mark.parametrize("change", [Session.configure, Session.rehearse])
+@pytest.mark.parametrize("change", [Session.configure, Session.validate])
 def test_a_change_that_fails_leaves_all_as_it_was(method, change):
     one, other = session(), session()
     play(one, [0, 12])
@@ -108,7 +108,7 @@ def test_a_change_that_fails_leaves_all_as_it_was(method, change):
 def test_a_rehearsal_changes_nothing(method):
     one = session()
     play(one, [0, 12])
-    one.rehearse(
+    one.validate(
         settings(CommonOptions(hold_time=1.0), TsepmOptions(min_hits=2, window=3), method=method)
     )
     assert [len(result.new) for result in play(one, [24])] == [1]

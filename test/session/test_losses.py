@@ -11,7 +11,7 @@ from support.sessions import moving_settings, ping, settings
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.plausibility import LAST, Losses, explained
+from tsepm_ros.session.consistency_checks import LAST, Losses, explained
 from tsepm_ros.session.session import Session
 
 

@@ -11,7 +11,7 @@ import pytest
 from msg_adapters.laser_scan_detections import no_returns
 from msg_adapters.ping import ReadingOptions, good_detections
 from tsepm_ros.own_ship.registration import MessageFacts
-from tsepm_ros.session.plausibility import WINDOW, MessageCheck, leap_seconds
+from tsepm_ros.session.consistency_checks import WINDOW, MessageCheck, leap_seconds
 
 START = 1_700_000_000.0
 

@@ -10,11 +10,11 @@ import pytest
 from support.sessions import arrived
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.session.plausibility import SensorFigures, findings
+from tsepm_ros.session.consistency_checks import SensorFigures, findings
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen_extent import Extent
+from tsepm_ros.tracker.clutter.seen import Extent
 
 SEEN = Extent(10.0, 299.0, -1.04, 1.05)
 SHORT = SensorModel(max_range=300.0, azimuth_min=-1.0472, azimuth_max=1.0472)

@@ -8,8 +8,8 @@ from support.builders import detections, scan_at
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.studies.split_merge import combined
+from tsepm_ros.tracker.initial_state import fit
 from tsepm_ros.tracker.measurement import convert, unscented
-from tsepm_ros.tracker.path_fit import fit
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0)
 

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import (
     AccelWithCovariance,
     Point,
@@ -145,9 +146,67 @@ TrackedObjects = message_type(
     "autoware_perception_msgs/msg/TrackedObjects", header=Header, objects=list
 )
 
+SonarImageData = message_type(
+    "marine_acoustic_msgs/msg/SonarImageData",
+    is_bigendian=bool,
+    dtype=int,
+    beam_count=int,
+    data=bytes,
+)
+ProjectedSonarImage = message_type(
+    "marine_acoustic_msgs/msg/ProjectedSonarImage",
+    header=Header,
+    ping_info=PingInfo,
+    beam_directions=list,
+    ranges=FLOAT32_ARRAY,
+    image=SonarImageData,
+)
+RawSonarImage = message_type(
+    "marine_acoustic_msgs/msg/RawSonarImage",
+    header=Header,
+    ping_info=PingInfo,
+    sample_rate=float,
+    samples_per_beam=int,
+    sample0=int,
+    tx_delays=FLOAT32_ARRAY,
+    tx_angles=FLOAT32_ARRAY,
+    rx_angles=FLOAT32_ARRAY,
+    image=SonarImageData,
+)
+RadarEcho = message_type("marine_sensor_msgs/msg/RadarEcho", echoes=FLOAT32_ARRAY)
+RadarSector = message_type(
+    "marine_sensor_msgs/msg/RadarSector",
+    header=Header,
+    angle_start=float,
+    angle_increment=float,
+    time_increment=Duration,
+    scan_time=Duration,
+    range_min=float,
+    range_max=float,
+    intensities=list,
+)
+SonarEcho = message_type(
+    "ping360_sonar_msgs/msg/SonarEcho",
+    header=Header,
+    angle=float,
+    gain=int,
+    number_of_samples=int,
+    transmit_frequency=int,
+    speed_of_sound=int,
+    range=int,
+    intensities=bytes,
+)
+
 PACKAGES: dict[str, tuple[type, ...]] = {
-    "marine_acoustic_msgs": (PingInfo, DetectionFlag, SonarDetections, SonarRanges),
-    "radar_msgs": (RadarReturn, RadarScan, RadarTrack, RadarTracks),
+    "marine_acoustic_msgs": (
+        PingInfo,
+        DetectionFlag,
+        SonarDetections,
+        SonarRanges,
+        SonarImageData,
+        ProjectedSonarImage,
+        RawSonarImage,
+    ),
     "autoware_perception_msgs": (
         ObjectClassification,
         Shape,
@@ -155,6 +214,9 @@ PACKAGES: dict[str, tuple[type, ...]] = {
         TrackedObject,
         TrackedObjects,
     ),
+    "marine_sensor_msgs": (RadarEcho, RadarSector),
+    "ping360_sonar_msgs": (SonarEcho,),
+    "radar_msgs": (RadarReturn, RadarScan, RadarTrack, RadarTracks),
     "vision_msgs": (
         ObjectHypothesis,
         ObjectHypothesisWithPose,

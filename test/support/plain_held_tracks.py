@@ -167,7 +167,7 @@ class PlainMaintenance:
             waited(track, p > 0.0) if p > 0.0 or whole_coverage else track
             for track, p in zip(predicted, p_d, strict=True)
         ]
-        plots = plots_of(scan, clutter, rule)
+        plots = clusters_of(scan, clutter, rule)
         near = [neighbours(track, plots, stamp) for track in predicted]
         with_rates = any(has_rate(plot, rule) for plot in plots)
         fits = [
@@ -362,7 +362,7 @@ def waited(track: Track, covered: bool) -> Track:
     )
 
 
-def plots_of(scan: Mapping[str, Any], clutter: Sequence[float], rule: Rule) -> list[Plot]:
+def clusters_of(scan: Mapping[str, Any], clutter: Sequence[float], rule: Rule) -> list[Plot]:
     """Detections of a scan."""
     detections = convert_scan(scan, 0, rule.settings)
     rates = scan.get("features", {}).get("range_rate", [math.nan] * len(detections))

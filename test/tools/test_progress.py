@@ -60,7 +60,8 @@ COMMANDS = ("run", "design", "evaluate", "reproduce")
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_long_command_shows_its_progress(command):
-    (path,) = ROOT.glob(f"tsepm_ros/**/{command}_command.py")
+    name = "reproduction/report" if command == "reproduce" else f"{command}_command"
+    (path,) = ROOT.glob(f"tsepm_ros/**/{name}.py")
     source = path.read_text("utf-8")
     assert "from tsepm_ros.tools.terminal import" in source
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsepm_ros.tracker import association
-from tsepm_ros.tracker.association import (
+from tsepm_ros.tracker import assignment
+from tsepm_ros.tracker.assignment import (
     BLOCK,
     Pairs,
     best_of_each,
@@ -15,7 +15,7 @@ from tsepm_ros.tracker.association import (
     oldest_first,
     within,
 )
-from tsepm_ros.tracker.path_fit import NO_HIT
+from tsepm_ros.tracker.initial_state import NO_HIT
 
 
 def plain_disjoint(members, cost):
@@ -31,7 +31,7 @@ def plain_disjoint(members, cost):
 @pytest.mark.parametrize("block", [1, 7, 50_000])
 @pytest.mark.parametrize("seed", range(5))
 def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
-    monkeypatch.setattr(association, "BLOCK", block)
+    monkeypatch.setattr(assignment, "BLOCK", block)
     rng = np.random.default_rng(seed)
     members = rng.integers(-1, 40, (100, 3))
     cost = rng.integers(0, 10, 100).astype(float)

@@ -24,9 +24,9 @@ from tsepm_ros.tracker.confirmation import (
 )
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import Tree
+from tsepm_ros.tracker.initial_state import fit
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
-from tsepm_ros.tracker.path_fit import fit
 from tsepm_ros.tracker.tracker import Tracker
 
 

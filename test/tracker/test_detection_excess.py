@@ -15,13 +15,13 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from plots_scenes import Swimmers, box
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.clustering import PlotExtent, grouped
-from tsepm_ros.tracker.multi_detection import (
+from tsepm_ros.tracker.clusters.grouping import ClusterExtent, grouped
+from tsepm_ros.tracker.clusters.multi_detection import (
     LOG_RATIO,
     MARGIN,
     Beside,
-    DetectionExcess,
-    EchoScatter,
+    ClusterDispersion,
+    MultiDetectionTest,
     extents_of,
     log_ratio,
 )
@@ -31,7 +31,7 @@ DENSITY = 1e-4
 
 
 def largest(sensor: SensorModel, scans, density: float) -> float:
-    excess, found = DetectionExcess(sensor), -math.inf
+    excess, found = MultiDetectionTest(sensor), -math.inf
     for scan in scans:
         excess.update(scan, density)
         found = max(found, excess.log_ratio)
@@ -78,7 +78,7 @@ def test_pairs_of_detections_may_be_two_targets():
 
 def beside_a_track(offset) -> float:
     """Largest L after 40 pings of a track with another detection at an offset, m."""
-    excess, own = DetectionExcess(SENSOR), np.array([0])
+    excess, own = MultiDetectionTest(SENSOR), np.array([0])
     for ping in range(40):
         scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
         excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([7]))
@@ -94,7 +94,7 @@ def test_what_lies_on_one_side_of_a_track_is_a_second_targets():
 
 
 def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():
-    excess, own = DetectionExcess(SENSOR), np.array([0])
+    excess, own = MultiDetectionTest(SENSOR), np.array([0])
     assert excess.waits(7), "nothing is known of it"
     alone = Scan(0.0, [50.0], [0.0])
     excess.update_tracks(alone, DENSITY, np.array([7]), own, np.array([7]))
@@ -139,7 +139,7 @@ def test_in_a_shorter_range_every_length_is_as_much_shorter(share):
 
 def test_boxes_have_the_resolution_of_the_sensor():
     sensor = SensorModel(range_resolution=0.5, azimuth_resolution=0.02)
-    assert extents_of(sensor)[0] == PlotExtent(1.5, 1.0, 0.02)
+    assert extents_of(sensor)[0] == ClusterExtent(1.5, 1.0, 0.02)
 
 
 @pytest.mark.parametrize("common", [True, False])
@@ -147,8 +147,8 @@ def test_boxes_have_the_resolution_of_the_sensor():
 def test_the_scatter_tells_errors_from_extent(common, spread):
     scene = Swimmers(common=common, spread=spread, false=0.0, pings=150)
     # Clutter of no density is no sensor's.
-    sensor, scatter = replace(scene, false=1.0).sensor, EchoScatter.nothing()
-    extent = PlotExtent(8.0, 8.0, 0.1)
+    sensor, scatter = replace(scene, false=1.0).sensor, ClusterDispersion.nothing()
+    extent = ClusterExtent(8.0, 8.0, 0.1)
     for ping in scene.draw(3):
         label = grouped(ping.scan.range, ping.scan.azimuth, extent)
         scatter = scatter.after(ping.scan, label, sensor)

@@ -11,9 +11,8 @@ from support.builders import detections, fit_matrix, whitened
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
-from tsepm_ros.tracker import path_fit
-from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert, covariance_at
-from tsepm_ros.tracker.path_fit import (
+from tsepm_ros.tracker import initial_state
+from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
     fit,
     position_covariances_at,
@@ -21,6 +20,7 @@ from tsepm_ros.tracker.path_fit import (
     unweighted,
     weighted,
 )
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert, covariance_at
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
 
@@ -374,7 +374,7 @@ def assert_kept(hits: np.ndarray, sensor: SensorModel) -> None:
 
 
 def test_a_polar_fit_that_does_not_converge_keeps_the_weighted_one(monkeypatch):
-    monkeypatch.setattr(path_fit, "POLAR_PASSES", 1)
+    monkeypatch.setattr(initial_state, "POLAR_PASSES", 1)
     assert_kept(polar_hits(20), GROWING)
 
 

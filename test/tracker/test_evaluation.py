@@ -12,7 +12,7 @@ from support.builders import detections
 from tsepm_ros import SensorModel
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
-from tsepm_ros.tracker.path_fit import fit
+from tsepm_ros.tracker.initial_state import fit
 
 SENSOR = SensorModel()
 

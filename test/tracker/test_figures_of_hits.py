@@ -8,8 +8,8 @@ from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.initial_state import figures_of_hits
 from tsepm_ros.tracker.measurement import major_sigma
-from tsepm_ros.tracker.path_fit import figures_of_hits
 from tsepm_ros.tracker.tracks import TrackArrays
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from tsepm_ros.tracker.confirmation import held_share, hit_posterior
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import Hypotheses
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import DETECTION
-from tsepm_ros.tracker.path_fit import NO_HIT
 
 
 def test_the_held_share_is_over_all_hits_weighted_by_likelihood():

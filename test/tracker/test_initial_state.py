@@ -8,7 +8,7 @@ from support.builders import detections, whitened
 
 from tsepm_ros import SensorModel
 from tsepm_ros.studies.sequential import ESTIMATORS, estimate, kalman, line
-from tsepm_ros.tracker.path_fit import unweighted, weighted
+from tsepm_ros.tracker.initial_state import unweighted, weighted
 
 TIMES = np.array([-60.0, -48.0, -24.0, -12.0, -5.0])
 VELOCITY = np.array([3.0, -4.0])

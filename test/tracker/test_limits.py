@@ -15,9 +15,9 @@ from support.scenes import random_scene
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.tsepm import PathCounts, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import TimeLimit, keep_best
+from tsepm_ros.tracker.initial_state import Paths
 from tsepm_ros.tracker.maintenance.track_maintenance import best_held, room_for
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.path_fit import Paths
 from tsepm_ros.tracker.tracker import Tracker
 
 

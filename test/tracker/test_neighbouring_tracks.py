@@ -6,11 +6,11 @@ import numpy as np
 
 from tsepm_ros import SensorModel
 from tsepm_ros.numerics.arrays import changed
-from tsepm_ros.tracker import plot_extraction
-from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
-from tsepm_ros.tracker.maintenance.gated_detections import OwnDetections
+from tsepm_ros.tracker.clusters import extended_targets
+from tsepm_ros.tracker.clusters.extended_targets import BESIDE, of_neighbours
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.maintenance.stationary import StraightFits
-from tsepm_ros.tracker.plot_extraction import BESIDE, of_neighbours
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 SENSOR = SensorModel(max_range=300.0, range_std=0.3, range_std_fraction=0.0, azimuth_std=0.001)
@@ -39,7 +39,7 @@ def fits(held: TrackArrays) -> StraightFits:
 
 def flagged(held: TrackArrays, fitted: StraightFits | None = None) -> list[bool]:
     """Of four detections, of which each track has one."""
-    table = changed(HeldTracks.of(held, 1.0), fits=fitted or fits(held))
+    table = changed(ConfirmedTracks.of(held, 1.0), fits=fitted or fits(held))
     own = OwnDetections(held.track_id, np.arange(len(held)))
     return of_neighbours(4, own, table, SENSOR).tolist()
 
@@ -71,5 +71,5 @@ def test_tracks_far_from_every_older_one_keep_their_detections():
 
 def test_of_very_many_tracks_the_first_are_compared(monkeypatch):
     held = tracks((100.0, 0.0), (100.0, 5.0), (100.0, 10.0))
-    monkeypatch.setattr(plot_extraction, "MOST_TRACKS", 2)
+    monkeypatch.setattr(extended_targets, "MOST_TRACKS", 2)
     assert flagged(held) == [False, True, False, False]

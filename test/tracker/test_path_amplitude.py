@@ -13,7 +13,7 @@ from tsepm_ros import make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tracker import evaluation
-from tsepm_ros.tracker.clutter.target_strength import ScanStrengths, log_ratio
+from tsepm_ros.tracker.clutter.amplitude_likelihood import ScanAmplitudes, log_ratio
 from tsepm_ros.tracker.evaluation import PATH_ODDS
 from tsepm_ros.tracker.hypotheses import Hypotheses
 
@@ -58,7 +58,7 @@ class Observed:
 
     def __init__(self, exponents) -> None:
         self.detections = np.zeros(len(exponents))
-        self.strengths = ScanStrengths.of(np.asarray(exponents, float), 250.0, 16)
+        self.strengths = ScanAmplitudes.of(np.asarray(exponents, float), 250.0, 16)
 
 
 def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():

@@ -8,7 +8,7 @@ from support.builders import detections
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.detection_window import DetectionWindow
-from tsepm_ros.tracker.path_fit import MAX_ROWS_TOGETHER, NO_HIT, Paths, fit, fit_paths
+from tsepm_ros.tracker.initial_state import MAX_ROWS_TOGETHER, NO_HIT, Paths, fit, fit_paths
 
 
 def paths(hit_count: np.ndarray, most: int) -> Paths:

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 from support.plain_plots import plain_groups
 
-from tsepm_ros.tracker import clustering
-from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent, crowded, grouped, plots_of
+from tsepm_ros.tracker.clusters import grouping
+from tsepm_ros.tracker.clusters.grouping import (
+    ClusterErrors,
+    ClusterExtent,
+    clusters_of,
+    crowded,
+    grouped,
+)
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -26,7 +32,7 @@ def test_groups_are_those_of_plain_loops(seed):
     n, size = int(rng.integers(0, 50)), rng.uniform(5.0, 80.0)
     range_ = rng.uniform(100.0, 100.0 + size, n)
     azimuth = np.pi + rng.uniform(-size, size, n) / 200.0  # across the jump of the azimuth
-    extent = PlotExtent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
+    extent = ClusterExtent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
     scan = Scan(0.0, range_, azimuth)
     plain = plain_groups(
         list(zip(scan.range, scan.azimuth, strict=True)), extent.along, extent.across, extent.beam
@@ -36,7 +42,7 @@ def test_groups_are_those_of_plain_loops(seed):
 
 def test_no_chain_of_detections_becomes_one():
     range_ = 100.0 + 0.9 * np.arange(50)
-    label = grouped(range_, np.zeros(50), PlotExtent(2.0, 2.0))
+    label = grouped(range_, np.zeros(50), ClusterExtent(2.0, 2.0))
     widths = [np.ptp(range_[label == one]) for one in np.unique(label)]
     assert max(widths) <= 2.0
     assert len(widths) < 35
@@ -45,7 +51,7 @@ def test_no_chain_of_detections_becomes_one():
 def test_a_saturated_receiver_is_cut_in_cells_in_time():
     rng = np.random.default_rng(1)
     range_, azimuth = rng.uniform(100.0, 120.0, 30_000), rng.uniform(0.0, 0.2, 30_000)
-    extent = PlotExtent(4.0, 4.0)
+    extent = ClusterExtent(4.0, 4.0)
     label = grouped(range_, azimuth, extent)
     assert 20 <= len(np.unique(label)) <= 100
     for one in np.unique(label):
@@ -55,7 +61,7 @@ def test_a_saturated_receiver_is_cut_in_cells_in_time():
 
 def test_more_pairs_than_a_limit_are_seen_without_making_them():
     range_, azimuth = np.linspace(100.0, 109.0, 10), np.zeros(10)
-    extent = PlotExtent(1.5, 1.5)  # each with the next two, as far as its diagonal: 17 pairs
+    extent = ClusterExtent(1.5, 1.5)  # each with the next two, as far as its diagonal: 17 pairs
     assert not crowded(range_, azimuth, extent, 50), "all pairs are fewer"
     assert not crowded(range_, azimuth, extent, 17)
     assert crowded(range_, azimuth, extent, 16)
@@ -63,7 +69,7 @@ def test_more_pairs_than_a_limit_are_seen_without_making_them():
 
 def test_detections_in_one_place_are_one_plot():
     n = 4000
-    label = grouped(np.full(n, 1000.0), np.zeros(n), PlotExtent(1.0, 1.0))
+    label = grouped(np.full(n, 1000.0), np.zeros(n), ClusterExtent(1.0, 1.0))
     assert (label == 0).all()
 
 
@@ -76,7 +82,7 @@ def test_a_plot_has_its_strongest_members_figures_and_the_width_of_all():
         features={"intensity": [1.0, 5.0, 3.0], "range_width": [0.5, 0.5, 0.5]},
         sensor_pose=[[0.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]],
     )
-    made = plots_of(scan, np.array([0, 1, 0]), EchoErrors(), SENSOR)
+    made = clusters_of(scan, np.array([0, 1, 0]), ClusterErrors(), SENSOR)
     assert made.strongest.tolist() == [2, 1]
     assert made.scan.range == pytest.approx([200.75, 50.0])
     assert math.remainder(made.scan.azimuth[0] - (math.pi + 0.002), 2 * math.pi) == pytest.approx(0)
@@ -89,21 +95,21 @@ def test_a_plot_has_its_strongest_members_figures_and_the_width_of_all():
 
 def test_without_intensities_the_member_nearest_to_the_centroid_counts():
     scan = Scan(0.0, [10.0, 11.0, 15.0], [0.0, 0.0, 0.0])
-    made = plots_of(scan, np.zeros(3, int), EchoErrors(), SENSOR)
+    made = clusters_of(scan, np.zeros(3, int), ClusterErrors(), SENSOR)
     assert made.strongest.tolist() == [1]
     assert made.scan.range == pytest.approx([12.0])
 
 
 def test_a_plot_at_the_sensor_has_any_azimuth():
     scan = Scan(0.0, [0.01, 0.02], [0.0, 1.0])
-    made = plots_of(scan, np.zeros(2, int), EchoErrors(1.0, 4.0), SENSOR)
+    made = clusters_of(scan, np.zeros(2, int), ClusterErrors(1.0, 4.0), SENSOR)
     assert made.scan.azimuth_std.tolist() == [math.pi]
 
 
 def test_detections_alone_stay_as_they_are():
     rng = np.random.default_rng(2)
     scan = Scan(0.0, rng.uniform(10.0, 20.0, 9), rng.uniform(-3.0, 3.0, 9))
-    made = plots_of(scan, np.arange(9), EchoErrors(0.7, 0.0), SENSOR)
+    made = clusters_of(scan, np.arange(9), ClusterErrors(0.7, 0.0), SENSOR)
     assert made.scan.range.tobytes() == scan.range.tobytes()
     assert made.scan.azimuth.tobytes() == scan.azimuth.tobytes()
     assert not made.own_range_std.any()
@@ -128,8 +134,8 @@ def test_a_plot_errs_as_is_said(independent, weighted):
         offset[..., 1].ravel() / place,
         **{"features": intensity},
     )
-    errors = EchoErrors(independent, extent**2 / 12.0)
-    made = plots_of(scan, label, errors, SENSOR)
+    errors = ClusterErrors(independent, extent**2 / 12.0)
+    made = clusters_of(scan, label, errors, SENSOR)
     tolerance = 4.0 * math.sqrt(2.0 / n)
     along = np.mean((made.scan.range - place) ** 2 / made.scan.range_std**2)
     across = np.mean(made.scan.azimuth**2 / made.scan.azimuth_std**2)
@@ -149,7 +155,7 @@ def test_chosen_detections_keep_what_is_theirs():
         sensor_pose=[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]],
         sensor_velocity=[[1.0, 2.0], [3.0, 4.0]],
     )
-    one = clustering.chosen(scan, np.array([1]))
+    one = grouping.chosen(scan, np.array([1]))
     assert (one.range, one.azimuth, one.range_std) == ([20.0], [0.2], [2.0])
     assert (one.azimuth_std, one.time_offset) == ([0.02], [0.4])
     assert one.features["intensity"] == [6.0]

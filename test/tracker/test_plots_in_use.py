@@ -23,7 +23,7 @@ from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker import clustering
+from tsepm_ros.tracker.clusters import grouping
 
 MANY = [
     pytest.param(spread, common, id=f"{spread:g}m-{'common' if common else 'independent'}")
@@ -302,9 +302,9 @@ def test_neighbouring_rays_are_one_plot_at_once():
 
 def test_the_detections_of_a_scan_are_grouped_once(monkeypatch):
     calls: list[int] = []
-    grouped = clustering.grouped
+    grouped = grouping.grouped
     monkeypatch.setattr(
-        clustering, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments)
+        grouping, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments)
     )
     scene = Swimmers(pings=14)
     initiator = initiator_of(scene)

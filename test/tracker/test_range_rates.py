@@ -18,8 +18,8 @@ from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, si
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea
 from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker.initial_state import ESTIMATORS, fit
 from tsepm_ros.tracker.measurement import DETECTION, convert, covariance_at
-from tsepm_ros.tracker.path_fit import ESTIMATORS, fit
 
 SENSOR = SensorModel(
     range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0), range_rate_std=0.25

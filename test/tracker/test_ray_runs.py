@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tracker.clustering import goes_on
+from tsepm_ros.tracker.clusters.grouping import goes_on
 
 INCREMENT = math.radians(0.25)
 SLOPE = math.sin(INCREMENT) / math.sin(math.radians(20.0) - INCREMENT)

@@ -6,7 +6,7 @@ import numpy as np
 from support.builders import detections
 
 from tsepm_ros.tracker.detection_window import DetectionWindow
-from tsepm_ros.tracker.path_fit import NO_HIT
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.tracks import tracks_from_hits
 
 

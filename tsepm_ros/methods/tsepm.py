@@ -67,9 +67,9 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, Tim
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.initial_state import ESTIMATORS, Fit, Paths, fit, starting
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
-from tsepm_ros.tracker.path_fit import ESTIMATORS, Fit, Paths, fit, starting
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits

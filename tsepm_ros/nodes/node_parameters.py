@@ -133,14 +133,14 @@ class NodeParameters:
         node: ParameterisedNode,
         groups: Groups,
         on_change: Callable[[OptionsByType], None] = lambda options: None,
-        rehearse: Callable[[OptionsByType], None] = lambda options: None,
+        validate: Callable[[OptionsByType], None] = lambda options: None,
         failures: tuple[type[Exception], ...] = (),
     ) -> None:
         self._node = node
         chosen = node.get_parameters_by_prefix("").get("method")
         self._groups = with_method(groups, chosen and chosen.value)
         self._on_change = on_change
-        self._rehearse = rehearse
+        self._rehearse = validate
         self._failures = failures
         self._rows = {row.name: row for row in full_table(self._groups)}
         self._refuse_unknown()

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -203,7 +204,6 @@ class OfferedSubscription:
         self._subscribe(ReliabilityPolicy.BEST_EFFORT)
 
 
-TOPIC = "detections"
 DEFAULT_TYPE = "sensor_msgs/msg/PointCloud2"
 """Type that is subscribed to while there is no publisher."""
 POLL_PERIOD = 0.1
@@ -248,6 +248,9 @@ class DetectionsSubscription:
         Period of the graph queries once a driver is known, s: its message type may change.
     find_class : callable, optional
         Returns the message class of a type, or raises MessageError.
+    topic : str, optional
+    readable : sequence of str, optional
+        Types that are read; by default those of detections.
 
     Attributes
     ----------
@@ -271,11 +274,17 @@ class DetectionsSubscription:
         watch: QosWatch,
         *,
         connected_poll_period: float = CONNECTED_POLL_PERIOD,
-        find_class: Callable[[str], type] = message_class,
+        find_class: Callable[..., type] = message_class,
+        topic: str = "detections",
+        readable: Sequence[str] | None = None,
     ) -> None:
         self._node = node
         self._watch_period = connected_poll_period
-        self._find_class = find_class
+        self._topic = topic
+        self._readable = supported_types() if readable is None else readable
+        self._find_class: Callable[[str], type] = (
+            find_class if readable is None else partial(find_class, readable=readable)
+        )
         self._reliability = reliability
         self._depth = depth
         self._callback = callback
@@ -283,16 +292,19 @@ class DetectionsSubscription:
         self._subscription: OfferedSubscription | None = None
         self._refused_types: set[str] = set()
         self._type_name = type_name
+        self._default = DEFAULT_TYPE if readable is None else readable[-1]
         self._published_types: tuple[str, ...] = ()
         self.subscribed = ""
         self._queries = 0
         if type_name != "auto":
-            with refusing("detections_type"):
-                find_class(type_name)
+            with refusing(f"{topic}_type"):
+                self._find_class(type_name)
         if type_name != "auto" and reliability != "auto":
             self._subscribe(type_name, _RELIABILITY[reliability])
         else:
-            node.get_logger().info(f"waiting for a publisher of {node.resolve_topic_name(TOPIC)}")
+            node.get_logger().info(
+                f"waiting for a publisher of {node.resolve_topic_name(self._topic)}"
+            )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
         self._query_publishers()
@@ -312,7 +324,7 @@ class DetectionsSubscription:
         return tuple(name for name in self.unread if not self._fault(name))
 
     def _query_publishers(self) -> None:
-        publishers = self._node.get_publishers_info_by_topic(TOPIC)
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
         self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
         if readable and not self.subscribed:
@@ -326,7 +338,7 @@ class DetectionsSubscription:
             self._subscribe(kind, _RELIABILITY.get(self._reliability, offered))
         elif self._queries and not publishers and self._subscription is None:
             # Not at the start: a process has one type of a topic, and may have a driver of its own.
-            expected = DEFAULT_TYPE if self._type_name == "auto" else self._type_name
+            expected = self._default if self._type_name == "auto" else self._type_name
             asked = _RELIABILITY.get(self._reliability, ReliabilityPolicy.RELIABLE)
             self._subscription = self._made(expected, asked)
             self._subscription.provisional = expected
@@ -342,7 +354,7 @@ class DetectionsSubscription:
 
     def _log_unread(self, type_name: str) -> None:
         """Log why messages of a published type are not read."""
-        published = f"{self._node.resolve_topic_name(TOPIC)} is published as {type_name}"
+        published = f"{self._node.resolve_topic_name(self._topic)} is published as {type_name}"
         fault = self._fault(type_name)
         if fault:
             self._node.get_logger().error(f"{published}, {fault}")
@@ -354,7 +366,7 @@ class DetectionsSubscription:
 
     def _fault(self, type_name: str) -> str:
         """Why a type is not read; empty if it is."""
-        readable = supported_types() if self._type_name == "auto" else (self._type_name,)
+        readable = self._readable if self._type_name == "auto" else (self._type_name,)
         if type_name not in readable:
             one_of = "one of " if len(readable) > 1 else ""
             return f"which this node does not read; it reads {one_of}{', '.join(readable)}"
@@ -378,7 +390,7 @@ class DetectionsSubscription:
         return OfferedSubscription(
             self._node,
             self._find_class(type_name),
-            TOPIC,
+            self._topic,
             self._depth,
             self._callback,
             self._watch,

@@ -30,8 +30,8 @@ from tsepm_ros.nodes.subscriptions import (
     newest,
 )
 from tsepm_ros.own_ship.registration import Mounting
+from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
-from tsepm_ros.session.plausibility import questions
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, help_text, settings_from
@@ -210,7 +210,7 @@ class TrackInitiator(ParameterisedNode):
         return response
 
     def _rehearse(self, parameters: Mapping[type[Any], Any]) -> None:
-        self._session.rehearse(settings_from(parameters))
+        self._session.validate(settings_from(parameters))
 
     def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
         if not self._session.configure(settings_from(parameters)):

@@ -20,7 +20,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import ahead_and_port, horizontal_range_rate, levelled
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.clustering import chosen
+from tsepm_ros.tracker.clusters.grouping import chosen
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, wrap
 
 

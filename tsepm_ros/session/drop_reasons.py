@@ -28,7 +28,7 @@ def shortened(sentence: str) -> str:
     return sentence[: MAX_SENTENCE - len(CUT) - end] + CUT + sentence[-end:]
 
 
-class Refusal(NamedTuple):
+class Rejection(NamedTuple):
     """A drop with its reason, which the session counts and reports.
 
     Attributes
@@ -61,7 +61,7 @@ class Notice(NamedTuple):
     sentence: str
 
 
-Remark = Refusal | Notice
+Remark = Rejection | Notice
 
 DETECTIONS, OWN_SHIP = "detections", "own ship"
 TRACKER, INITIATION = "downstream tracker", "track initiation"

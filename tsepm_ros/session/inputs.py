@@ -17,8 +17,8 @@ from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.attitude import stated_axes, without_suffix
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
-from tsepm_ros.session.drop_reasons import Notice, Refusal, Remark
-from tsepm_ros.session.plausibility import leap_seconds
+from tsepm_ros.session.consistency_checks import leap_seconds
+from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.land import LandMask
@@ -58,7 +58,9 @@ class Frames:
         self.sensor = self.options.sensor_frame.lstrip("/")
         self.own_ship = ""
 
-    def admit(self, arrived: SensorScan, max_detections: int) -> tuple[SensorScan, Refusal | None]:
+    def admit(
+        self, arrived: SensorScan, max_detections: int
+    ) -> tuple[SensorScan, Rejection | None]:
         """A scan with its frame, which is adopted; or a refusal of its size or frame.
 
         An empty frame becomes the frame of the options, if any.
@@ -69,7 +71,7 @@ class Frames:
         frame_id = arrived.frame_id
         if not frame_id:
             said = "the frame_id of the detections is empty, and so is sensor_frame"
-            return arrived, Refusal("empty_frame", said)
+            return arrived, Rejection("empty_frame", said)
         stem = without_suffix(frame_id)
         expected = [(self.sensor, [frame_id])]
         if not self._moves and not arrived.north_referenced:
@@ -78,7 +80,7 @@ class Frames:
         for frame, names in expected:
             if frame and frame not in names:
                 said = f"detections are in frame {frame_id!r}, expected {frame!r}"
-                return arrived, Refusal("unknown_frame", said)
+                return arrived, Rejection("unknown_frame", said)
         refusal = self.refuse_size(arrived, max_detections)
         if refusal is None:
             self.sensor = frame_id
@@ -86,25 +88,25 @@ class Frames:
                 self.fixed = stem
         return arrived, refusal
 
-    def refuse_size(self, arrived: SensorScan, limit: int) -> Refusal | None:
+    def refuse_size(self, arrived: SensorScan, limit: int) -> Rejection | None:
         """Refuse a scan with more detections than the limit."""
         number = len(arrived.scan.range)
         if number <= limit:
             return None
         said = f"a scan has {number} detections, more than max_detections = {limit}"
-        return Refusal("too_many_detections", said)
+        return Rejection("too_many_detections", said)
 
-    def take_pose(self, sample: PoseSample) -> Refusal | None:
+    def take_pose(self, sample: PoseSample) -> Rejection | None:
         """Adopt the frames of own-ship data, or refuse them."""
         frame = sample.frame_id or self.options.fixed_frame.lstrip("/")
         if not frame:
-            return Refusal(
+            return Rejection(
                 "own_ship_empty_frame",
                 "the frame_id of the own-ship data is empty, and so is fixed_frame",
             )
         self.fixed = self.fixed or frame
         if frame != self.fixed:
-            return Refusal(
+            return Rejection(
                 "own_ship_frame",
                 f"own-ship data is in frame {frame!r}, the fixed frame is {self.fixed!r}",
             )
@@ -209,7 +211,7 @@ class OwnShipInput:
             return []
         stamp = f"own-ship data at {sample.stamp:.3f} s"
         remarks: list[Remark] = [
-            Refusal("own_ship_late", f"{stamp} is not newer than the last sample")
+            Rejection("own_ship_late", f"{stamp} is not newer than the last sample")
         ]
         if self.poses.late_span > self._options.own_ship_timeout:
             self.restart(sample.stamp)
@@ -224,13 +226,13 @@ class OwnShipInput:
             self.poses.clear()
         self.restarted = True
 
-    def without_late_echoes(self, arrived: SensorScan) -> tuple[SensorScan, Refusal | None]:
+    def without_late_echoes(self, arrived: SensorScan) -> tuple[SensorScan, Rejection | None]:
         """Leave out the echoes at times for which a moving sensor's scan would wait in vain."""
         usable = registration.usable_echoes(arrived)
         lost = len(usable) - int(np.count_nonzero(usable))
         if not lost:
             return arrived, None
-        refusal = Refusal(
+        refusal = Rejection(
             "echo_too_late",
             f"{lost} detections dropped: {registration.MAX_ECHO_TIME:g} s or more from their ping",
             lost,
@@ -259,7 +261,7 @@ class OwnShipInput:
             if newest is not None and (now is None or now < newest):
                 return
 
-    def refuse(self, arrived: SensorScan) -> Refusal | None:
+    def refuse(self, arrived: SensorScan) -> Rejection | None:
         """Refuse a scan that need not wait and has no poses."""
         first, last = registration.echo_span(arrived)
         coverage = self.poses.coverage(first, last)
@@ -273,7 +275,7 @@ class OwnShipInput:
             side = "before" if newest < last else "after"
             sentence += f", the newest is {abs(newest - last):.3g} s {side} its last echo"
             sentence += leap_seconds(newest - last)
-        return Refusal(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
+        return Rejection(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
 
     def _is_ahead(self, stamp: float) -> bool:
         last = self.poses.last_stamp
@@ -314,11 +316,11 @@ def register(
         try:
             scan = registration.to_fixed_frame(arrived, own_ship.poses, mounting, sector=sector)
         except registration.PosesJumpError as error:
-            return None, [*remarks, Refusal("own_ship_jump", str(error))]
+            return None, [*remarks, Rejection("own_ship_jump", str(error))]
         lost = len(arrived.scan) - len(scan)
         if lost:
             said = f"{lost} detections dropped: vertically above or below the tilted sensor"
-            remarks.append(Refusal("no_horizontal_range", said, lost))
+            remarks.append(Rejection("no_horizontal_range", said, lost))
     else:
         scan = registration.at_rest(arrived)
         if stated_axes(frames.fixed) == "down" and not arrived.north_referenced:
@@ -339,13 +341,13 @@ def register(
 
 def _refuse_heading(
     arrived: SensorScan, own_ship: OwnShipInput, settings: Settings
-) -> Refusal | None:
+) -> Rejection | None:
     """Refuse a scan that needs a heading if the heading is unknown."""
     # The sector is relative to the bow, so azimuths from north need the heading.
     sector = not settings.sensor.all_round
     if not own_ship.moves:
         if sector and arrived.north_referenced:
-            return Refusal(
+            return Rejection(
                 "heading_unknown", "bearings from north need a heading if the coverage is a sector"
             )
         return None
@@ -354,12 +356,12 @@ def _refuse_heading(
     covariance = own_ship.poses.covariance(arrived.scan.stamp)
     if covariance is None or covariance[2, 2] <= MAX_YAW_VARIANCE:
         return None
-    return Refusal(
+    return Rejection(
         "heading_unknown", "the detections need a heading, which the own-ship data does not have"
     )
 
 
-class DownstreamInput:
+class ExternalTrackerInput:
     """The newest report of the downstream tracker, until a scan uses it."""
 
     def __init__(self) -> None:
@@ -370,7 +372,7 @@ class DownstreamInput:
         self._report: TrackerReport | None = None
         self._stamp = -math.inf
 
-    def add(self, report: TrackerReport, fixed: str, restart_jump: float) -> list[Refusal]:
+    def add(self, report: TrackerReport, fixed: str, restart_jump: float) -> list[Rejection]:
         """Take a report; return refusals of it, or of its targets.
 
         Parameters
@@ -385,12 +387,12 @@ class DownstreamInput:
             return [_in_another_frame(report, fixed)]
         if 0.0 < self._stamp - report.stamp <= restart_jump:
             said = f"tracked targets at {report.stamp:.3f} s arrived late"
-            return [Refusal("tracked_late", said)]
+            return [Rejection("tracked_late", said)]
         tracks, dropped = usable(report.tracks)
         self._report = dataclasses.replace(report, tracks=tracks)
         self._stamp = report.stamp
         return [
-            Refusal(reason, f"{number} tracked targets dropped: {reason}", number)
+            Rejection(reason, f"{number} tracked targets dropped: {reason}", number)
             for reason, number in dropped.items()
         ]
 
@@ -413,12 +415,12 @@ class DownstreamInput:
             f"tracked targets at {report.stamp:.3f} s do not match the time of the scan at "
             f"{stamp:.3f} s"
         )
-        return None, [Refusal("tracked_stale", said)]
+        return None, [Rejection("tracked_stale", said)]
 
 
-def _in_another_frame(report: TrackerReport, fixed: str) -> Refusal:
+def _in_another_frame(report: TrackerReport, fixed: str) -> Rejection:
     said = f"tracked targets are in frame {report.frame_id!r}, the fixed frame is {fixed!r}"
-    return Refusal("tracked_frame", said)
+    return Rejection("tracked_frame", said)
 
 
 class LandInput:
@@ -453,7 +455,7 @@ class LandInput:
             return [Notice("land", "land is empty: no detections are left out")] if had else []
         if frame != fixed:
             said = f"land is in frame {frame!r}, the fixed frame is {fixed!r}"
-            return [Refusal("land_frame", said)]
+            return [Rejection("land_frame", said)]
         self.mask, self._frame = mask, frame
         said = f"land: detections on {mask.cells} cells of {mask.resolution:g} m are left out"
         return [Notice("land", said)]

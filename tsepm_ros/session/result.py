@@ -14,7 +14,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import exchanged, stated_axes
-from tsepm_ros.session.plausibility import SensorFigures
+from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan

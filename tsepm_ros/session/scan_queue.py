@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.drop_reasons import Refusal
+from tsepm_ros.session.drop_reasons import Rejection
 
 Now = float | tuple[float, ...]
 """Time on one clock or on several, s."""
@@ -155,7 +155,7 @@ class Waiting(NamedTuple):
     scan: SensorScan
     arrival: Arrival
     seconds: float
-    refusal: Refusal | None
+    refusal: Rejection | None
 
 
 class ScanQueue:
@@ -185,13 +185,13 @@ class ScanQueue:
         """Stamp of the waiting scan that arrived last, s."""
         return self.scans[-1][1].scan.stamp if self.scans else None
 
-    def add(self, arrived: SensorScan, now: Now) -> Refusal | None:
+    def add(self, arrived: SensorScan, now: Now) -> Rejection | None:
         """Add a scan that arrived at `now`, s; refuse the oldest scan if the queue is full."""
         self.scans.append((now, arrived))
         if len(self.scans) <= self._length:
             return None
         self.remove_first()
-        return Refusal("queue_full", f"more than {self._length} scans wait for own-ship data")
+        return Rejection("queue_full", f"more than {self._length} scans wait for own-ship data")
 
     def first(self, now: Now, *, last: bool) -> Waiting | None:
         """The first scan in the queue, classified by its stamp.
@@ -221,7 +221,7 @@ class ScanQueue:
             stamp = scan.scan.stamp
             reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self._arrival.value}"
             fault = "not set" if stamp == 0.0 else "not later than the last scan's"
-            refusal = Refusal(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
+            refusal = Rejection(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
         return Waiting(scan, self._arrival, waited(since, now), refusal)
 
     def remove_first(self) -> None:

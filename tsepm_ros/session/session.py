@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterable, Iterator
 
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.drop_reasons import FAILURES, Notice, Refusal, Remark, shortened
-from tsepm_ros.session.inputs import DownstreamInput, Frames, LandInput, OwnShipInput, register
-from tsepm_ros.session.plausibility import Losses, MessageCheck, SensorCheck, findings
+from tsepm_ros.session.consistency_checks import Losses, MessageCheck, SensorCheck, findings
+from tsepm_ros.session.drop_reasons import FAILURES, Notice, Rejection, Remark, shortened
+from tsepm_ros.session.inputs import ExternalTrackerInput, Frames, LandInput, OwnShipInput, register
 from tsepm_ros.session.result import ScanResult, SessionSnapshot
 from tsepm_ros.session.scan_queue import QUEUE_LENGTH, Arrival, Now, ScanOrder, ScanQueue, Waiting
 from tsepm_ros.session.sweep import Sweep
@@ -89,7 +89,7 @@ class Session:
         self._sweep = Sweep(settings)
         self.own_ship = OwnShipInput(options)
         self._frames = Frames(options, moves=self.own_ship.moves)
-        self._downstream = DownstreamInput()
+        self._downstream = ExternalTrackerInput()
         self._land = LandInput()
         self._message_check = MessageCheck()
         self._losses = Losses()
@@ -144,7 +144,7 @@ class Session:
         self._frames.options = options
         return kept
 
-    def rehearse(self, settings: Settings) -> None:
+    def validate(self, settings: Settings) -> None:
         """Raise the errors of `configure`, without a change."""
         self.tracker.with_settings(settings.make_method())
 
@@ -309,7 +309,7 @@ class Session:
     def _report_all(self, remarks: Iterable[Remark]) -> None:
         """Count and report refusals; report notices."""
         for remark in remarks:
-            if isinstance(remark, Refusal):
+            if isinstance(remark, Rejection):
                 self.drop(*remark)
             else:
                 self._report(remark.subject, shortened(remark.sentence))
@@ -443,9 +443,9 @@ class Session:
                 f"{outside} of {len(scan)} detections dropped: outside the coverage of "
                 "sensor.min_range, max_range, azimuth_min and azimuth_max"
             )
-            remarks.append(Refusal("outside_coverage", said, outside))
+            remarks.append(Rejection("outside_coverage", said, outside))
         if statistics.on_land:
-            remarks.append(Refusal("on_land", "", statistics.on_land))
+            remarks.append(Rejection("on_land", "", statistics.on_land))
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
         counted, self._strengths_count = self._strengths_count, tracker.uses_intensity
         if counted != self._strengths_count:

@@ -21,11 +21,11 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import SensorScan, selected
-from tsepm_ros.session.drop_reasons import Notice, Refusal, Remark
+from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.session.scan_queue import MAX_INTERVAL, Now, waited
 from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, looked_at, sees_all
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clustering import goes_on
+from tsepm_ros.tracker.clusters.grouping import goes_on
 from tsepm_ros.tracker.scan import Scan, turned
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -379,14 +379,14 @@ class Sweep:
         self._late_since = math.nan
         return Taken(scans, refusals)
 
-    def _refuse_far_back(self) -> list[Refusal]:
+    def _refuse_far_back(self) -> list[Rejection]:
         """Refuse a message whose stamp is far back, and that no other has confirmed."""
         held, self._far_back = self._far_back, None
         if held is None:
             return []
         stamp = held.scan.stamp
         reason = "stamp_not_set" if stamp == 0.0 else "scan_far_back"
-        return [Refusal(reason, f"the message at {stamp:.3f} s is far back")]
+        return [Rejection(reason, f"the message at {stamp:.3f} s is far back")]
 
     def _begin(self, message: SensorScan) -> list[SensorScan]:
         """Begin anew with a message; return it if it is a scan by itself."""
@@ -459,7 +459,7 @@ class Sweep:
         """Put a late message in its place in the open scan, or refuse it."""
         stamp, stamps = message.scan.stamp, [part.message.scan.stamp for part in scan.parts]
         if stamp in stamps:
-            return Taken([], [Refusal("scan_same_stamp", f"a second message at {stamp:.3f} s")])
+            return Taken([], [Rejection("scan_same_stamp", f"a second message at {stamp:.3f} s")])
         place = bisect_left(stamps, stamp)
         if place > 0 and self._lies_between(message, *scan.parts[place - 1 : place + 1]):
             beam = 0.5 * (scan.parts[place - 1].beam + scan.parts[place].beam)
@@ -469,7 +469,7 @@ class Sweep:
             self._late_since = stamp
         self._late_stamp = stamp
         if stamp - self._late_since <= MAX_LATE_TIME * self._turn.seconds:
-            return Taken([], [Refusal("scan_late", f"the message at {stamp:.3f} s is late")])
+            return Taken([], [Rejection("scan_late", f"the message at {stamp:.3f} s is late")])
         self._late_since = math.nan  # the clock was set back
         return Taken(self._end() + self._begin(message), [])
 

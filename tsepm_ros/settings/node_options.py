@@ -483,3 +483,59 @@ def udp_address(text: str) -> tuple[str, int] | None:
             f"nmea_address must be an address and a port, such as 127.0.0.1:10110; got {text!r}"
         )
     return host, int(port)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SonarDetectorNodeOptions(ParameterGroup):
+    """Options of the node `sonar_detector` beyond those of the detector."""
+
+    image_type: str = parameter(
+        "auto", "Message type of the images; auto: the publisher's type", read_only=True
+    )
+    image_reliability: str = parameter(
+        "auto",
+        "Reliability of the subscription; auto: the publisher's reliability",
+        choices=("auto", "reliable", "best_effort"),
+        read_only=True,
+    )
+    image_depth: int = parameter(
+        10, "Maximum number of queued images", minimum=1, maximum=100_000, read_only=True
+    )
+    sound_speed: float = parameter(
+        0.0,
+        "Sound speed where the messages state none; 0: 1500 m/s, and echoes of sensor_msgs/Image "
+        "and of radars are at the stamp",
+        unit="m/s",
+        minimum=0.0,
+        maximum=10_000.0,
+    )
+    tracker: str = parameter(
+        "track_initiator",
+        "Node whose sensor.min_range, max_range, azimuth_min and azimuth_max follow those of the "
+        "images when these change; empty: none",
+        read_only=True,
+    )
+    publish_normalised: bool = parameter(
+        False, "Publish the normalised image on image/normalised, 32FC1, a row per beam"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageLayout(ParameterGroup):
+    """How the rows of images lie; the coverage is that of the sensor."""
+
+    rows: str = parameter(
+        "auto",
+        "What the rows of an image are; auto: beams in RawSonarImage, else ranges. fan: a picture "
+        "in x and y, whose apex is the middle of the lowest row (all round: of the picture)",
+        choices=("auto", "ranges", "beams", "fan"),
+    )
+    near_first: bool = parameter(
+        False, "sensor_msgs/Image: the first row (of beams: the first column) is the nearest range"
+    )
+    port_first: bool = parameter(
+        True, "sensor_msgs/Image: the first column (of beams: the first row) is farthest to port"
+    )
+    clockwise: bool = parameter(
+        False, "Angles of single bearings and spokes grow clockwise, against the ROS convention"
+    )

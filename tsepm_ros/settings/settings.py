@@ -15,17 +15,20 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from tsepm_ros.detector.detector import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
 from tsepm_ros.settings.node_options import (
     BridgeNodeOptions,
     DiagnosticsOptions,
+    ImageLayout,
     InitiatorNodeOptions,
     PlaybackOptions,
     PlayerNodeOptions,
     SessionOptions,
     SimulatorNodeOptions,
+    SonarDetectorNodeOptions,
     ViewerNodeOptions,
 )
 from tsepm_ros.tracker.method import Method
@@ -107,11 +110,18 @@ TRACK_INITIATOR: Groups = (
 )
 SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions), ("", PlaybackOptions))
 SCAN_PLAYER: Groups = (("", PlayerNodeOptions), ("", PlaybackOptions))
+SONAR_DETECTOR: Groups = (
+    ("", SonarDetectorNodeOptions),
+    ("", DetectorOptions),
+    ("image.", ImageLayout),
+    ("sensor.", SensorModel),
+)
 TRACK_VIEWER: Groups = (("", ViewerNodeOptions),)
 TRACK_BRIDGE: Groups = (("", BridgeNodeOptions),)
 
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,
+    "sonar_detector": SONAR_DETECTOR,
     "sonar_simulator": SONAR_SIMULATOR,
     "scan_player": SCAN_PLAYER,
     "track_viewer": TRACK_VIEWER,
@@ -209,6 +219,7 @@ def settings_from(options: Mapping[type[Any], Any]) -> Settings:
 
 WIDTH = 100
 _EXAMPLES = {
+    "sonar_detector": "-r image:=/my_sonar/image -p false_detections_per_ping:=20.0",
     "track_initiator": "-r detections:=/my_sonar/detections -p max_speed:=5.0",
     "sonar_simulator": "-p scenario:=four_targets -p rate_factor:=10.0",
     "scan_player": "-p recording:=my_recording -p rate_factor:=10.0",
@@ -216,6 +227,8 @@ _EXAMPLES = {
     "track_bridge": "-p nmea_address:=127.0.0.1:10110 -p nmea_sentences:=both",
 }
 _TOPICS = {
+    "sonar_detector": "subscribes to image; publishes detections, detections/markers and "
+    "image/normalised (docs/sonar_images.md)",
     "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
     "tracks/current, tracks/markers and others (docs/topics.md)",
     "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",

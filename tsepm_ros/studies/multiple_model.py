@@ -43,12 +43,12 @@ from tsepm_ros.numerics.gaussian import correlated_beyond_one, proper, squared_d
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.path_following import PAIRING_SHARE, Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
-from tsepm_ros.tracker.association import Pairs, nearest_first, within
+from tsepm_ros.tracker.assignment import Pairs, nearest_first, within
 from tsepm_ros.tracker.evaluation import normalized_distance
+from tsepm_ros.tracker.initial_state import Fit, Paths, starting
 from tsepm_ros.tracker.measurement import major_sigma, rotated
 from tsepm_ros.tracker.method import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
-from tsepm_ros.tracker.path_fit import Fit, Paths, starting
 from tsepm_ros.tracker.sensor import SensorModel
 
 MAX_FILTERS = 500_000

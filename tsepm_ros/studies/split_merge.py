@@ -73,10 +73,10 @@ from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.initial_state import ESTIMATORS
 from tsepm_ros.tracker.measurement import unscented
 from tsepm_ros.tracker.method import Observation, Step
 from tsepm_ros.tracker.options import MnOptions
-from tsepm_ros.tracker.path_fit import ESTIMATORS
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 

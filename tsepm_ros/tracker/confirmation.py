@@ -52,11 +52,11 @@ from tsepm_ros.numerics.grouped import sums_over_hits
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE
 from tsepm_ros.tracker.merging import given_starts
 from tsepm_ros.tracker.method import NEW_TRACK_EXISTENCE, Observation
 from tsepm_ros.tracker.options import MIN_HITS
-from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
 
 MIN_HIT_PROBABILITY = 0.5

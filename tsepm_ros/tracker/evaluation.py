@@ -11,8 +11,8 @@ hypothesis tracking", IEEE Trans. Aerosp. Electron. Syst. 43(1), 2007)::
     hit           s + ln(P_D N(z; H x, S) / lambda) + ln L(n + 1, V + v) - ln L(n, V)
     miss          s + ln(1 - P_D P_G)
 
-with ln L(n, V) the ratio of the amplitudes of n hits, see `clutter.target_strength`. In clutter
-alone, the mean of the ratio over all hypotheses of a start is a martingale of mean 1: the
+with ln L(n, V) the ratio of the amplitudes of n hits, see `clutter.amplitude_likelihood`. In
+clutter alone, the mean of the ratio over all hypotheses of a start is a martingale of mean 1: the
 probability that it ever reaches A is at most 1 / A (Ville 1939, Wald 1945). This bound does not
 hold for the best hypothesis alone.
 
@@ -54,8 +54,8 @@ from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.initial_state import NO_HIT, Fit, position_covariances_at, positions_at
 from tsepm_ros.tracker.method import Observation, TargetHits
-from tsepm_ros.tracker.path_fit import NO_HIT, Fit, position_covariances_at, positions_at
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 EVALUATIONS = ("normalized_distance", "clutter_statistic")

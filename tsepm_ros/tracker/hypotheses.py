@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import motion, range_rates
+from tsepm_ros.tracker.initial_state import Paths
 from tsepm_ros.tracker.measurement import covariance_at
-from tsepm_ros.tracker.path_fit import Paths
 from tsepm_ros.tracker.sensor import SensorModel
 
 

@@ -32,10 +32,10 @@ from tsepm_ros.numerics import grouped
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
 from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
 from tsepm_ros.numerics.gaussian import gate_factor, solve
-from tsepm_ros.tracker.clustering import PlotExtent
+from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import major_sigma
-from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MERGINGS = ("moments", "refit")
@@ -515,7 +515,7 @@ def _pairs_with_older(positions: FloatArray, known: BoolArray | None) -> tuple[I
 
 
 def may_repeat_older(
-    tracks: TrackArrays, extent: PlotExtent, sensor_position: FloatArray
+    tracks: TrackArrays, extent: ClusterExtent, sensor_position: FloatArray
 ) -> BoolArray:
     """Which tracks may be of an older one's target, whose detections differed by an extent.
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tsepm_ros.parameters import check_group, parameter
-from tsepm_ros.tracker.path_fit import ESTIMATORS
+from tsepm_ros.tracker.initial_state import ESTIMATORS
 
 
 @dataclass(frozen=True, kw_only=True)

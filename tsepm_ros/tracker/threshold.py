@@ -39,8 +39,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.tracker import evaluation, motion, range_rates
-from tsepm_ros.tracker.clutter import target_strength
-from tsepm_ros.tracker.clutter.target_strength import PathRatio
+from tsepm_ros.tracker.clutter import amplitude_likelihood
+from tsepm_ros.tracker.clutter.amplitude_likelihood import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.method import Observation
 from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
@@ -53,7 +53,7 @@ ANY_RATIO = -1.0
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnTargets:
+class MonteCarloTargets:
     """Targets that were detected in the first scan.
 
     Attributes
@@ -80,7 +80,7 @@ class DrawnTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.of(target_strength.LAW_KNOWN, self.detected.shape[1])
+            ratio = PathRatio.of(amplitude_likelihood.LAW_KNOWN, self.detected.shape[1])
             evidence = ratio.at(counts, totals)
             increments[:, first] = evidence[:, 0]
             increments[:, first + 1 :] = np.diff(evidence, axis=1)
@@ -95,7 +95,7 @@ def draw_targets(
     process_noise: float,
     ratio: float | None,
     fades: bool,
-) -> DrawnTargets:
+) -> MonteCarloTargets:
     """Targets anywhere in the coverage."""
     rng = np.random.default_rng(SEED)
     square = rng.uniform(sensor.min_range**2, sensor.max_range**2, SIMULATED_TARGETS)
@@ -119,7 +119,7 @@ def draw_targets(
     share = np.where(_faded(window) & fades, evaluation.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
-    return DrawnTargets(scans, detected, _drawn_exponents(ratio, window))
+    return MonteCarloTargets(scans, detected, _drawn_exponents(ratio, window))
 
 
 def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
@@ -129,7 +129,7 @@ def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
     rng = np.random.default_rng([SEED, 2])
     means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
     if ratio == ANY_RATIO:
-        ratios, weights = target_strength.ratio_prior()
+        ratios, weights = amplitude_likelihood.ratio_prior()
         means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
     return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 
@@ -331,7 +331,7 @@ def score_plans(
 
 
 def _scores(
-    targets: DrawnTargets,
+    targets: MonteCarloTargets,
     first: int,
     sensor: SensorModel,
     max_speed: float,

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
-from tsepm_ros.tracker import merging, motion, path_fit, range_rates
-from tsepm_ros.tracker.clustering import chosen
+from tsepm_ros.tracker import initial_state, merging, motion, range_rates
+from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, further_plots
+from tsepm_ros.tracker.clusters.grouping import chosen
 from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
@@ -28,7 +29,6 @@ from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, major_sigma, measured_polar
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
-from tsepm_ros.tracker.plot_extraction import PlotExtraction, further_plots
 from tsepm_ros.tracker.scan import Scan, check_scan
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -144,7 +144,7 @@ class Tracker:
         self.statistics = self.totals = ScanStatistics()
         self.revised = TrackArrays.of([])
         self.learned = Learned.initial(self.sensor)
-        self.plots = PlotExtraction(self.sensor, self.common)
+        self.plots = ExtendedTargets(self.sensor, self.common)
         self._judged: tuple[Scan, UsableDetections] | None = None
         self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -403,7 +403,7 @@ class Tracker:
         found, rows = usable.scan, usable.rows
         if usable.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.plots_of(found, self.clutter_density, self._stays)
+        made = self.plots.clusters_of(found, self.clutter_density, self._stays)
         measured = found if made is None else made.scan
         as_stated = found.azimuth_std is not None or not self.method.most_tracks_true
         own = np.zeros(len(measured), bool) if made is None else made.own_range_std
@@ -507,7 +507,7 @@ class Tracker:
             return tracks
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-        figures = path_fit.figures_of_hits(
+        figures = initial_state.figures_of_hits(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
         return self.maintenance.add(tracks, step.existences, histories, *figures)

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, indices
 from tsepm_ros.numerics.gaussian import proper
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.motion import predict
-from tsepm_ros.tracker.path_fit import NO_HIT
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

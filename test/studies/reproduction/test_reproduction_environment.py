@@ -10,7 +10,7 @@ from tsepm_ros.studies.reproduction import environment_2018 as environment
 from tsepm_ros.studies.reproduction import published as published
 from tsepm_ros.studies.reproduction.report import FAILS, HOLDS
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tracker.association import Pairs, nearest_first
+from tsepm_ros.tracker.assignment import Pairs, nearest_first
 
 TIMES = np.arange(0.0, 240.0, 0.01)
 

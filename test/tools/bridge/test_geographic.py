@@ -66,13 +66,14 @@ def lines(steps):
     """The collection of one track at positions, a scan each."""
     file = io.StringIO()
     made = TrackLines(file, GeographicReference(10.0, 179.99))
+    made.__enter__()
     for number, (east, north) in enumerate(steps):
         state = np.array([east, 1.0, north, 0.0])
         track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
         result = SimpleNamespace(current=TrackArrays.of([track]), stamp_ns=number * 10**9, ended={})
         made.write(result)
     made.write(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=10**10, ended={4: "missed"}))
-    made.close()
+    made.__exit__(None)
     return json.loads(file.getvalue())["features"]
 
 

@@ -19,7 +19,7 @@ from tsepm_ros.tracker.clutter.excess import (
     RECENT,
     Batch,
     Cells,
-    ClutterClumps,
+    Overdispersion,
     PredictiveDensity,
 )
 
@@ -27,7 +27,7 @@ SONAR = SensorModel()
 
 
 def taken(
-    clumps: ClutterClumps, made: ClutterMap, cells: Cells, weight: np.ndarray
+    clumps: Overdispersion, made: ClutterMap, cells: Cells, weight: np.ndarray
 ) -> PredictiveDensity:
     """Take a scan as a batch; what makes its density uncertain."""
     batch, density = Batch(made.grid.shape[1]), made.at(cells)
@@ -88,7 +88,7 @@ def test_a_path_counts_its_own_hits_where_nothing_else_was_seen():
 def test_neighbours_are_those_that_a_loop_counts():
     rng = np.random.default_rng(3)
     made = ClutterMap(SONAR)
-    clumps = ClutterClumps(made.grid)
+    clumps = Overdispersion(made.grid)
     columns = made.grid.shape[1]
     before: list[list[tuple[int, int, float]]] = []
     for _ in range(5):
@@ -124,7 +124,7 @@ class Learned:
 
     def __init__(self, sea: LumpySea, scans: int) -> None:
         self.sea, self.map = sea, ClutterMap(sea.sensor)
-        self.clumps = ClutterClumps(self.map.grid)
+        self.clumps = Overdispersion(self.map.grid)
         for _ in range(scans):
             self.places = sea.scan()
             cells, weight = self.map.grid.cells(*self.places), np.ones(len(self.places[0]))
@@ -178,7 +178,7 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
 
 def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
     rng, made = np.random.default_rng(4), ClutterMap(SensorModel(max_range=12000.0))
-    clumps = ClutterClumps(made.grid)
+    clumps = Overdispersion(made.grid)
     for _ in range(16):
         x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
         cells = made.grid.cells(np.hypot(x, y), np.arctan2(y, x))
@@ -190,7 +190,7 @@ def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
 def test_new_targets_in_a_calm_sea_make_no_lumps():
     # Ten targets appear together; from the fourth scan on they are recognised.
     rng, made = np.random.default_rng(5), ClutterMap(SONAR)
-    clumps = ClutterClumps(made.grid)
+    clumps = Overdispersion(made.grid)
     places = rng.uniform(2000.0, 8000.0, 10), rng.uniform(-3.0, 3.0, 10)
     for scan in range(8):
         cells, weight = made.grid.cells(*places), np.full(10, float(scan < 3))
@@ -201,7 +201,7 @@ def test_new_targets_in_a_calm_sea_make_no_lumps():
 
 def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
     made = ClutterMap(SONAR)
-    clumps = ClutterClumps(made.grid)
+    clumps = Overdispersion(made.grid)
     rng = np.random.default_rng(6)
     for _ in range(30):
         range_, azimuth = rng.uniform(3000.0, 9000.0, 20), rng.uniform(-3.0, 3.0, 20)

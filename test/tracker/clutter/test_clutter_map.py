@@ -9,7 +9,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.seen_extent import Extent, Region, SeenExtent
+from tsepm_ros.tracker.clutter.seen import Extent, Region, SeenExtent
 
 SONAR = SensorModel(max_range=9000.0)
 

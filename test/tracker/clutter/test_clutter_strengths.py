@@ -11,7 +11,7 @@ import pytest
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
-from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterStrengths, Judged
+from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes, Judged
 from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 
 BOX = load_scenario("box")
@@ -28,7 +28,7 @@ class Sea:
     """Clutter of a law through a learner."""
 
     def __init__(self, clutter: ClutterStrength | None = None, seed: int = 1) -> None:
-        self.learner = ClutterStrengths(MAP.grid.shape, MAP.grid.wraps)
+        self.learner = ClutterAmplitudes(MAP.grid.shape, MAP.grid.wraps)
         law = clutter or ClutterStrength()
         scene = dataclasses.replace(BOX, scans=200, targets=(), clutter_strength=law)
         self._scans = enumerate(Simulator(scene, seed))
@@ -228,7 +228,7 @@ def test_replays_are_equal_to_the_bit():
 
 def test_a_large_scan_is_bounded_in_memory():
     sensor = SensorModel()
-    learner = ClutterStrengths(MAP.grid.shape, MAP.grid.wraps)
+    learner = ClutterAmplitudes(MAP.grid.shape, MAP.grid.wraps)
     rng = np.random.default_rng(1)
     for scan in range(3):
         n = 20_000

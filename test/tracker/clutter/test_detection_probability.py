@@ -11,7 +11,7 @@ from support.builders import reconfigured
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.score import Score
-from tsepm_ros.tracker.clutter.learned import DATA_SHEET_SCANS, DetectionProbability
+from tsepm_ros.tracker.clutter.detection_probability import DATA_SHEET_SCANS, DetectionProbability
 from tsepm_ros.tracker.evaluation import FADED_FACTOR
 from tsepm_ros.tracker.tracker import Tracker
 

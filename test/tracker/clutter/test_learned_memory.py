@@ -14,7 +14,7 @@ from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.clutter.learned import HALF_LIFE, read, written
-from tsepm_ros.tracker.clutter.seen_extent import MAX_DETECTIONS, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.seen import MAX_DETECTIONS, Extent, SeenExtent
 
 DAY = 86_400.0
 SENSOR = SensorModel(clutter_density=1e-8)

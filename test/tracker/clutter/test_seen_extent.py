@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.tracker.clutter.seen_extent import EVERYWHERE, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.seen import EVERYWHERE, Extent, SeenExtent
 
 SONAR = Extent(20.0, 300.0, -1.0, 1.0)
 GIVEN = Extent(0.0, 9000.0, -math.pi, math.pi)

@@ -9,17 +9,17 @@ import pytest
 from scipy import integrate, stats
 from support.strength_laws import QUANTILES
 
-from tsepm_ros.tracker.clutter import target_strength
+from tsepm_ros.tracker.clutter import amplitude_likelihood
 from tsepm_ros.tracker.clutter.amplitude import TAIL_SAMPLES
-from tsepm_ros.tracker.clutter.amplitude_law import CURVATURES, MIN_REFERENCES, REACH, StrengthLaw
+from tsepm_ros.tracker.clutter.amplitude_law import CURVATURES, MIN_REFERENCES, REACH, AmplitudeLaw
 
 
-def law_of(values, weights=None) -> StrengthLaw:
+def law_of(values, weights=None) -> AmplitudeLaw:
     values = np.asarray(values, float)
-    return StrengthLaw.of(values, np.ones(len(values)) if weights is None else weights)
+    return AmplitudeLaw.of(values, np.ones(len(values)) if weights is None else weights)
 
 
-def exponents_of(law: StrengthLaw, values) -> np.ndarray:
+def exponents_of(law: AmplitudeLaw, values) -> np.ndarray:
     return law.exponents(values).told
 
 
@@ -105,7 +105,7 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
     """
     rng = np.random.default_rng(references)
     quantile, paths, repeats = QUANTILES[name], 60, 120
-    ratios, prior = target_strength.ratio_prior()
+    ratios, prior = amplitude_likelihood.ratio_prior()
     means = np.zeros((repeats, 4))
     for repeat in range(repeats):
         law = law_of(quantile(rng.exponential(size=references)))
@@ -113,10 +113,10 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
         ratio = rng.choice(ratios, paths, p=prior)
         true = (1.0 + ratio[:, None]) * rng.exponential(size=(paths, 16))
         exponent = exponents_of(law, quantile(true).ravel()).reshape(true.shape)
-        told = target_strength.scaled(exponent, samples)
+        told = amplitude_likelihood.scaled(exponent, samples)
         for column, hits in enumerate((3, 5, 8, 16)):
             count = np.full(paths, float(hits))
-            learned = target_strength.log_ratio(count, told[:, :hits].sum(axis=1), samples)
+            learned = amplitude_likelihood.log_ratio(count, told[:, :hits].sum(axis=1), samples)
             exact = np.logaddexp.reduce(
                 np.log(prior)[:, None]
                 - hits * np.log1p(ratios)[:, None]

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from tsepm_ros.tracker.clutter.target_strength import (
+from tsepm_ros.tracker.clutter.amplitude_likelihood import (
     FIGURES_DB,
     LAW_KNOWN,
     PathRatio,
-    ScanStrengths,
+    ScanAmplitudes,
     log_ratio,
     ratio_db,
     ratio_prior,
@@ -57,7 +57,7 @@ def test_table_agrees_with_the_formula():
 
 
 def test_a_path_without_strengths_has_exactly_the_ratio_1():
-    strengths = ScanStrengths.of(np.full(3, np.nan), 100.0, 16)
+    strengths = ScanAmplitudes.of(np.full(3, np.nan), 100.0, 16)
     assert not strengths.told.any()
     assert (strengths.ratio.at(np.zeros(3, np.int64), strengths.scaled) == 0.0).all()
 

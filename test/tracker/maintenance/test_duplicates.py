@@ -14,8 +14,8 @@ from support.held import P_D, ids, step, tracks
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.tracks import TrackArrays
 
 

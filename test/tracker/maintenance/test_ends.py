@@ -11,9 +11,9 @@ from scipy.stats import multivariate_normal
 from support.builders import detections
 from support.held import P_D, holding, ids, published, step, tracks
 
-from tsepm_ros.tracker.clustering import PlotExtent
+from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
-from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, HeldTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
 from tsepm_ros.tracker.maintenance.stationary import (
     SpeedPrior,
@@ -60,7 +60,7 @@ def duplicate_by_extent() -> TrackMaintenance:
     aside = tracks(7)
     aside.state[:, 2] += 180.0
     hold.add(replace(aside, track_id=np.array([1])), 0.9)
-    hold.merge(PlotExtent(250.0, 250.0), np.zeros(2))
+    hold.merge(ClusterExtent(250.0, 250.0), np.zeros(2))
     return hold
 
 
@@ -213,7 +213,7 @@ def test_a_track_is_published_while_it_exists_and_is_located(
     one = tracks(1)
     one.covariance[0, 0, 0] = sigma**2
     one.covariance[0, 2, 2] = 1.0
-    held = HeldTracks.of(one, existence, hit_sigma=np.array([10.0]))
+    held = ConfirmedTracks.of(one, existence, hit_sigma=np.array([10.0]))
     held = replace(held, status=np.array([before]))
     assert statuses(held, SpeedPrior(), extent, 400.0).tolist() == [after]
 
@@ -226,7 +226,7 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
     probability, announced, still
 ):
     one = replace(tracks(1), stationary_probability=np.array([probability]))
-    held = replace(HeldTracks.of(one, 0.9), announced=np.array([announced]))
+    held = replace(ConfirmedTracks.of(one, 0.9), announced=np.array([announced]))
     assert stands_still(held, SpeedPrior(0.5, 10.0)).tolist() == [still]
     assert stands_still(held, SpeedPrior()).tolist() == [False]
     expected = Status.FIXED if still else Status.PUBLISHED

@@ -12,7 +12,7 @@ from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
-from tsepm_ros.tracker.association import Pairs
+from tsepm_ros.tracker.assignment import Pairs
 from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 from tsepm_ros.tracker.maintenance.features import MEMORY, Environment, Surroundings
 from tsepm_ros.tracker.measurement import Histories

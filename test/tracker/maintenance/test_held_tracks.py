@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 from support.held import MAX_SPEED, tracks
 
-from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.external_tracker import LISTED
 
 PLAIN = (
@@ -16,12 +16,12 @@ PLAIN = (
 )
 
 
-def table(*track_ids: int, existence: float = 0.9) -> HeldTracks:
-    return HeldTracks.of(tracks(*track_ids), existence)
+def table(*track_ids: int, existence: float = 0.9) -> ConfirmedTracks:
+    return ConfirmedTracks.of(tracks(*track_ids), existence)
 
 
-def assert_same(one: HeldTracks, other: HeldTracks) -> None:
-    for field in fields(HeldTracks):
+def assert_same(one: ConfirmedTracks, other: ConfirmedTracks) -> None:
+    for field in fields(ConfirmedTracks):
         a, b = getattr(one, field.name), getattr(other, field.name)
         for part in fields(a) if hasattr(a, "__dataclass_fields__") else ():
             np.testing.assert_array_equal(getattr(a, part.name), getattr(b, part.name))
@@ -32,10 +32,10 @@ def assert_same(one: HeldTracks, other: HeldTracks) -> None:
 def test_rows_are_taken_and_joined():
     whole = table(1, 2, 3)
     first, others = whole[np.array([True, False, False])], whole[np.array([1, 2])]
-    parts = HeldTracks.joined(first, others)
-    assert (len(parts), len(HeldTracks.none())) == (3, 0)
+    parts = ConfirmedTracks.joined(first, others)
+    assert (len(parts), len(ConfirmedTracks.none())) == (3, 0)
     assert_same(parts, whole)
-    assert_same(HeldTracks.joined(HeldTracks.none(), whole), whole)
+    assert_same(ConfirmedTracks.joined(ConfirmedTracks.none(), whole), whole)
 
 
 def test_prediction_carries_every_column_and_changes_no_row_of_the_old_table():

@@ -50,9 +50,9 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import WaypointMotion
 from tsepm_ros.tracker import merging
+from tsepm_ros.tracker.initial_state import position_covariances_at, positions_at
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.path_fit import position_covariances_at, positions_at
 from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated, gate_within

@@ -16,7 +16,7 @@ DIGITS = 7
 
 
 class TrackLines:
-    """Collects the held tracks of a run; `close` writes them.
+    """Collects the held tracks of a run; the end of the `with` block writes them.
 
     Parameters
     ----------
@@ -54,8 +54,14 @@ class TrackLines:
             if track_id in self._properties:
                 self._properties[track_id]["ended"] = reason
 
-    def close(self) -> None:
-        """Write the collection."""
+    def __enter__(self) -> TrackLines:
+        """Return the collection itself."""
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        """Write the collection, unless the block has failed."""
+        if kind is not None:
+            return
         features = [
             {"type": "Feature", "geometry": _geometry(line), "properties": self._properties[track]}
             for track, line in self._lines.items()

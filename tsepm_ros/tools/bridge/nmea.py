@@ -12,10 +12,12 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import reduce
+from typing import TextIO
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.session.result import ScanResult
 from tsepm_ros.tools.bridge.closest_approach import closest_approach
-from tsepm_ros.tools.bridge.geographic import compass
+from tsepm_ros.tools.bridge.geographic import GeographicReference, compass
 from tsepm_ros.tracker.tracks import TrackArrays
 
 NUMBERS = 100
@@ -199,3 +201,25 @@ def _angle(degrees: float, digits: int, signs: str) -> tuple[str, str]:
     whole, parts = divmod(parts, 60 * MINUTE_PARTS)
     minutes = f"{parts / MINUTE_PARTS:07.4f}"
     return f"{whole:0{digits}d}{minutes}", signs[0] if degrees >= 0.0 else signs[1]
+
+
+class TargetSentences:
+    """Writes the held tracks of a run as TLL, scan by scan.
+
+    Parameters
+    ----------
+    file : text file
+    reference : GeographicReference
+        In east and north, as the results are.
+    """
+
+    def __init__(self, file: TextIO, reference: GeographicReference) -> None:
+        self._file, self._reference, self._numbers = file, reference, TargetNumbers()
+
+    def write(self, result: ScanResult) -> None:
+        """Write the tracks that are held after one scan, and those that are gone."""
+        tracks = result.current
+        ended, _ = self._numbers.update(tracks.track_id.tolist())
+        places = self._reference.geographic(tracks.state[:, 0::2])
+        self._file.writelines(lost("RA", ended, 1e-9 * result.stamp_ns, "TLL"))
+        self._file.writelines(tll("RA", tracks, self._numbers.of, places))

@@ -19,6 +19,7 @@ from tsepm_ros.settings.parameter_files import ANY_NODE, as_markdown, as_page, a
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.commands.arguments import CommandFailed
 from tsepm_ros.tools.commands.design_command import add_design_arguments, run_design
+from tsepm_ros.tools.commands.detect_command import add_detect_arguments, run_detect
 from tsepm_ros.tools.commands.evaluate_command import add_evaluation_arguments, run_evaluation
 from tsepm_ros.tools.commands.init_command import add_init_arguments, run_init
 from tsepm_ros.tools.commands.run_command import (
@@ -196,6 +197,11 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
         "ask what a sonar is, write the node's parameter file and estimate the performance",
         add_init_arguments,
         run_init,
+    ),
+    "detect": (
+        "detect targets in a folder of sonar images; write CSV, or a picture of one image",
+        add_detect_arguments,
+        run_detect,
     ),
     "run": (
         "start tracks on a recording, a bag or a simulated scenario; write CSV or a picture",

@@ -14,7 +14,7 @@ import yaml
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Value
-from tsepm_ros.session.plausibility import questions
+from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 from tsepm_ros.settings.parameter_files import ANY_NODE, add_values, given_values, parse_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups

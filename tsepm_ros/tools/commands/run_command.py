@@ -15,13 +15,15 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
+from typing import TextIO
 
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
+from tsepm_ros.session.consistency_checks import explained, questions
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.plausibility import explained, questions
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
@@ -47,6 +49,7 @@ from tsepm_ros.tools.replay.bag import (
     find_topics,
     moving_frames,
 )
+from tsepm_ros.tools.replay.image_folder import GEOMETRY, detected
 from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
@@ -86,8 +89,8 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
     parser.add_argument(
         "recording",
         nargs=nargs,
-        help="folder with detections.csv, or a .csv file; bag: folder with metadata.yaml, .mcap or "
-        ".db3 file; "
+        help="folder with detections.csv or images, or a .csv file; bag: folder with "
+        "metadata.yaml, .mcap or .db3 file; "
         f"or scenario to simulate: {scenario_names()}",
     )
     parser.add_argument(
@@ -171,6 +174,8 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         raise ValueError(
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
+    if (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists():
+        path = detected(path, Path(stack.enter_context(TemporaryDirectory())))
     source, is_bag = source_of(path)
     if is_bag:
         return _bag(stack.enter_context(Bag(source)), options)
@@ -292,6 +297,15 @@ RUN_ARGUMENTS: Arguments = {
         "type": in_folder,
         "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
     },
+    "--as": {
+        "choices": ("geojson", "nmea"),
+        "dest": "form",
+        "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
+        "of --out as tracks.geojson or tracks.nmea (TLL)",
+    },
+    "--origin": {
+        "help": "of the tracks, for --as: latitude,longitude in degrees, as --origin=-33.9,151.2"
+    },
     "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
     "--animation": {"type": in_folder, "help": "plan-position animation, a .gif file"},
     "--html": {
@@ -354,7 +368,7 @@ def _process(
     scene = RunScene(run.title, truth=run.truth)
     with_scene = needs_scene(options)
     with ExitStack() as stack:
-        writers = _writers(options.out, run, stack)
+        writers = _writers(options, run, stack)
         for result in with_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
             for path, writer in writers.items():
@@ -370,10 +384,33 @@ def _process(
     return scene
 
 
-def _writers(folder: Path | None, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
+def _geographic(options: argparse.Namespace, file: TextIO, stack: ExitStack) -> TrackWriter:
+    """Writer of tracks with latitude and longitude.
+
+    Raises
+    ------
+    ValueError
+        If pyproj is not installed, or the origin is not allowed.
+    """
+    try:
+        from tsepm_ros.tools.bridge.geographic import GeographicReference
+    except ImportError:
+        raise ValueError("--as needs pyproj, see the extra bridge") from None
+    from tsepm_ros.tools.bridge.geojson import TrackLines
+    from tsepm_ros.tools.bridge.nmea import TargetSentences
+
+    reference = GeographicReference.read(options.origin or "")
+    if options.form == "nmea":
+        return TargetSentences(file, reference)
+    return stack.enter_context(TrackLines(file, reference))
+
+
+def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
     """Writers of the files in a folder, or else of the standard output, by path."""
-    reason = run.session.settings.make_initiator().reason
+    reason, folder = run.session.settings.make_initiator().reason, options.out
     if folder is None:
+        if options.form:
+            return {Path("standard output"): _geographic(options, sys.stdout, stack)}
         table = sys.stdout.isatty() and TrackListing(sys.stdout, reason, north=run.north)
         return {Path("standard output"): table or TrackTable(sys.stdout, reason)}
     tracks, current = folder / "tracks.csv", folder / "current.csv"
@@ -381,6 +418,10 @@ def _writers(folder: Path | None, run: Run, stack: ExitStack) -> dict[Path, Trac
         tracks: TrackTable(stack.enter_context(opened_whole(tracks)), reason),
         current: TrackTable(stack.enter_context(opened_whole(current))),
     }
+    if options.form:
+        path = folder / f"tracks.{options.form}"
+        file = stack.enter_context(opened_whole(path))
+        writers[path] = _geographic(options, file, stack)
     try:
         path = folder / "tracks.mcap"
         writers[path] = stack.enter_context(TrackBag(path))

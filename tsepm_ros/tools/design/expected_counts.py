@@ -49,8 +49,8 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import pruning
 from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
+from tsepm_ros.tracker.initial_state import fit
 from tsepm_ros.tracker.measurement import convert, major_sigma, position_covariance
-from tsepm_ros.tracker.path_fit import fit
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 

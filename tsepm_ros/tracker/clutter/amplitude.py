@@ -4,8 +4,8 @@ What neighbouring clutter has in common beside the levels of its ping and place:
 
 Paths of clutter lie within a neighbourhood. Where its strengths are alike, a path of strong clutter
 is as likely as a single strong detection. The rank correlation of neighbours that cannot be one
-target's gives the N of `target_strength`: those of one ping, and those of two pings that are too
-far apart. A target has no part in it, however strong.
+target's gives the N of `amplitude_likelihood`: those of one ping, and those of two pings that are
+too far apart. A target has no part in it, however strong.
 
 Levels of the strength of clutter: from ping to ping, and from place to place.
 
@@ -19,8 +19,8 @@ The strength of clutter, learned from scan to scan: exponents of detections.
 The exponent of a detection is u = -ln P(clutter is at least as strong), see `strength_law`: it is
 free of the unit. Strengths are compared after taking away the level of their ping and of their
 place (`strength_levels`); what the levels leave in common to neighbours, a texture, counts as a
-doubt about the law (`target_strength`). Detections of targets are weighed down by the evidence of
-their positions alone: weighed by their strength, clutter would lose its tail.
+doubt about the law (`amplitude_likelihood`). Detections of targets are weighed down by the evidence
+of their positions alone: weighed by their strength, clutter would lose its tail.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from tsepm_ros.tracker.clutter.amplitude_law import (
     MAX_PINGS,
     MIN_REFERENCES,
     REFERENCE,
+    AmplitudeLaw,
     References,
-    StrengthLaw,
     keys_of,
     of_one_law,
     of_one_shape,
@@ -81,7 +81,7 @@ class Texture:
 
     def update(
         self,
-        law: StrengthLaw,
+        law: AmplitudeLaw,
         references: References,
         near: float,
         reach: FloatArray,
@@ -117,7 +117,7 @@ class Texture:
         self._count = keep * self._count + float(pairs.sum())
 
 
-def _uniform(law: StrengthLaw, value: FloatArray) -> FloatArray:
+def _uniform(law: AmplitudeLaw, value: FloatArray) -> FloatArray:
     """Ranks of values (n,), scaled to mean 0 and variance 1."""
     share = law.at_least[np.searchsorted(law.values, value)] / law.count
     return np.asarray(math.sqrt(12.0) * (0.5 - share))
@@ -403,7 +403,7 @@ class PlaceLevels:
 
 
 TAIL_SAMPLES = 2.0
-"""Samples of the tail for which each of its detections stands, in N; see `target_strength`."""
+"""Samples of the tail for which each of its detections stands, in N; see `amplitude_likelihood`."""
 MAX_SAME_SHARE = 0.9
 """Share of one value from which on strengths say nothing: they are constant."""
 RENEWAL = 0.1
@@ -439,7 +439,7 @@ class Judged(NamedTuple):
 
 
 @dataclass
-class ClutterStrengths:
+class ClutterAmplitudes:
     """Learns the law of the strengths of clutter.
 
     Parameters
@@ -465,7 +465,7 @@ class ClutterStrengths:
     def _forget(self) -> None:
         self._references = References()
         self._places = PlaceLevels(self.shape, self.wraps)
-        self._law: StrengthLaw | None = None
+        self._law: AmplitudeLaw | None = None
         self._top = math.inf, 1.0
         self._bounds = 0.0, 0.0, 0.0
         self._learned_from = 0.0
@@ -651,7 +651,7 @@ class ClutterStrengths:
         if self._remembered is not None and weight.sum() >= MIN_REFERENCES:
             remembered, of_remembered = self._before_restart()
             values, weight = np.append(values, remembered), np.append(weight, of_remembered)
-        law = self._law = StrengthLaw.of(values, weight)
+        law = self._law = AmplitudeLaw.of(values, weight)
         self._learned_from, self._new = law.count, 0.0
         lowest, highest = map(law.quantile, WINSORISED)
         spread = np.minimum(np.maximum(law.values, lowest), highest).std()

@@ -70,7 +70,7 @@ class Exponents(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class StrengthLaw:
+class AmplitudeLaw:
     """The law of clutter's strength.
 
     Attributes
@@ -96,7 +96,7 @@ class StrengthLaw:
     tail_count: float
 
     @classmethod
-    def of(cls, values: FloatArray, weights: FloatArray) -> StrengthLaw:
+    def of(cls, values: FloatArray, weights: FloatArray) -> AmplitudeLaw:
         """The law of a reference.
 
         Parameters

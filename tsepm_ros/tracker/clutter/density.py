@@ -35,7 +35,7 @@ from tsepm_ros.tracker.clutter.excess import (
     PolarGrid,
     poisson_bound,
 )
-from tsepm_ros.tracker.clutter.seen_extent import Extent, Region
+from tsepm_ros.tracker.clutter.seen import Extent, Region
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 DATA_SHEET_COUNT = 0.5

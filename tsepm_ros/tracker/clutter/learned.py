@@ -2,13 +2,6 @@
 
 The width of the distribution of clutter's range rates, learned from the scans.
 
-Detection probability, estimated from the held tracks.
-
-A missed target was present if it is detected again. Therefore the scans from each detection of a
-held target to its next detection count as one detection in their number: a target that has left is
-not counted as missed, however long its track is held. A track counts as far as the scans after its
-start prove that its target exists: the detections of false tracks are not those of targets.
-
 The interval between scans, from their stamps.
 
 Models of the surroundings, independent of the method.
@@ -25,7 +18,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import statistics
 from collections import deque
 from contextlib import suppress
@@ -37,17 +29,18 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, taken
 from tsepm_ros.parameters import shown
-from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterStrengths
+from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.clutter.detection_probability import MAX_GAP, DetectionProbability
 from tsepm_ros.tracker.clutter.excess import (
     MEMORY,
     Batch,
-    ClutterClumps,
-    PersistentClutter,
+    Overdispersion,
     SecondaryEchoes,
 )
+from tsepm_ros.tracker.clutter.fixed_places import FixedPlaces
 from tsepm_ros.tracker.clutter.measurement_errors import MeasurementErrors
-from tsepm_ros.tracker.clutter.seen_extent import EVERYWHERE, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.seen import EVERYWHERE, Extent, SeenExtent
 from tsepm_ros.tracker.maintenance.features import Surroundings
 from tsepm_ros.tracker.range_rates import measured, over_ground
 from tsepm_ros.tracker.sensor import SensorModel
@@ -82,62 +75,6 @@ class ClutterRangeRates:
             return sensor
         width = max(float(np.median(rates)), 0.5 * sensor.range_rate_std)
         return replace(sensor, clutter_range_rate=min(width, MAX_CLUTTER_RANGE_RATE))
-
-
-DATA_SHEET_SCANS = 5.0
-"""Weight of the data sheet's probability, as a number of scans of a target."""
-DETECTION_MEMORY = 200.0
-"""Time constant, in scans of a target, with which older scans fade."""
-MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
-"""Bounds of the estimate: both a detection and a miss stay possible."""
-
-MAX_GAP = 100.0
-"""Scans from a detection to the next one that outlive a restart, on average at most."""
-
-
-class DetectionProbability:
-    """Estimates P_D from D detections in C scans of covered targets, both fading.
-
-    ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0 worth w scans, and the
-    probability P_G that a detection falls into the gate: the mean of a beta distribution.
-    """
-
-    def __init__(self) -> None:
-        self._detected = 0.0
-        self._covered = 0.0
-
-    def update(self, detected: FloatArray, scans: FloatArray, gate_probability: float) -> None:
-        """Update the estimate with the tracks covered by a scan.
-
-        Parameters
-        ----------
-        detected : (n,) ndarray
-            Probability that each track's target exists, by the scans since its start alone, and was
-            detected.
-        scans : (n,) ndarray
-            Scans that covered the target since its previous detection, the present scan included.
-        gate_probability : float
-            P_G.
-        """
-        covered = float(detected @ scans)
-        keep = math.exp(-covered / DETECTION_MEMORY)
-        self._detected = keep * self._detected + float(detected.sum()) / gate_probability
-        self._covered = keep * self._covered + covered
-
-    @property
-    def memory(self) -> tuple[float, float]:
-        """D / P_G and C, both fading; C as of gaps of at most `MAX_GAP`."""
-        return self._detected, min(self._covered, MAX_GAP * self._detected)
-
-    def remember(self, detected: float, covered: float) -> None:
-        """Begin with the memory of another estimate."""
-        self._detected, self._covered = detected, covered
-
-    def estimate(self, given: float) -> float:
-        """The estimate of P_D, with `given` as the data sheet's."""
-        weight = DATA_SHEET_SCANS
-        estimate = (weight * given + self._detected) / (weight + self._covered)
-        return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)
 
 
 MAX_INTERVALS = 50
@@ -200,10 +137,10 @@ class Learned:
     """
 
     clutter_map: ClutterMap
-    clumps: ClutterClumps
+    clumps: Overdispersion
     seen_extent: SeenExtent
-    strengths: ClutterStrengths
-    persistent: PersistentClutter
+    strengths: ClutterAmplitudes
+    persistent: FixedPlaces
     secondary_echoes: SecondaryEchoes
     batch: Batch
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
@@ -220,10 +157,10 @@ class Learned:
         grid = clutter_map.grid
         return cls(
             clutter_map,
-            ClutterClumps(grid),
+            Overdispersion(grid),
             SeenExtent(Extent.of(sensor)),
-            ClutterStrengths(grid.shape, grid.wraps),
-            PersistentClutter(sensor),
+            ClutterAmplitudes(grid.shape, grid.wraps),
+            FixedPlaces(sensor),
             SecondaryEchoes(grid),
             Batch(grid.shape[1]),
         )

@@ -10,16 +10,11 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter import amplitude
-from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterStrengths
-from tsepm_ros.tracker.clutter.excess import (
-    RISE,
-    CellNumbers,
-    Cells,
-    HeldTargets,
-    PredictiveDensity,
-)
+from tsepm_ros.tracker.clutter.amplitude import RINGS, ClutterAmplitudes
+from tsepm_ros.tracker.clutter.amplitude_likelihood import ScanAmplitudes
+from tsepm_ros.tracker.clutter.excess import Cells, HeldTargets, PredictiveDensity
+from tsepm_ros.tracker.clutter.fixed_places import RISE, CellNumbers
 from tsepm_ros.tracker.clutter.learned import Learned
-from tsepm_ros.tracker.clutter.target_strength import ScanStrengths
 from tsepm_ros.tracker.measurement import NAMES
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel, View
@@ -84,7 +79,7 @@ class ScanClutter:
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
         self.predictive: PredictiveDensity | None = None
-        self.strengths: ClutterStrengths | None = None
+        self.strengths: ClutterAmplitudes | None = None
         if common.intensity == "auto" and counts_echoes:
             self.strengths = learned.strengths
 
@@ -158,7 +153,7 @@ class ScanClutter:
 
     def judge_strengths(
         self, detections: NDArray[np.void], scan_index: int, most_hits: int
-    ) -> ScanStrengths | None:
+    ) -> ScanAmplitudes | None:
         """What the strengths of a scan's detections say, by the scans before.
 
         Their exponents become the field `strength` of the detections.
@@ -187,7 +182,7 @@ class ScanClutter:
         if judged is None:
             return None
         detections["strength"] = judged.extrapolated
-        return ScanStrengths.of(judged.exponent, judged.samples, most_hits)
+        return ScanAmplitudes.of(judged.exponent, judged.samples, most_hits)
 
     def learn_strengths(self, detections: NDArray[np.void], moved: float) -> None:
         """Learn the law of the strengths of clutter from the scan that was judged.

@@ -50,7 +50,7 @@ NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTracks(Rows):
+class ConfirmedTracks(Rows):
     """Held tracks, a row each.
 
     Attributes
@@ -115,7 +115,7 @@ class HeldTracks(Rows):
         misfit: float | FloatArray = 1.0,
         strengths: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
-    ) -> HeldTracks:
+    ) -> ConfirmedTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
         Without histories no feature of their hits is known, nor without `strengths` these: their
@@ -149,11 +149,11 @@ class HeldTracks(Rows):
         )
 
     @classmethod
-    def none(cls) -> HeldTracks:
+    def none(cls) -> ConfirmedTracks:
         """No rows."""
         return cls.of(TrackArrays.of([]), 0.0)
 
-    def predicted(self, stamp: float, max_speed: float, stays: BoolArray) -> HeldTracks:
+    def predicted(self, stamp: float, max_speed: float, stays: BoolArray) -> ConfirmedTracks:
         """The rows at the stamp of a scan (s), before its detections.
 
         A target that turns has a velocity that is unknown up to `max_speed`, m/s. Rows that stay
@@ -175,7 +175,7 @@ class HeldTracks(Rows):
             fits=self.fits.predicted(time_step),
         )
 
-    def existing(self, covered: BoolArray, counts: BoolArray) -> HeldTracks:
+    def existing(self, covered: BoolArray, counts: BoolArray) -> ConfirmedTracks:
         """The rows with the probabilities of their targets before a scan.
 
         See `data_association.predicted`.
@@ -193,7 +193,7 @@ class HeldTracks(Rows):
         empty: FloatArray,
         covered: BoolArray,
         max_speed: FloatArray,
-    ) -> tuple[HeldTracks, CoveredTracks]:
+    ) -> tuple[ConfirmedTracks, CoveredTracks]:
         """The predicted rows after a scan, and its samples of the detection probability.
 
         The probabilities of the filter's modes become ``mu_im Lambda_im / Lambda_i`` with
@@ -250,7 +250,9 @@ class HeldTracks(Rows):
         )
         return held, CoveredTracks((of_target * proven)[covered], scans[covered])
 
-    def revised(self, corrected: TrackArrays, existence: FloatArray | None = None) -> HeldTracks:
+    def revised(
+        self, corrected: TrackArrays, existence: FloatArray | None = None
+    ) -> ConfirmedTracks:
         """The rows with the starts of tracks, by their ids, that were corrected.
 
         Each goes on from the corrected state, as its next revision. Its target exists as before, or
@@ -268,7 +270,7 @@ class HeldTracks(Rows):
         names = ("state", "covariance", "hit_count", "evaluation", "score", "scan_count", "age")
         figures = {name: getattr(new, name) for name in names}
         tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
-        fresh = HeldTracks.of(new, 0.0 if existence is None else existence[place])
+        fresh = ConfirmedTracks.of(new, 0.0 if existence is None else existence[place])
         started = ["models", "fits"]
         if existence is not None:
             fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
@@ -276,7 +278,7 @@ class HeldTracks(Rows):
         held = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
         return changed(held, tracks=changed(tracks, hits=hits))
 
-    def listed(self, reported: TrackArrays, existence: float) -> HeldTracks:
+    def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
 
         Their targets exist with a probability; hits and evaluation stay as they are.
@@ -284,7 +286,7 @@ class HeldTracks(Rows):
         _, row, place = np.intersect1d(self.tracks.track_id, reported.track_id, return_indices=True)
         new = reported.where(place)
         age = self.tracks.age[row] + new.stamp - self.tracks.stamp[row]
-        fresh = HeldTracks.of(new, existence)
+        fresh = ConfirmedTracks.of(new, existence)
         held = with_rows(
             self,
             row,
@@ -312,4 +314,4 @@ _FOUND_AGAIN = (
     "announced",
     "agreeing_scans",
 )
-"""The fields of `HeldTracks` that begin anew where a lost track is found again."""
+"""The fields of `ConfirmedTracks` that begin anew where a lost track is found again."""

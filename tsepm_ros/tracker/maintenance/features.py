@@ -51,11 +51,11 @@ from scipy.spatial import cKDTree
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.association import Pairs, nearest_first
-from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
+from tsepm_ros.tracker.assignment import Pairs, nearest_first
+from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.measurement import MAX_PLOT_COUNT, NAMES, Histories, major_sigma
-from tsepm_ros.tracker.path_fit import NO_HIT
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -294,7 +294,7 @@ OWN_PROBABILITY = 0.5
 
 def likelihood_factors(
     environment: Environment,
-    held: HeldTracks,
+    held: ConfirmedTracks,
     row: IntArray,
     likelihood: FloatArray,
     detections: NDArray[np.void],
@@ -331,8 +331,8 @@ def likelihood_factors(
 
 
 def with_strengths(
-    held: HeldTracks, row: IntArray, probability: FloatArray, strength: FloatArray
-) -> HeldTracks:
+    held: ConfirmedTracks, row: IntArray, probability: FloatArray, strength: FloatArray
+) -> ConfirmedTracks:
     """The rows with the strengths of the detections that may be theirs.
 
     Older detections fade, over `MAX_PLOT_COUNT`: the aspect changes.
@@ -361,12 +361,12 @@ def with_strengths(
 
 
 def with_plots(
-    held: HeldTracks,
+    held: ConfirmedTracks,
     row: IntArray,
     probability: FloatArray,
     detections: NDArray[np.void],
     environment: Environment | None,
-) -> tuple[HeldTracks, IntArray]:
+) -> tuple[ConfirmedTracks, IntArray]:
     """The rows with the features of the tracks' own plots, and the plots that separate tracks.
 
     A plot in a clutter zone separates no tracks: two plots there are not two targets.

@@ -47,12 +47,12 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, cha
 from tsepm_ros.numerics.discs import disc_probability
 from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.target_strength import ratio_db
+from tsepm_ros.tracker.clutter.amplitude_likelihood import ratio_db
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.tracks import TrackArrays
 
 if TYPE_CHECKING:
-    from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
+    from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 
 STATIONARY_SHARE = 0.2
 """Prior share of starts that stand still, with the weight of `PRIOR_TRACKS` tracks: a choice."""
@@ -276,7 +276,7 @@ def begun_again(fits: StraightFits, state: FloatArray, covariance: FloatArray) -
     return with_rows(fits, changed.nonzero()[0], **fresh.__dict__)
 
 
-def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
+def judged(held: ConfirmedTracks, prior: SpeedPrior) -> ConfirmedTracks:
     """The rows after an update, with the figures of their tracks that only maintenance knows.
 
     A fit begins again with the filter's state where the motion has changed. Where the probability
@@ -296,7 +296,7 @@ def judged(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
     return changed(held, fits=fits, tracks=tracks)
 
 
-def stated(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
+def stated(held: ConfirmedTracks, prior: SpeedPrior) -> ConfirmedTracks:
     """The rows with the probability to stand still of all."""
     if not np.isnan(held.tracks.stationary_probability).any():
         return held
@@ -304,7 +304,7 @@ def stated(held: HeldTracks, prior: SpeedPrior) -> HeldTracks:
     return changed(held, tracks=changed(held.tracks, stationary_probability=probability))
 
 
-def stands_still(held: HeldTracks, prior: SpeedPrior) -> BoolArray:
+def stands_still(held: ConfirmedTracks, prior: SpeedPrior) -> BoolArray:
     """Which tracks (n,) are fixed echoes; none without a `min_speed`.
 
     A start as soon as it more probably stands still than moves; a track that was published only
@@ -317,7 +317,7 @@ def stands_still(held: HeldTracks, prior: SpeedPrior) -> BoolArray:
 
 
 def statuses(
-    held: HeldTracks, prior: SpeedPrior, target_extent: float, max_range: float
+    held: ConfirmedTracks, prior: SpeedPrior, target_extent: float, max_range: float
 ) -> IntArray:
     """The `Status` of each track, (n,).
 
@@ -333,7 +333,7 @@ def statuses(
     return np.where(stands_still(held, prior), Status.FIXED, status)
 
 
-def fixed_echoes(held: HeldTracks) -> TrackArrays:
+def fixed_echoes(held: ConfirmedTracks) -> TrackArrays:
     """Fixed echoes that exist and stand still with more than 0.5, at their places."""
     still = held.existence * held.tracks.stationary_probability > STANDS_STILL
     rows = np.flatnonzero(still & (held.status == Status.FIXED))

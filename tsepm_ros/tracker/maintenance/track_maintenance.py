@@ -25,9 +25,9 @@ from tsepm_ros.numerics.arrays import (
     with_rows,
 )
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.clustering import PlotExtent
+from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.maintenance import data_association, features, stationary
-from tsepm_ros.tracker.maintenance.confirmed_tracks import NO_COVERED_TRACKS, HeldTracks
+from tsepm_ros.tracker.maintenance.confirmed_tracks import NO_COVERED_TRACKS, ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
     NO_ASSOCIATION,
@@ -134,7 +134,7 @@ class TrackMaintenance:
         self._forget()
 
     def _forget(self) -> None:
-        self.held = HeldTracks.none()
+        self.held = ConfirmedTracks.none()
         self._tracker = DownstreamTracker()
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
@@ -149,7 +149,7 @@ class TrackMaintenance:
         held = self._state()
         return held.tracks.where(held.status == Status.PUBLISHED)
 
-    def _state(self) -> HeldTracks:
+    def _state(self) -> ConfirmedTracks:
         """Every track held, with its probability to stand still."""
         self.held = stationary.stated(self.held, self.speed_prior)
         return self.held
@@ -266,7 +266,11 @@ class TrackMaintenance:
         return found.held_density
 
     def _take_own(
-        self, held: HeldTracks, row: IntArray, of_target: FloatArray, detections: NDArray[np.void]
+        self,
+        held: ConfirmedTracks,
+        row: IntArray,
+        of_target: FloatArray,
+        detections: NDArray[np.void],
     ) -> FloatArray:
         """Hold the updated rows, with the detections (n, k) that are probably their own.
 
@@ -368,14 +372,14 @@ class TrackMaintenance:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
         Their hits have features as in `histories`, if these are known; their covariances are too
-        small for the hits by factors `misfit`; `strengths` and `hit_sigma` see `HeldTracks.of`.
+        small for the hits by factors `misfit`; `strengths` and `hit_sigma`: `ConfirmedTracks.of`.
         Those that are published at once are returned.
         """
         if not len(tracks):
             return tracks
         self._remember_starts(tracks)
-        new = HeldTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
-        held = HeldTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
+        new = ConfirmedTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
+        held = ConfirmedTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
         held = stationary.stated(stationary.judged(held, self.speed_prior), self.speed_prior)
         first = len(held) - len(new)
         fixed = stationary.stands_still(held, self.speed_prior)[first:]
@@ -445,7 +449,7 @@ class TrackMaintenance:
         self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
         self._forget()
 
-    def merge(self, extent: PlotExtent, sensor_position: FloatArray) -> None:
+    def merge(self, extent: ClusterExtent, sensor_position: FloatArray) -> None:
         """End tracks that may be of an older one's target, if it has an extent.
 
         See `merging.may_repeat_older`.

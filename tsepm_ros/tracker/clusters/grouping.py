@@ -21,7 +21,7 @@ add up to 1 the centroid's error then has the variance::
 
 and the m detections scatter about their centroid with the variance ``f s^2 + v``. Along and across,
 s^2 differs and v does not, so that both f and v follow from the scatter
-(`tsepm_ros.tracker.multi_detection`).
+(`tsepm_ros.tracker.clusters.multi_detection`).
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ MAX_PAIRS = 500_000
 
 
 @dataclass(frozen=True)
-class PlotExtent:
+class ClusterExtent:
     """How far apart two detections of one target and ping may be.
 
     Attributes
@@ -111,15 +111,15 @@ class PlotExtent:
         """Distance across the line of sight at ranges (...), m."""
         return self.across + np.minimum(range * self.beam, self.widest)
 
-    def scaled(self, factor: float) -> PlotExtent:
+    def scaled(self, factor: float) -> ClusterExtent:
         """The extent times a factor."""
-        return PlotExtent(
+        return ClusterExtent(
             self.along * factor, self.across * factor, self.beam * factor, self.widest * factor
         )
 
 
 @dataclass(frozen=True)
-class EchoErrors:
+class ClusterErrors:
     """How the detections of one target and ping err.
 
     Attributes
@@ -135,7 +135,7 @@ class EchoErrors:
 
 
 @dataclass(frozen=True)
-class Plots:
+class Clusters:
     """The plots of a scan.
 
     Attributes
@@ -152,7 +152,7 @@ class Plots:
     strongest: IntArray
     own_range_std: BoolArray
 
-    def of(self, before: Plots) -> Plots:
+    def of(self, before: Clusters) -> Clusters:
         """The same as plots of the scan that plots were made of before, of whose scan these are."""
         return replace(
             self,
@@ -162,7 +162,7 @@ class Plots:
 
 
 def pairs_within(
-    range: FloatArray, azimuth: FloatArray, extent: PlotExtent
+    range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of detections within an extent of each other.
 
@@ -193,7 +193,9 @@ def pairs_within(
     return first[near], second[near], distance[near]
 
 
-def _places(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> tuple[FloatArray, float]:
+def _places(
+    range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
+) -> tuple[FloatArray, float]:
     """The detections' positions, and how far apart a pair may be at the most, m."""
     places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
     return places, math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9)
@@ -205,7 +207,7 @@ def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
     return ratio
 
 
-def crowded(range: FloatArray, azimuth: FloatArray, extent: PlotExtent, most: int) -> bool:
+def crowded(range: FloatArray, azimuth: FloatArray, extent: ClusterExtent, most: int) -> bool:
     """Whether more than a number of pairs of detections (n,) may be within an extent."""
     n = len(range)
     if n * n <= 2 * most:
@@ -215,7 +217,7 @@ def crowded(range: FloatArray, azimuth: FloatArray, extent: PlotExtent, most: in
     return bool(tree.count_neighbors(tree, reach) - n > 2 * most)
 
 
-def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntArray:
+def grouped(range: FloatArray, azimuth: FloatArray, extent: ClusterExtent) -> IntArray:
     """The group of each detection, (n,): the first detection of it; see `complete_linkage`.
 
     Where there are more than `MAX_PAIRS` pairs, those in one cell of a grid are a group.
@@ -232,7 +234,7 @@ def grouped(range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntAr
     return np.asarray(first[label][rank[place]], np.int64)
 
 
-def runs(scan: Scan, extent: PlotExtent) -> IntArray:
+def runs(scan: Scan, extent: ClusterExtent) -> IntArray:
     """The groups that a scan comes with, cut in pieces no longer than an extent; see `cells`."""
     n = len(scan)
     group = np.arange(n) if scan.group is None else scan.group
@@ -240,7 +242,9 @@ def runs(scan: Scan, extent: PlotExtent) -> IntArray:
     return cells(np.where(group < 0, alone, group), scan.range, scan.azimuth, extent)
 
 
-def cells(group: IntArray, range: FloatArray, azimuth: FloatArray, extent: PlotExtent) -> IntArray:
+def cells(
+    group: IntArray, range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
+) -> IntArray:
     """Groups cut in pieces no longer than an extent, by a grid from their nearest, rightmost place.
 
     Parameters
@@ -276,13 +280,13 @@ def placed(scan: Scan) -> FloatArray:
     return np.stack([east, north], axis=1)
 
 
-def plots_of(
+def clusters_of(
     scan: Scan,
     label: IntArray,
-    errors: EchoErrors,
+    errors: ClusterErrors,
     sensor: SensorModel,
     wander: FloatArray | None = None,
-) -> Plots:
+) -> Clusters:
     """Make a plot of each group of a scan's detections.
 
     The centroid is weighted by intensity where every member has one above 0. The strongest member,
@@ -337,7 +341,7 @@ def plots_of(
     changed = (size > 1) | (spread + spread_across > 0.0)
     angle_error = angle * factor + spread_across / range_**2
     width = _features(scan, best) | _widths(scan, group, turn, n)
-    return Plots(
+    return Clusters(
         scan=replace(
             scan,
             range=range_,

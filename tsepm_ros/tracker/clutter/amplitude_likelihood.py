@@ -135,7 +135,7 @@ def _path_ratio(step: int, most_hits: int) -> PathRatio:
 
 
 @dataclass(frozen=True, eq=False)
-class ScanStrengths:
+class ScanAmplitudes:
     """What the strengths of a scan's detections say.
 
     Attributes
@@ -152,7 +152,7 @@ class ScanStrengths:
     ratio: PathRatio
 
     @classmethod
-    def of(cls, exponent: FloatArray, count: float, most_hits: int) -> ScanStrengths:
+    def of(cls, exponent: FloatArray, count: float, most_hits: int) -> ScanAmplitudes:
         """The strengths of exponents u (d,), nan where they do not count.
 
         Parameters

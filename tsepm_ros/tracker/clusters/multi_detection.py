@@ -43,7 +43,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent
+from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent
 from tsepm_ros.tracker.scan import Scan, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -93,12 +93,12 @@ def unit_of(sensor: SensorModel) -> float:
     return min(sensor.max_range / SHORT_RANGE, 1.0)
 
 
-def extents_of(sensor: SensorModel) -> list[PlotExtent]:
+def extents_of(sensor: SensorModel) -> list[ClusterExtent]:
     """Half widths of the boxes, with the resolution of a sensor."""
     unit, cell, beam = unit_of(sensor), sensor.range_resolution, sensor.azimuth_resolution
     beams = ((beam, math.inf),) if beam else tuple((one, unit * WIDEST) for one in BEAMS)
     lengths = unit * np.array(EXTENTS)
-    return [PlotExtent(one + cell, one, *width) for one in lengths for width in beams]
+    return [ClusterExtent(one + cell, one, *width) for one in lengths for width in beams]
 
 
 class Beside:
@@ -118,7 +118,7 @@ class Beside:
         Half widths, m.
     """
 
-    def __init__(self, scan: Scan, centre: IntArray, extents: list[PlotExtent]) -> None:
+    def __init__(self, scan: Scan, centre: IntArray, extents: list[ClusterExtent]) -> None:
         range_, azimuth, k = scan.range[centre], scan.azimuth[centre], len(centre)
         self.across = np.stack([one.across_at(range_) for one in extents])
         self.along = np.stack([np.full(k, one.along) for one in extents])
@@ -176,7 +176,7 @@ def beyond_one(number: FloatArray, one: FloatArray | float = 1.0) -> FloatArray:
     return np.maximum(number - one, 0.0) / (number + 1.0)
 
 
-class DetectionExcess:
+class MultiDetectionTest:
     """Counts the detections beside others, and beside those of confirmed tracks.
 
     Parameters
@@ -198,7 +198,7 @@ class DetectionExcess:
         return float(max(one.log_ratio.max() for one in (self._groups, self._of_tracks)))
 
     @property
-    def extent(self) -> PlotExtent:
+    def extent(self) -> ClusterExtent:
         """Half widths of the box for which most speaks, by the areas alone."""
         ratios = log_ratio(self._pairs.found, self._pairs.expected + LEAST, LARGEST)
         return self._extents[int(np.argmax(ratios))]
@@ -303,7 +303,7 @@ def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class EchoScatter:
+class ClusterDispersion:
     """Sums over the plots seen, for those of two detections and of more.
 
     Attributes
@@ -324,11 +324,11 @@ class EchoScatter:
     error: FloatArray
 
     @classmethod
-    def nothing(cls) -> EchoScatter:
+    def nothing(cls) -> ClusterDispersion:
         """Before the first plot."""
         return cls(np.zeros(2), np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)))
 
-    def after(self, scan: Scan, label: IntArray, sensor: SensorModel) -> EchoScatter:
+    def after(self, scan: Scan, label: IntArray, sensor: SensorModel) -> ClusterDispersion:
         """With the plots of one more ping: detections and the group of each, (n,)."""
         _, first, group = np.unique(label, return_index=True, return_inverse=True)
         size = np.asarray(np.bincount(group), float)
@@ -376,7 +376,7 @@ class EchoScatter:
         plots = max(float(weight @ self.plots), 1e-9)
         return 1.0 + float(weight @ self.freedom) / plots
 
-    def errors(self, extent: PlotExtent) -> EchoErrors:
+    def errors(self, extent: ClusterExtent) -> ClusterErrors:
         """The errors of targets of an extent: f and v that solve both means, if f is possible."""
         weight = self._counted
         start = extent.along**2 / 12.0
@@ -390,4 +390,4 @@ class EchoScatter:
         # The smaller scatter tells more precisely what is left for the extent.
         left = (found - independent * error) / np.maximum(found, 1e-12) ** 2
         total = (1.0 / np.maximum(found, 1e-12) ** 2).sum()
-        return EchoErrors(independent, max(float(left.sum() / total), 0.0))
+        return ClusterErrors(independent, max(float(left.sum() / total), 0.0))

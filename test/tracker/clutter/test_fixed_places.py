@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.clutter import excess
+from tsepm_ros.tracker.clutter import fixed_places
 from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, poisson_bound
-from tsepm_ros.tracker.clutter.excess import (
+from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
     LEAST_SIDE,
     LEAST_TIME,
@@ -20,7 +20,7 @@ from tsepm_ros.tracker.clutter.excess import (
     RISE,
     SCANS,
     SIDE,
-    PersistentClutter,
+    FixedPlaces,
 )
 from tsepm_ros.tracker.sensor import View
 
@@ -73,7 +73,7 @@ class Plain:
     def end(self) -> None:
         counts, number, taken = Counter(), 0, []
         for _, seen, detections in self.scans:
-            if number < excess.MOST_DETECTIONS:
+            if number < fixed_places.MOST_DETECTIONS:
                 number += len(detections)
                 taken.append(seen)
                 for place, range_ in detections:
@@ -140,10 +140,10 @@ def placed(range_: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turning", [False, True], ids=["still", "turning"])
-@pytest.mark.parametrize("most", [excess.MOST_DETECTIONS, 100], ids=["all", "some"])
+@pytest.mark.parametrize("most", [fixed_places.MOST_DETECTIONS, 100], ids=["all", "some"])
 def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
-    monkeypatch.setattr(excess, "MOST_DETECTIONS", most)
-    rng, plain, learned = np.random.default_rng(3), Plain(), PersistentClutter(SensorModel())
+    monkeypatch.setattr(fixed_places, "MOST_DETECTIONS", most)
+    rng, plain, learned = np.random.default_rng(3), Plain(), FixedPlaces(SensorModel())
     compared = 0
     for ping in range(115):
         pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
@@ -160,9 +160,9 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
     assert compared > 10
 
 
-def learned_from(places, pings: int = 200) -> PersistentClutter:
+def learned_from(places, pings: int = 200) -> FixedPlaces:
     """Where clutter stays, from the places of detections at 1 ping/s."""
-    learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(1)
+    learned, rng = FixedPlaces(SensorModel()), np.random.default_rng(1)
     for ping in range(pings):
         range_, azimuth = detected(places(ping, rng), (0.0, 0.0, 0.0), rng)
         position = placed(range_, azimuth)
@@ -170,7 +170,7 @@ def learned_from(places, pings: int = 200) -> PersistentClutter:
     return learned
 
 
-def density_at(learned: PersistentClutter, place: tuple[float, float]) -> float:
+def density_at(learned: FixedPlaces, place: tuple[float, float]) -> float:
     position = np.array([place])
     cells = learned.cells(position, deviations(np.hypot(*position.T)))
     return float(learned.density(cells)[0]) if learned.found else 0.0
@@ -230,7 +230,7 @@ def test_where_the_fixed_frame_begins_does_not_matter():
     far = np.array([-5e5, 4e6])  # as in a national grid; a multiple of every side
 
     def moved(offset):
-        learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(4)
+        learned, rng = FixedPlaces(SensorModel()), np.random.default_rng(4)
         for ping in range(60):
             range_, azimuth = detected(quay(rng), (0.0, 0.0, 0.0), rng)
             position = placed(range_, azimuth)
@@ -287,7 +287,7 @@ def test_a_target_that_moves_to_and_fro_stays_held_under_its_id():
 
 
 def test_a_scan_that_is_observed_again_is_not_counted_again():
-    learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(5)
+    learned, rng = FixedPlaces(SensorModel()), np.random.default_rng(5)
     for stamp in (*range(40), *range(30, 40), *range(40, 80)):
         range_ = rng.uniform(100.0, 200.0, 5)
         cells = learned.cells(placed(range_, 0.0 * range_), deviations(range_))
@@ -297,7 +297,7 @@ def test_a_scan_that_is_observed_again_is_not_counted_again():
 
 def test_of_many_views_in_a_period_the_share_of_each_counts():
     """Eight arcs in turn, for sixteen scans a period: a place is seen in two scans of each."""
-    learned, rng = PersistentClutter(SensorModel()), np.random.default_rng(6)
+    learned, rng = FixedPlaces(SensorModel()), np.random.default_rng(6)
     for ping in range(160):
         arc = (-math.pi / 3 + (ping % 8) * math.pi / 12, math.pi / 12)
         range_, azimuth = detected(quay(rng, 40.0), (0.0, 0.0, 0.0), rng)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows
-from tsepm_ros.tracker.path_fit import NO_HIT
+from tsepm_ros.tracker.initial_state import NO_HIT
 
 BLOCK = 50_000
 """Rows processed together: bounds memory."""

@@ -20,7 +20,7 @@ from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, reason_of
 from tsepm_ros.session.scan_queue import Now
 from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen_extent import Extent
+from tsepm_ros.tracker.clutter.seen import Extent
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 

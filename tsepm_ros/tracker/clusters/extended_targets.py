@@ -10,12 +10,17 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.numerics.discs import squared_distances
-from tsepm_ros.tracker import clustering
-from tsepm_ros.tracker.clustering import EchoErrors, PlotExtent, Plots
-from tsepm_ros.tracker.maintenance.confirmed_tracks import HeldTracks
+from tsepm_ros.tracker.clusters import grouping
+from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters
+from tsepm_ros.tracker.clusters.multi_detection import (
+    LOG_RATIO,
+    ClusterDispersion,
+    MultiDetectionTest,
+    unit_of,
+)
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import may_repeat_older
-from tsepm_ros.tracker.multi_detection import LOG_RATIO, DetectionExcess, EchoScatter, unit_of
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -35,7 +40,7 @@ BESIDE = 32.0
 """Distance from a track within which a second start waits, m: shorter for a short range."""
 
 
-class PlotExtraction:
+class ExtendedTargets:
     """Makes plots, where that is asked for, or where the detections ask for it.
 
     Parameters
@@ -61,12 +66,12 @@ class PlotExtraction:
     def reset(self) -> None:
         """Forget what was seen."""
         self.seen, self.since = False, 0.0
-        self.scatter = EchoScatter.nothing()
-        self._excess = DetectionExcess(self.sensor)
+        self.scatter = ClusterDispersion.nothing()
+        self._excess = MultiDetectionTest(self.sensor)
         self._scan, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
         self._counts = np.zeros(0, bool)
 
-    def under(self, sensor: SensorModel, common: CommonOptions) -> PlotExtraction:
+    def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
         changed = copy.copy(self)
         changed.sensor, changed.common = sensor, common
@@ -92,20 +97,20 @@ class PlotExtraction:
         return self._excess.log_ratio
 
     @property
-    def extent(self) -> PlotExtent:
+    def extent(self) -> ClusterExtent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
         if given or not self.seen:
             cell, beam = sensor.range_resolution, sensor.azimuth_resolution
-            return PlotExtent(given + cell, given, beam)
+            return ClusterExtent(given + cell, given, beam)
         return self._excess.extent.scaled(WHOLE)
 
-    def plots_of(
+    def clusters_of(
         self,
         scan: Scan,
         density: float,
         stays: Callable[[Scan], BoolArray],
-    ) -> Plots | None:
+    ) -> Clusters | None:
         """The plots of a scan's detections; None where none has more than one, or is asked for.
 
         Parameters
@@ -123,20 +128,20 @@ class PlotExtraction:
         self._counts = np.zeros(len(scan), bool)
         if self._learns and len(scan):
             self._counts = ~stays(scan)
-            part = clustering.chosen(scan, np.flatnonzero(self._counts))
+            part = grouping.chosen(scan, np.flatnonzero(self._counts))
             self._excess.update(part, density)
             self._judge(scan)
         if not self.active or not len(scan):
             return runs
         extent = self.extent
-        label = clustering.grouped(scan.range, scan.azimuth, extent)
+        label = grouping.grouped(scan.range, scan.azimuth, extent)
         self.scatter = self.scatter.after(scan, label, self.sensor)
-        found = clustering.plots_of(scan, label, self.scatter.errors(extent), self.sensor)
+        found = grouping.clusters_of(scan, label, self.scatter.errors(extent), self.sensor)
         self._row = found.strongest
         return found if runs is None else found.of(runs)
 
-    def learn(self, own: OwnDetections, held: HeldTracks, density: float) -> None:
-        """Learn from what lies beside held tracks' detections in the scan of `plots_of`.
+    def learn(self, own: OwnDetections, held: ConfirmedTracks, density: float) -> None:
+        """Learn from what lies beside held tracks' detections in the scan of `clusters_of`.
 
         Parameters
         ----------
@@ -156,7 +161,7 @@ class PlotExtraction:
         rows = np.flatnonzero(self._counts & ~apart)
         still = ~apart[own.row]
         place = np.searchsorted(rows, own.row[still])
-        part = clustering.chosen(self._scan, rows)
+        part = grouping.chosen(self._scan, rows)
         self._excess.update_tracks(part, density, own.track_id[still], place, ids)
         self._judge(self._scan)
 
@@ -189,13 +194,13 @@ class PlotExtraction:
         near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
         return np.asarray(near.any(axis=1))
 
-    def _runs(self, scan: Scan) -> Plots | None:
+    def _runs(self, scan: Scan) -> Clusters | None:
         """Plots of the groups that a scan comes with; None where it has none, or plots are off."""
         if scan.group is None or self.common.plots == "off":
             return None
         longest = self.common.target_extent or LONGEST_RUN
-        label = clustering.runs(scan, PlotExtent(longest, longest))
-        return clustering.plots_of(scan, label, EchoErrors(), self.sensor)
+        label = grouping.runs(scan, ClusterExtent(longest, longest))
+        return grouping.clusters_of(scan, label, ClusterErrors(), self.sensor)
 
     @property
     def sentence(self) -> str:
@@ -212,7 +217,7 @@ class PlotExtraction:
 
 
 def of_neighbours(
-    number: int, own: OwnDetections, held: HeldTracks, sensor: SensorModel
+    number: int, own: OwnDetections, held: ConfirmedTracks, sensor: SensorModel
 ) -> BoolArray:
     """Which of a number of detections are those of tracks apart from an older one beside them.
 
@@ -231,7 +236,7 @@ def of_neighbours(
 
 
 def further_plots(
-    held: HeldTracks, positions: FloatArray, extent: PlotExtent, sensor_position: FloatArray
+    held: ConfirmedTracks, positions: FloatArray, extent: ClusterExtent, sensor_position: FloatArray
 ) -> FloatArray:
     """Density of plots that targets of an extent may have beside their own.
 

@@ -1,0 +1,405 @@
+"""The detector of images, measured: what it must hold, a Markdown table for each part.
+
+- false: false detections an image over the stated number, from image 21 on; by law, correlation and
+  texture of the clutter, scale, fall of the reverberation, a step of the gain, and moving targets;
+- detection: share of targets detected at 20 false an image, beside the same stages with the true
+  background and quantile, the size stated to both;
+- tracks: false tracks of the tracker behind it, at 100 an hour, with 95 % intervals;
+- gain: share of weak targets with a track after 20 images, at 100 false tracks an hour, by false
+  detections an image, with intensities and without;
+- time: processor time of an image, and growth of memory;
+- pool, radar: real data (`--data FOLDER`, with aquascan and radar; not part of the package).
+
+    python benchmarks/detector.py PART [--images 100] [--data FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import csv
+import os
+import resource
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import numpy as np
+from scipy.stats import chi2
+
+from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
+from tsepm_ros.detector.echoes import found
+from tsepm_ros.detector.normalising import smoothed
+from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
+from tsepm_ros.tools.terminal import markdown_table, with_progress
+
+Rows = Iterator[Sequence[str]]
+
+NUMBERS = 5.0, 20.0, 100.0
+SETTLED = 20
+"""Images before the measured ones."""
+CELLS = 128, 400
+SENSOR = SensorModel(
+    range_std=0.1, range_std_fraction=0.0, azimuth_std=0.01, min_range=1.0, max_range=41.0,
+    azimuth_min=-1.0, azimuth_max=1.0,
+)  # fmt: skip
+STEP = 2.0 / CELLS[0], 40.0 / CELLS[1]
+"""Spacing of the cells, rad and m."""
+TARGETS = ((15, 0.1, 3, 0.05), (20, 0.1, -5, -0.1), (30, 0, 10, 0), (25, -0.05, 0, 0.1),
+           (34, 0.02, -12, 0.1))  # fmt: skip
+K = ClutterStrength("k", 0.5)
+CASES: dict[str, tuple[ImageModel, ClutterStrength | None]] = {
+    "Rayleigh": (ImageModel(), None),
+    "K, shape 0.5": (ImageModel(), K),
+    "K, shape 2": (ImageModel(), ClutterStrength("k", 2.0)),
+    "log-normal": (ImageModel(), ClutterStrength("log_normal", 1.0)),
+    "gamma, 8 bits": (ImageModel(scale="gamma"), None),
+    "logarithm, 8 bits": (ImageModel(scale="log"), None),
+    "K 0.5, logarithm, 8 bits": (ImageModel(scale="log"), K),
+    "correlated over 2.5 cells": (ImageModel(blur=(1.0, 1.0)), None),
+    "correlated over 5 cells": (ImageModel(blur=(2.0, 2.0)), None),
+    "texture over 8 x 20 cells": (ImageModel(texture=(8.0, 20.0)), ClutterStrength("k", 1.0)),
+    "40 dB of fall": (ImageModel(fall_db=40.0), None),
+    "40 dB of fall, logarithm": (ImageModel(fall_db=40.0, scale="log"), None),
+}
+
+
+def scenario(images: int, **fields: Any) -> Scenario:
+    """A scene of the benchmark's sonar, an image a second."""
+    return Scenario(name="images", scans=images, period=1.0, sensor=SENSOR, **fields)
+
+
+def stated(size: Sequence[float]) -> dict[str, float]:
+    """Extents of an echo of a size in cells."""
+    return {"azimuth_extent": size[0] * STEP[0], "range_extent": size[1] * STEP[1]}
+
+
+def places(scan: Scan) -> np.ndarray:
+    """Positions of detections in the sensor frame, (n, 2)."""
+    return scan.range[:, None] * np.stack([np.cos(scan.azimuth), np.sin(scan.azimuth)], axis=1)
+
+
+def false_ones(pings: list[np.ndarray], near: float) -> list[int]:
+    """Detections of each ping that are not in a place with echoes in over half of the pings."""
+    seen = [np.zeros(len(ping)) for ping in pings]
+    for other in pings:
+        for ping, count in zip(pings, seen, strict=True):
+            apart = np.linalg.norm(ping[:, None] - other, axis=2)
+            count += apart.min(axis=1, initial=np.inf) < near
+    return [int((count <= len(pings) / 2).sum()) for count in seen]
+
+
+def ratio(
+    images: Iterable[tuple[SonarImage, np.ndarray]],
+    number: float,
+    size: Sequence[float],
+    target: Sequence[float] = (2.0, 2.0),
+) -> tuple[float, float]:
+    """False detections over the stated number, and independent cells."""
+    detector, pings = make_detector(false_detections_per_ping=number, **stated(size)), []
+    reach = np.maximum(np.maximum(size, target), 2.0) * STEP
+    for k, (image, truth) in enumerate(images):
+        scan = detector.process(image)
+        own = np.zeros(len(scan), bool)
+        for state in truth:
+            bearing = np.arctan2(state[2], state[0])
+            own |= (np.abs(scan.range - np.hypot(state[0], state[2])) < reach[1]) & (
+                np.abs(scan.azimuth - bearing) < reach[0]
+            )
+        if k >= SETTLED:
+            pings.append(places(scan)[~own])
+    return float(np.mean(false_ones(pings, reach[1]))) / number, detector.measured[
+        "independent_cells"
+    ]
+
+
+def false_table(options: argparse.Namespace) -> Rows:
+    """False detections by the law of the clutter."""
+    sizes = ((1, 1), (3, 7))
+    yield ["clutter", *(f"{n:g} false, {s[0]} x {s[1]} cells" for s in sizes for n in NUMBERS)]
+    images = SETTLED + options.images
+    for name, (model, law) in CASES.items():
+        drawn = list(ImageSimulator(scenario(images, clutter_strength=law), model, options.seed))
+        yield [name, *cells(drawn, sizes)]
+    for size in ((0.0, 0.0), (3.0, 7.0)):
+        of_targets = {"target_strengths": (TargetStrength(20.0),) * len(TARGETS)}
+        scene = scenario(images, targets=tuple(np.array(t, float) for t in TARGETS), **of_targets)
+        drawn = list(ImageSimulator(scene, ImageModel(target_size=size), options.seed))
+        yield [
+            f"five targets of {size[0]:g} x {size[1]:g} cells, 20 dB",
+            *cells(drawn, sizes, size),
+        ]
+    yield ["gain + 20 dB: images 5 to 10 after", *cells(stepped(options), sizes)]
+
+
+def cells(
+    drawn: list[Any], sizes: Sequence[Sequence[float]], target: Sequence[float] = (2.0, 2.0)
+) -> Iterator[str]:
+    """Entries of a row: the ratio, in brackets beyond a tenth of the independent cells."""
+    for size in sizes:
+        for number in NUMBERS:
+            value, independent = ratio(drawn, number, size, target)
+            yield f"{value:.2f}" if number <= independent / 10 else f"({value:.2f})"
+
+
+def stepped(options: argparse.Namespace) -> list[Any]:
+    """Images in which the gain rises by 20 dB five before the measured ones, in 8 bits."""
+    drawn = ImageSimulator(scenario(SETTLED + 6), ImageModel(), options.seed)
+    gains = np.where(np.arange(SETTLED + 6) < SETTLED - 5, 0.0, 20.0)
+    return [
+        (replace(image, intensity=np.clip(80 + 40 * np.log10(image.intensity) + 2 * gain, 0, 255)
+                 .round().astype(np.uint8)), truth)
+        for gain, (image, truth) in zip(gains, drawn, strict=True)
+    ]  # fmt: skip
+
+
+def detection_table(options: argparse.Namespace) -> Rows:
+    """Detection probability beside that of the same stages with the true background."""
+    yield ["target, cells", "dB", "detected", "with true background and quantile", "difference"]
+    rng = np.random.default_rng(options.seed)
+    number, images = 20.0, SETTLED + options.images
+    for size in ((1, 1), (3, 7), (5, 15)):
+        noise = ImageSimulator(scenario(options.images), ImageModel(), options.seed + 1)
+        heights = [peaks_of(image, size)[0] for image, _ in noise]
+        level = np.sort(np.concatenate(heights))[-int(number * len(heights))]
+        for strength in (3.0, 6.0, 10.0, 15.0, 20.0):
+            detector = make_detector(false_detections_per_ping=number, **stated(size))
+            got = np.zeros((2, options.images))
+            for k in range(images):
+                # Four targets at new places in each image: none is learned.
+                angle, distance = rng.uniform(-0.9, 0.9, 4), np.array([8.0, 16.0, 25.0, 35.0])
+                state = np.zeros((4, 4))
+                state[:, 0], state[:, 2] = distance * np.cos(angle), distance * np.sin(angle)
+                scene = scenario(1, targets=tuple(state),
+                                 target_strengths=(TargetStrength(strength),) * 4)  # fmt: skip
+                model = ImageModel(target_size=size if size != (1, 1) else (0, 0))
+                [(image, _)] = ImageSimulator(scene, model, options.seed + 100 + k)
+                scan = detector.process(image)
+                if k < SETTLED:
+                    continue
+                height, cell = peaks_of(image, size)
+                cell = cell[height > level]
+                true = image.azimuth[cell[:, 0]], image.range[cell[:, 1]]
+                for row, (azimuth, range_) in enumerate(((scan.azimuth, scan.range), true)):
+                    hit = (np.abs(azimuth - angle[:, None]) < max(size[0], 2) * STEP[0]) & (
+                        np.abs(range_ - distance[:, None]) < max(size[1], 2) * STEP[1]
+                    )
+                    got[row, k - SETTLED] = hit.any(axis=1).mean()
+            mean = got.mean(axis=1)
+            row = f"{size[0]} x {size[1]}", f"{strength:g}", *(f"{share:.3f}" for share in mean)
+            yield [*row, f"{mean[0] - mean[1]:+.3f}"]
+
+
+def peaks_of(image: SonarImage, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Heights and cells of the peaks with the true mean and deviation of Rayleigh amplitudes."""
+    y = np.asarray((image.intensity - 0.5 * np.sqrt(np.pi)) / np.sqrt(1 - np.pi / 4), np.float32)
+    modes = ("constant", "constant")
+    peaks, cell = found(smoothed(y, size, modes), np.ones(y.shape, bool), size, modes, 10_000)
+    return peaks.height, cell
+
+
+def tracks_table(options: argparse.Namespace) -> Rows:
+    """False tracks behind the detector, and what intensities gain."""
+    yield ["scene", "images", "expected", "false tracks", "over the target, 95 %"]
+    moving = OwnShipMotion(speed=0.5, turn_rate=0.02)
+    for name, own_ship, law in (
+        ("fixed, Rayleigh", OwnShipMotion(), None),
+        ("fixed, K 0.5", OwnShipMotion(), K),
+        ("moving, Rayleigh", moving, None),
+    ):
+        scene = scenario(options.images, own_ship=own_ship, clutter_strength=law)
+        images = (image for image, _ in ImageSimulator(scene, ImageModel(), options.seed))
+        yield [name, *false_tracks(images, SENSOR, options.images, 1.0)]
+    if options.data:
+        yield ["BR24 rotations, shuffled and rolled", *shuffled(options)]
+
+
+def false_tracks(
+    images: Iterable[SonarImage], sensor: SensorModel, number: int, period: float
+) -> list[str]:
+    """Starts of tracks at 100 an hour, expected and found."""
+    detector = make_detector(**stated((1, 1)))
+    initiator = make_initiator("score", sensor=sensor, max_speed=2.0, false_tracks_per_hour=100.0)
+    starts: set[int] = set()
+    for image in with_progress(images, number, "tracks", "image"):
+        starts |= {track.track_id for track in initiator.process(detector.process(image))}
+    expected = 100.0 * number * period / 3600.0
+    low, high = chi2.ppf(0.025, 2 * len(starts)) / 2, chi2.ppf(0.975, 2 * len(starts) + 2) / 2
+    interval = f"{np.nan_to_num(low) / expected:.2f} to {high / expected:.2f}"
+    text = f"{len(starts) / expected:.2f} ({interval})"
+    return [f"{number}", f"{expected:.1f}", f"{len(starts)}", text]
+
+
+def gain_table(options: argparse.Namespace) -> Rows:
+    """What a low threshold with intensities gains over a high one."""
+    yield ["false an image", "target, dB", "with intensity", "without", "runs"]
+    target = np.array([15.0, 0.3, 3.0, 0.2])
+    for strength in (2.0, 3.0):
+        for number in (1.0, 5.0, 20.0, 60.0):
+            held = np.zeros(2)
+            for run in range(options.images):
+                held += tracked(target, strength, number, options.seed + run)
+            shares = (f"{share:.2f}" for share in held / options.images)
+            yield [f"{number:g}", f"{strength:g}", *shares, f"{options.images}"]
+
+
+def tracked(target: np.ndarray, strength: float, number: float, seed: int) -> np.ndarray:
+    """Whether a target has a track after 20 images, with intensities and without, (2,)."""
+    quiet, strengths = scenario(SETTLED), (TargetStrength(strength),)
+    loud = scenario(20, targets=(target,), target_strengths=strengths)
+    model = ImageModel(target_size=(2.0, 4.0))
+    detector = make_detector(false_detections_per_ping=number, **stated((2, 4)))
+    initiators = [
+        make_initiator("score", sensor=SENSOR, max_speed=2.0, false_tracks_per_hour=100.0,
+                       intensity=intensity) for intensity in ("auto", "off")
+    ]  # fmt: skip
+    held = np.zeros(2)
+    drawn = [*ImageSimulator(quiet, model, seed), *ImageSimulator(loud, model, seed + 10_000)]
+    for k, (image, truth) in enumerate(drawn):
+        scan = detector.process(replace(image, stamp=float(k)))
+        for row, initiator in enumerate(initiators):
+            initiator.process(scan)
+            for state in truth:
+                held[row] = any(
+                    np.hypot(t.state[0] - state[0], t.state[2] - state[2]) < 1.0
+                    for t in initiator.current
+                )
+    return held
+
+
+def radar_images(options: argparse.Namespace, rotations: slice, number: int) -> Iterator[Any]:
+    """Rotations of the radar in random order, each turned by a random angle."""
+    echoes = np.load(options.data / "radar" / "br24_noise.npz")["image"][rotations]
+    rng = np.random.default_rng(options.seed)
+    azimuth = -2 * np.pi * np.arange(echoes.shape[1]) / echoes.shape[1]
+    ranges = 10.0 * (np.arange(echoes.shape[2]) + 0.5)
+    for k in range(number):
+        image = np.roll(rng.choice(echoes), rng.integers(echoes.shape[1]), axis=0)
+        yield SonarImage(2.52 * k, ranges, azimuth, image)
+
+
+def shuffled(options: argparse.Namespace) -> list[str]:
+    """False tracks on the radar's rotations."""
+    sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=10240)
+    number = options.images
+    return false_tracks(radar_images(options, slice(None), number), sensor, number, 2.52)
+
+
+def radar_table(options: argparse.Namespace) -> Rows:
+    """False detections on the radar's noise, rotations in random order and turned."""
+    yield ["false", "found over stated", "independent cells"]
+    for number in NUMBERS:
+        detector, counts = make_detector(false_detections_per_ping=number), []
+        for image in radar_images(options, slice(0, 5), SETTLED + options.images):
+            counts.append(len(detector.process(image)))
+        found_ = np.mean(counts[SETTLED:]) / number
+        yield [f"{number:g}", f"{found_:.2f}", f"{detector.measured['independent_cells']:g}"]
+
+
+def pool_table(options: argparse.Namespace) -> Rows:
+    """Labelled swimmers of the pool detected and held, and what else was detected and held."""
+    yield ["false", "extent", "labels detected", "others a scan", "false from scan 21 on, a scan",
+           "held", "tracks elsewhere a minute"]  # fmt: skip
+    known = {"range_extent": 0.6, "azimuth_extent": 15 * np.pi / 200}
+    for number in (3.0, 5.0, 8.0, 20.0):
+        for extent, words in ((known, "0.6 m x 13.5 degrees"), ({}, "learned")):
+            yield [f"{number:g}", words, *pool(options, number, extent)]
+
+
+def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -> list[str]:
+    """A row of the pool: labels within 1 m of a detection, held within 1.2 m."""
+    folder = options.data / "aquascan"
+    data, labels = np.load(folder / "ping360_pool.npz"), collections.defaultdict(list)
+    with (folder / "swimmers.csv").open() as file:
+        for row in csv.DictReader(file):
+            bearing = float(row["bearing_gradian"]) * np.pi / 200
+            place = float(row["sample"]) * 0.04 * np.array([np.cos(bearing), np.sin(bearing)])
+            labels[int(row["scan"])].append(place)
+    sensor = SensorModel(
+        range_std=0.3, range_std_fraction=0.0, azimuth_std=0.05, min_range=0.5, max_range=20.0,
+        detection_probability=0.85, clutter_density=number / (np.pi / 2 * 20.0**2),
+    )  # fmt: skip
+    initiator = make_initiator("score", sensor=sensor, max_speed=1.5, false_tracks_per_hour=10.0,
+                               clutter_density=options.density)  # fmt: skip
+    detector = make_detector(false_detections_per_ping=number, **extent)
+    last, found_, held, count = -1.0, 0, 0, 0
+    others, ids, near = [], set(), set()
+    scans = zip(data["time_s"], data["bearing_gradian"], data["image"], strict=True)
+    for k, (stamp, bearing, image) in enumerate(scans):
+        last = max(float(stamp), last + 0.5)
+        ranges = (np.arange(image.shape[1]) + 0.5) * 0.04
+        scan = detector.process(SonarImage(last, ranges, bearing * np.pi / 200, image))
+        initiator.process(scan)
+        tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
+        place, own = places(scan), np.zeros(len(scan), bool)
+        ids |= set(tracks)
+        for truth in labels[k]:
+            apart = np.linalg.norm(place - truth, axis=1)
+            own |= apart < 1.0
+            close = {key for key, at in tracks.items() if np.linalg.norm(at - truth) < 1.2}
+            near |= close
+            count, found_, held = count + 1, found_ + bool((apart < 1.0).any()), held + bool(close)
+        others.append(place[~own])
+    false = false_ones(others, 1.0)[SETTLED:]
+    minutes = (last - float(data["time_s"][0])) / 60.0
+    shares = f"{found_ / count:.3f}", f"{np.mean([len(o) for o in others]):.1f}"
+    elsewhere = f"{len(ids - near) / minutes:.1f}"
+    return [*shares, f"{np.mean(false):.1f}", f"{held / count:.3f}", elsewhere]
+
+
+def time_table(options: argparse.Namespace) -> Rows:
+    """Processor time of an image, and memory."""
+    yield ["cells", "ms an image", "of 10 Hz", "memory grown over the second half, MB"]
+    rng = np.random.default_rng(options.seed)
+    for m, b in ((500, 256), (1000, 512)):
+        drawn = [np.abs(rng.standard_normal((b, m)) + 1j * rng.standard_normal((b, m)))
+                 .astype(np.float32) for _ in range(4)]  # fmt: skip
+        detector = make_detector(**stated((3, 7)))
+        axes = np.linspace(1.0, 41.0, m), np.linspace(-1.0, 1.0, b)
+        begin, middle = time.process_time(), 0
+        for k in range(options.images):
+            detector.process(SonarImage(0.1 * k, *axes, drawn[k % 4]))
+            if k == options.images // 2:
+                middle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        ms = 1e3 * (time.process_time() - begin) / options.images
+        grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - middle) / 1024
+        yield [f"{m} x {b}", f"{ms:.1f}", f"{ms / 100.0:.2f}", f"{grown:.1f}"]
+
+
+PARTS = {
+    "false": false_table,
+    "detection": detection_table,
+    "tracks": tracks_table,
+    "gain": gain_table,
+    "time": time_table,
+    "pool": pool_table,
+    "radar": radar_table,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("--images", type=int, default=100, help="measured images; default 100")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--density", default="estimated", choices=("estimated", "given"))
+    parser.add_argument("--data", type=Path, help="folder of the real data")
+    options = parser.parse_args(arguments)
+    if options.part in ("pool", "radar") and options.data is None:
+        parser.error("real data need --data FOLDER")
+    rows = PARTS[options.part](options)
+    print(markdown_table(next(rows), []))
+    for row in rows:
+        print(f"| {' | '.join(row)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,289 @@
+"""Sonar images in messages: intensities over bearing and range, of whole pings or single bearings.
+
+=============================================== ================================================
+message                                         content
+=============================================== ================================================
+`marine_acoustic_msgs/msg/ProjectedSonarImage`  a ping; rows are ranges, all beams of each
+`marine_acoustic_msgs/msg/RawSonarImage`        a ping; rows are beams, all samples of each
+`marine_sensor_msgs/msg/RadarSector`            some spokes of a rotation
+`ping360_sonar_msgs/msg/SonarEcho`              one bearing
+`sensor_msgs/msg/Image`                         a ping, whose geometry parameters state
+=============================================== ================================================
+
+Which axis the rows are differs between drivers of one message: `ImageLayout.rows` tells it.
+"""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from msg_adapters.ping import SOUND_SPEED, type_name_of
+from msg_adapters.stamps import MessageError, time_to_ns
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.session.image_turns import ImagePing
+from tsepm_ros.settings.node_options import ImageLayout
+from tsepm_ros.tracker.sensor import SensorModel
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import Image
+    from std_msgs.msg import Header
+
+DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
+"""Types of marine_acoustic_msgs/SonarImageData by its number."""
+ENCODINGS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "32FC1": "f4"}
+"""Types of sensor_msgs/Image by its encoding."""
+LEVEL = 0.1
+"""Elevation of beams from which on an assumption is stated, rad."""
+
+
+Reader = Callable[[Any, ImageLayout, SensorModel, float], ImagePing]
+
+
+def read_image(
+    message: Any, layout: ImageLayout, sensor: SensorModel, sound_speed: float = 0.0
+) -> ImagePing:
+    """Read a message of one of `IMAGES`.
+
+    Parameters
+    ----------
+    message : ROS message
+    layout : ImageLayout
+    sensor : SensorModel
+        Its coverage is that of messages without a geometry.
+    sound_speed : float, optional
+        m/s, where a message states none; 0: 1500 m/s.
+
+    Returns
+    -------
+    ImagePing
+
+    Raises
+    ------
+    MessageError
+        If the type is not supported, an array has another length than the message states, or a
+        geometry is impossible; the sentence says what to change.
+    """
+    name = type_name_of(message)
+    if name not in IMAGES:
+        raise MessageError(
+            "unsupported_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
+        )
+    try:
+        found = IMAGES[name](message, layout, sensor, sound_speed)
+    except AttributeError as error:  # the installed package has another version of the type
+        raise MessageError(
+            "missing_field",
+            f"this {name} does not have the fields of the supported version: {error}",
+        ) from error
+    return _above_zero(found)
+
+
+def _above_zero(ping: ImagePing) -> ImagePing:
+    """The ping without the cells at range 0; ranges and azimuths are checked by the detector."""
+    there = ping.range > 0.0
+    if there.all():
+        return ping
+    if not there.any():
+        raise MessageError("bad_geometry", "no cell has a range above 0")
+    cells = {"range": ping.range[there], "intensity": ping.intensity[:, there]}
+    return ImagePing(**(vars(ping) | cells))
+
+
+def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+    """ProjectedSonarImage: z ahead, x up, y to starboard."""
+    beams = np.array([(one.x, one.y, one.z) for one in message.beam_directions]).reshape(-1, 3)
+    range_ = np.array(message.ranges, float)
+    speed, assumptions = _sound_speed(message, sound_speed)
+    up = np.arctan2(beams[:, 0], np.hypot(beams[:, 1], beams[:, 2]))
+    if (np.abs(up) > LEVEL).any():
+        assumptions += ("beams are not level: their ranges count as horizontal",)
+    return ImagePing(
+        time_to_ns(message.header.stamp),
+        message.header.frame_id,
+        range_,
+        np.asarray(np.unwrap(np.arctan2(-beams[:, 1], beams[:, 2])), float),
+        _table(message.image, len(beams), len(range_), layout.rows == "beams"),
+        sound_speed=speed,
+        is_part=len(beams) == 1,
+        assumptions=assumptions,
+    )
+
+
+def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+    """RawSonarImage: angles to starboard, samples from the transmission on."""
+    angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
+    if not message.sample_rate > 0.0:
+        raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
+    speed, assumptions = _sound_speed(message, sound_speed)
+    sample = int(message.sample0) + np.arange(samples)
+    delays = np.array(message.tx_delays, float)
+    if len(delays) not in (0, 1, len(angles)):
+        raise MessageError("bad_length", f"tx_delays has {len(delays)} values, {len(angles)} beams")
+    return ImagePing(
+        time_to_ns(message.header.stamp),
+        message.header.frame_id,
+        np.asarray(0.5 * speed / message.sample_rate * sample, float),
+        -angles,
+        _table(message.image, len(angles), samples, layout.rows != "ranges"),
+        time_offset=np.broadcast_to(delays, angles.shape) if delays.any() else None,
+        sound_speed=speed,
+        is_part=len(angles) == 1,
+        assumptions=assumptions,
+    )
+
+
+def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+    """RadarSector: rays to port, each at its own time."""
+    rays = [np.asarray(one.echoes, np.float32) for one in message.intensities]
+    lengths = sorted({len(ray) for ray in rays})
+    if len(lengths) != 1 or not lengths[0]:
+        raise MessageError("bad_length", f"rays must have equal numbers of echoes; got {lengths}")
+    number = np.arange(len(rays))
+    sign = -1.0 if layout.clockwise else 1.0
+    step = message.time_increment.sec + 1e-9 * message.time_increment.nanosec
+    return ImagePing(
+        time_to_ns(message.header.stamp),
+        message.header.frame_id,
+        np.linspace(message.range_min, message.range_max, lengths[0], dtype=np.float64),
+        sign * (message.angle_start + message.angle_increment * number),
+        np.array(rays),
+        time_offset=step * number if step else None,
+        is_part=True,
+    )
+
+
+def _echo(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+    """SonarEcho of a Ping360: one bearing, cells from 0 to the range."""
+    intensity = np.frombuffer(bytes(message.intensities), np.uint8)
+    if len(intensity) < 2 or not message.range > 0:
+        raise MessageError("bad_geometry", "intensities and range must not be empty")
+    cells = np.arange(0.5, len(intensity)) * (float(message.range) / len(intensity))
+    return ImagePing(
+        time_to_ns(message.header.stamp),
+        message.header.frame_id,
+        np.asarray(cells, float),
+        np.array([-message.angle if layout.clockwise else message.angle], float),
+        intensity[None],
+        sound_speed=float(message.speed_of_sound),
+        is_part=True,
+    )
+
+
+def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -> ImagePing:
+    """Image: of ranges and beams over the sensor's coverage, or a fan in x and y."""
+    kind = ENCODINGS.get(message.encoding)
+    if kind is None:
+        raise MessageError(
+            "bad_encoding",
+            f"encoding must be one of {', '.join(ENCODINGS)}; got {message.encoding!r}: colours "
+            "are no intensities, so publish the driver's raw image",
+        )
+    form = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.frombuffer(bytes(message.data), np.uint8)
+    if width * form.itemsize > step or len(data) < height * step or not height * width:
+        raise MessageError(
+            "bad_length",
+            f"data has {len(data)} bytes and step is {step}: too few for {height} rows of {width} "
+            f"{message.encoding} values",
+        )
+    rows = data[: height * step].reshape(height, step)[:, : width * form.itemsize]
+    picture = np.ascontiguousarray(rows).view(form).astype(form.newbyteorder("="))
+    if layout.rows == "fan":
+        range_, azimuth, intensity = _unwarped(picture, layout, sensor)
+    else:
+        intensity = picture if layout.rows == "beams" else picture.T
+        intensity = intensity if layout.near_first else intensity[:, ::-1]
+        b, m = intensity.shape
+        range_ = sensor.min_range + (np.arange(m) + 0.5) * (
+            (sensor.max_range - sensor.min_range) / m
+        )
+        azimuth = _bearings(sensor, b)
+        azimuth = azimuth[::-1] if layout.port_first else azimuth
+    return ImagePing(
+        time_to_ns(message.header.stamp), message.header.frame_id, range_, azimuth, intensity
+    )
+
+
+def _bearings(sensor: SensorModel, number: int) -> FloatArray:
+    """Middles of beams over the sector, (number,), rad, ascending."""
+    step = (sensor.azimuth_max - sensor.azimuth_min) / number
+    return np.asarray(sensor.azimuth_min + (np.arange(number) + 0.5) * step, float)
+
+
+def _unwarped(
+    picture: NDArray[Any], layout: ImageLayout, sensor: SensorModel
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ranges, azimuths and intensities (b, m) of a fan, ahead upwards; NaN outside of it."""
+    height, width = picture.shape
+    whole = sensor.azimuth_max - sensor.azimuth_min > math.pi + 1e-3
+    cells = min(height, width) // 2 if whole else height
+    pixel = sensor.max_range / cells
+    range_ = (np.arange(cells) + 0.5) * pixel
+    range_ = range_[range_ >= sensor.min_range]
+    azimuth = _bearings(
+        sensor,
+        max(round((sensor.azimuth_max - sensor.azimuth_min) * cells / 2.0), 2),
+    )
+    ahead = np.cos(azimuth)[:, None] * range_ / pixel
+    port = np.sin(azimuth)[:, None] * range_ / pixel
+    apex = 0.5 * height if whole else float(height)
+    row = apex - ahead if not layout.near_first or whole else ahead
+    column = 0.5 * width - port if layout.port_first else 0.5 * width + port
+    places = np.stack([row - 0.5, column - 0.5])
+    return range_, azimuth, map_coordinates(picture.astype(float), places, order=1, cval=np.nan)
+
+
+def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
+    """Intensities (beams, cells) of a SonarImageData."""
+    if not 0 <= image.dtype < len(DTYPES):
+        raise MessageError("bad_encoding", f"dtype must be from 0 to 9; got {image.dtype}")
+    form = np.dtype(DTYPES[image.dtype]).newbyteorder(">" if image.is_bigendian else "<")
+    data = bytes(image.data)
+    if len(data) != beams * cells * form.itemsize or not beams * cells:
+        raise MessageError(
+            "bad_length",
+            f"the image has {len(data)} bytes; {beams} beams of {cells} ranges of {form.itemsize} "
+            f"bytes have {beams * cells * form.itemsize}",
+        )
+    values = np.frombuffer(data, form).astype(form.newbyteorder("="))
+    return values.reshape(beams, cells) if beam_rows else values.reshape(cells, beams).T
+
+
+def _sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str, ...]]:
+    """Sound speed of a message, or another, m/s; and what is assumed."""
+    stated = float(message.ping_info.sound_speed)
+    if math.isfinite(stated) and stated > 0.0:
+        return stated, ()
+    speed = otherwise or SOUND_SPEED
+    return speed, (f"images have no sound speed: {speed:g} m/s is used (sound_speed)",)
+
+
+IMAGES: dict[str, Reader] = {
+    "marine_acoustic_msgs/msg/ProjectedSonarImage": _projected,
+    "marine_acoustic_msgs/msg/RawSonarImage": _raw,
+    "marine_sensor_msgs/msg/RadarSector": _spokes,
+    "ping360_sonar_msgs/msg/SonarEcho": _echo,
+    "sensor_msgs/msg/Image": _picture,
+}
+"""Readers by the message type."""
+
+
+def normalised_image(header: Header, image: NDArray[Any]) -> Image:
+    """Make an image of numbers (b, m), 32FC1, a row per beam."""
+    from sensor_msgs.msg import Image
+
+    rows = np.ascontiguousarray(image, "<f4")
+    data = array.array("B")
+    data.frombytes(rows.view(np.uint8).data)
+    height, width = rows.shape
+    return Image(
+        header=header, height=height, width=width, encoding="32FC1", step=4 * width, data=data
+    )

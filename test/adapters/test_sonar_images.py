@@ -1,0 +1,231 @@
+"""Sonar images in messages, on stand-ins with the fields of their files."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Vector3
+from sensor_msgs.msg import Image
+from support.foreign_messages import (
+    PingInfo,
+    ProjectedSonarImage,
+    RadarEcho,
+    RadarSector,
+    RawSonarImage,
+    SonarEcho,
+    SonarImageData,
+)
+
+from msg_adapters import MessageError, make_header
+from msg_adapters.sonar_images import DTYPES, normalised_image, read_image
+from tsepm_ros.settings.node_options import ImageLayout
+from tsepm_ros.tracker.sensor import SensorModel
+
+HEADER = make_header(1_700_000_000_123_456_789, "sonar")
+SECTOR = SensorModel(min_range=2.0, max_range=12.0, azimuth_min=-0.6, azimuth_max=0.6)
+BEAMS, CELLS = np.array([0.5, 0.1, -0.05, -0.4]), np.array([2.5, 3.0, 4.0])  # port to starboard
+TABLE = np.arange(12).reshape(4, 3)  # beam by beam
+
+
+def read(message, sensor=SECTOR, sound_speed=0.0, **layout):
+    return read_image(message, ImageLayout(**layout), sensor, sound_speed)
+
+
+def data(table, kind="u1", big=False):
+    form = np.dtype(kind).newbyteorder(">" if big else "<")
+    return SonarImageData(
+        is_bigendian=big,
+        dtype=DTYPES.index(kind),
+        beam_count=4,
+        data=np.ascontiguousarray(table).astype(form).tobytes(),
+    )
+
+
+def projected(table=TABLE.T, speed=1480.0, **image):
+    directions = [Vector3(x=0.0, y=-math.sin(a), z=math.cos(a)) for a in BEAMS]
+    return ProjectedSonarImage(
+        header=HEADER,
+        ping_info=PingInfo(sound_speed=speed),
+        beam_directions=directions,
+        ranges=CELLS.tolist(),
+        image=data(table, **image),
+    )
+
+
+def raw(table=TABLE, **fields):
+    values = {
+        "header": HEADER,
+        "ping_info": PingInfo(sound_speed=1500.0),
+        "sample_rate": 750.0,
+        "samples_per_beam": 3,
+        "sample0": 5,
+        "rx_angles": (-BEAMS).tolist(),
+        "image": data(table),
+    }
+    return RawSonarImage(**(values | fields))
+
+
+@pytest.mark.parametrize("kind", DTYPES)
+@pytest.mark.parametrize("big", [False, True])
+def test_a_projected_image_has_all_beams_of_each_range_in_any_type(kind, big):
+    found = read(projected(kind=kind, big=big))
+    np.testing.assert_array_equal(found.intensity, TABLE)
+    np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-12)
+    np.testing.assert_array_equal(found.range, CELLS)
+    assert (found.stamp_ns, found.frame_id) == (1_700_000_000_123_456_789, "sonar")
+    assert (found.sound_speed, found.is_part, found.assumptions) == (1480.0, False, ())
+
+
+def test_a_driver_that_fills_a_projected_image_beam_by_beam_is_told_by_the_layout():
+    np.testing.assert_array_equal(read(projected(TABLE), rows="beams").intensity, TABLE)
+
+
+def test_a_raw_image_has_all_samples_of_each_beam_and_ranges_by_its_rate():
+    found = read(raw())
+    np.testing.assert_array_equal(found.intensity, TABLE)
+    np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-7)  # angles are to starboard
+    np.testing.assert_allclose(found.range, [5.0, 6.0, 7.0])
+    np.testing.assert_array_equal(read(raw(TABLE.T), rows="ranges").intensity, TABLE)
+
+
+def test_a_raw_image_states_when_each_beam_left():
+    delays = [0.0, 0.1, 0.2, 0.3]
+    np.testing.assert_allclose(read(raw(tx_delays=delays)).time_offset, delays, atol=1e-7)
+
+
+def test_without_a_sound_speed_one_is_assumed_and_said():
+    found = read(raw(ping_info=PingInfo()), sound_speed=1450.0)
+    assert found.range[0] == pytest.approx(5.0 * 1450.0 / 1500.0)
+    assert "1450 m/s is used" in found.assumptions[0]
+
+
+def test_a_cell_at_range_0_is_left_out():
+    found = read(raw(sample0=0))
+    assert found.range[0] > 0.0
+    np.testing.assert_array_equal(found.intensity, TABLE[:, 1:])
+
+
+def test_spokes_are_a_part_of_a_turn_each_at_its_own_time():
+    message = RadarSector(
+        header=HEADER,
+        angle_start=1.0,
+        angle_increment=-0.01,
+        time_increment=Duration(nanosec=2_000_000),
+        range_min=0.0,
+        range_max=100.0,
+        intensities=[RadarEcho(echoes=row.tolist()) for row in TABLE],
+    )
+    found = read(message)
+    np.testing.assert_allclose(found.azimuth, [1.0, 0.99, 0.98, 0.97])
+    np.testing.assert_allclose(found.range, [50.0, 100.0])
+    np.testing.assert_array_equal(found.intensity, TABLE[:, 1:])
+    np.testing.assert_allclose(found.time_offset, [0.0, 0.002, 0.004, 0.006])
+    assert found.is_part
+    np.testing.assert_allclose(read(message, clockwise=True).azimuth, -found.azimuth)
+
+
+def test_an_echo_is_one_bearing():
+    message = SonarEcho(
+        header=HEADER, angle=0.7, range=10, speed_of_sound=1500, intensities=bytes([1, 2, 3, 4, 5])
+    )
+    found = read(message)
+    np.testing.assert_allclose(found.range, [1.0, 3.0, 5.0, 7.0, 9.0])
+    np.testing.assert_array_equal(found.intensity, [[1, 2, 3, 4, 5]])
+    assert (found.azimuth.tolist(), found.is_part, found.sound_speed) == ([0.7], True, 1500.0)
+    assert read(message, clockwise=True).azimuth.tolist() == [-0.7]
+
+
+def picture(table, encoding="mono8", kind="u1", pad=0, big=False):
+    form = np.dtype(kind).newbyteorder(">" if big else "<")
+    rows = np.ascontiguousarray(table, form)
+    height, width = rows.shape
+    step = width * form.itemsize + pad
+    filled = np.zeros((height, step), np.uint8)
+    filled[:, : width * form.itemsize] = rows.view(np.uint8).reshape(height, -1)
+    return Image(
+        header=HEADER,
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=big,
+        step=step,
+        data=filled.tobytes(),
+    )
+
+
+@pytest.mark.parametrize(
+    ("encoding", "kind", "pad", "big"),
+    [("mono8", "u1", 3, False), ("mono16", "u2", 0, True), ("32FC1", "f4", 4, False)],
+)
+def test_a_picture_as_it_is_displayed_has_far_ranges_above_and_port_at_the_left(
+    encoding, kind, pad, big
+):
+    displayed = TABLE.T[::-1]  # the last row is the nearest range
+    found = read(picture(displayed, encoding, kind, pad, big))
+    np.testing.assert_array_equal(found.intensity, TABLE)
+    np.testing.assert_allclose(found.range, 2.0 + 10.0 / 3.0 * np.array([0.5, 1.5, 2.5]))
+    np.testing.assert_allclose(found.azimuth, [0.45, 0.15, -0.15, -0.45])
+
+
+def test_other_orders_of_a_picture_are_told_by_the_layout():
+    near = read(picture(TABLE.T), near_first=True)
+    np.testing.assert_array_equal(near.intensity, TABLE)
+    by_beam = read(picture(TABLE), rows="beams", near_first=True)
+    np.testing.assert_array_equal(by_beam.intensity, TABLE)
+    starboard = read(picture(TABLE.T[:, ::-1]), near_first=True, port_first=False)
+    np.testing.assert_array_equal(starboard.intensity[::-1], TABLE)
+    assert (np.diff(starboard.azimuth) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "shape", "apex"),
+    [
+        (SECTOR, (120, 140), (120.0, 70.0)),
+        (SensorModel(max_range=12.0), (200, 240), (100.0, 120.0)),
+    ],
+)
+@pytest.mark.parametrize("azimuth", [0.3, -0.45])
+def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
+    cells = shape[0] if sensor is SECTOR else min(shape) // 2
+    pixel = 12.0 / cells
+    y, x = np.indices(shape) + 0.5
+    ahead, port = (apex[0] - y) * pixel, (apex[1] - x) * pixel
+    place = 8.0 * math.cos(azimuth), 8.0 * math.sin(azimuth)
+    blob = 200.0 * np.exp(-0.5 * ((ahead - place[0]) ** 2 + (port - place[1]) ** 2) / 0.3**2)
+    found = read(picture(blob), sensor=sensor, rows="fan")
+    row, column = np.unravel_index(np.nanargmax(found.intensity), found.intensity.shape)
+    assert found.azimuth[row] == pytest.approx(azimuth, abs=0.03)
+    assert found.range[column] == pytest.approx(8.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (projected(TABLE[:, :2]), "8 bytes; 4 beams of 3 ranges of 1 bytes have 12"),
+        (raw(sample_rate=0.0), "sample_rate must be above 0"),
+        (raw(tx_delays=[1.0, 2.0]), "tx_delays has 2 values"),
+        (RadarSector(header=HEADER), "equal numbers of echoes"),
+        (
+            RadarSector(
+                header=HEADER, intensities=[RadarEcho(echoes=[1.0]), RadarEcho(echoes=[1.0, 2.0])]
+            ),
+            "equal numbers of echoes",
+        ),
+        (SonarEcho(header=HEADER), "must not be empty"),
+        (Image(header=HEADER, encoding="bgr8"), "publish the driver's raw image"),
+        (Image(header=HEADER, encoding="mono8", height=2, width=3, step=2), "too few"),
+        (Vector3(), "is no image"),
+    ],
+)
+def test_an_impossible_message_is_refused_with_its_cause(message, words):
+    with pytest.raises(MessageError, match=words):
+        read(message)
+
+
+def test_a_normalised_image_is_written_row_by_row():
+    message = normalised_image(HEADER, TABLE)
+    values = np.frombuffer(bytes(message.data), "<f4").reshape(message.height, message.width)
+    np.testing.assert_array_equal(values, TABLE)

@@ -1,0 +1,227 @@
+"""The detector: the number of false detections, and what is measured of echoes."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros import SensorModel, SonarImage, make_detector, make_initiator
+
+B, M = 64, 200
+RANGE, AZIMUTH = 1.0 + 0.1 * np.arange(M), np.linspace(-1.0, 1.0, B)
+D_AZIMUTH = AZIMUTH[1] - AZIMUTH[0]
+
+
+def noise(rng, gain=1.0):
+    """Rayleigh amplitudes of mean power 1."""
+    white = rng.standard_normal((2, B, M)) * np.sqrt(0.5)
+    return gain * np.hypot(*white)
+
+
+def with_echo(image, row, column, db, size=(1, 1)):
+    image[row : row + size[0], column : column + size[1]] = 10 ** (db / 20)
+    return image
+
+
+def images(count, make):
+    for k in range(count):
+        yield SonarImage(float(k), RANGE, AZIMUTH, make(k))
+
+
+def false_ratio(number, pictures, **options):
+    detector = make_detector(false_detections_per_ping=number, **options)
+    counts = [len(detector.process(image)) for image in pictures]
+    return np.mean(counts[20:]) / number
+
+
+SCALES = {
+    "amplitude": lambda a: a,
+    "power": lambda a: a**2,
+    "logarithm of 8 bits": lambda a: np.clip(90 + 40 * np.log10(a), 0, 255).astype(np.uint8),
+    "fall of 40 dB": lambda a: a * np.logspace(0, -2, M),
+    "gain of each range": lambda a: a * np.random.default_rng(3).uniform(0.2, 5.0, M),
+    "gain of each bearing": lambda a: a * np.random.default_rng(3).uniform(0.2, 5.0, (B, 1)),
+    "tiny": lambda a: 1e-30 * a,
+}
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_stated_number_of_false_detections_is_kept_on_any_scale(scale):
+    rng = np.random.default_rng(1)
+    pictures = images(60, lambda k: SCALES[scale](noise(rng)))
+    assert 2 / 3 < false_ratio(10.0, pictures, azimuth_extent=1e-3, range_extent=1e-3) < 1.5
+
+
+def test_strong_targets_do_not_raise_the_threshold():
+    rng, found = np.random.default_rng(2), []
+    detector = make_detector(false_detections_per_ping=5, azimuth_extent=1e-3, range_extent=1e-3)
+
+    def picture(k):
+        image = noise(rng)
+        for n in range(5):
+            with_echo(image, 8 + 11 * n, 20 + 30 * n + k // 2, 20.0)
+        return image
+
+    for k, image in enumerate(images(60, picture)):
+        scan = detector.process(image)
+        own = np.zeros(len(scan), bool)
+        for n in range(5):
+            near = abs(scan.range - RANGE[20 + 30 * n + k // 2]) < 0.25
+            own |= near & (abs(scan.azimuth - AZIMUTH[8 + 11 * n]) < 2.5 * D_AZIMUTH)
+        found.append((own.sum(), (~own).sum()))
+    targets, false = np.mean(found[20:], axis=0)
+    assert targets > 4.5
+    assert 2 / 3 < false / 5 < 1.5
+
+
+def test_after_a_step_of_the_gain_the_number_is_kept_within_five_images():
+    rng = np.random.default_rng(4)
+    log = lambda a: np.clip(60 + 40 * np.log10(a), 0, 255).astype(np.uint8)  # noqa: E731
+    detector = make_detector(false_detections_per_ping=10, azimuth_extent=1e-3, range_extent=1e-3)
+    counts = [
+        len(detector.process(image))
+        for image in images(60, lambda k: log(noise(rng, 1.0 if k < 40 else 10.0)))
+    ]
+    assert 2 / 3 < np.mean(counts[45:]) / 10 < 1.5
+
+
+def test_an_echo_is_measured_where_it_is_as_wide_as_it_is_and_as_strong_as_it_is():
+    rng = np.random.default_rng(5)
+    detector = make_detector(azimuth_extent=4 * D_AZIMUTH, range_extent=1.0)
+    picture = lambda k: with_echo(noise(rng), 30, 100, 15.0, (4, 10))  # noqa: E731
+    [image] = images(1, picture)
+    scan = detector.process(image)
+    best = int(np.argmax(scan.features["intensity"]))
+    assert scan.range[best] == pytest.approx(RANGE[100:110].mean(), abs=0.1)
+    assert scan.azimuth[best] == pytest.approx(AZIMUTH[30:34].mean(), abs=0.5 * D_AZIMUTH)
+    assert scan.features["range_width"][best] == pytest.approx(1.0, rel=0.2)
+    assert scan.features["azimuth_width"][best] == pytest.approx(4 * D_AZIMUTH, rel=0.2)
+    assert 11.0 < scan.features["intensity"][best] < 17.0  # it raises its own background a little
+    assert 0.02 < scan.range_std[best] < 0.5
+
+
+def test_errors_of_a_point_are_as_stated():
+    rng, errors = np.random.default_rng(6), []
+    detector = make_detector(azimuth_extent=1e-3, range_extent=1e-3)
+    grid = np.arange(B)[:, None], np.arange(M)
+    for k in range(120):
+        row, column = 32 + rng.uniform(-20, 20), 100 + rng.uniform(-80, 80)
+        echo = np.exp(-0.5 * ((grid[0] - row) ** 2 + (grid[1] - column) ** 2) / 0.6**2)
+        field = 10.0 * echo + noise(rng) * np.exp(2j * np.pi * rng.random((B, M)))
+        scan = detector.process(SonarImage(float(k), RANGE, AZIMUTH, np.abs(field)))
+        best = int(np.argmax(scan.features["intensity"]))
+        errors.append((scan.range[best] - 1.0 - 0.1 * column) / scan.range_std[best])
+    assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_a_streak_of_a_single_bearing_hardly_changes_the_number():
+    rng = np.random.default_rng(7)
+
+    def picture(k):
+        image = noise(rng)
+        image[rng.integers(B)] *= 10.0
+        return image
+
+    ratio = false_ratio(10.0, images(60, picture), azimuth_extent=1e-3, range_extent=1e-3)
+    assert 2 / 3 < ratio < 1.5
+
+
+def test_a_clutter_map_takes_away_what_stands_and_the_default_does_not():
+    rng = np.random.default_rng(8)
+    seen = []
+    for pings in (0, 20):
+        detector = make_detector(azimuth_extent=1e-3, range_extent=1e-3, clutter_map=pings)
+        picture = lambda k: with_echo(noise(rng), 30, 100, 15.0)  # noqa: E731
+        scans = [detector.process(image) for image in images(40, picture)]
+        seen.append(np.mean([(abs(s.range - RANGE[100]) < 0.15).any() for s in scans[20:]]))
+    assert seen[0] > 0.9
+    assert seen[1] < 0.6
+
+
+@pytest.mark.parametrize("value", [np.nan, 7.0])
+def test_an_image_of_one_value_is_an_empty_scan_and_counted(value):
+    detector = make_detector()
+    scan = detector.process(SonarImage(0.0, RANGE, AZIMUTH, np.full((B, M), value)))
+    assert len(scan) == 0
+    assert detector.measured["empty"] == detector.measured["images"] == 1
+    rng = np.random.default_rng(1)
+    assert len(detector.process(SonarImage(1.0, RANGE, AZIMUTH, noise(rng)))) > 5
+
+
+def test_nothing_is_detected_where_nothing_was_measured():
+    rng = np.random.default_rng(10)
+
+    def picture(k):
+        image = noise(rng)
+        image[:, :80] = np.nan
+        return image
+
+    detector = make_detector()
+    for image in images(5, picture):
+        scan = detector.process(image)
+        assert len(scan)
+        assert scan.range.min() > RANGE[78]
+
+
+@pytest.mark.parametrize("shape", [(1, 300), (3, 100), (100, 2)])
+def test_images_of_few_cells_pass(shape):
+    rng = np.random.default_rng(11)
+    image = SonarImage(
+        0.0, np.linspace(1, 9, shape[1]), np.linspace(0, 1, shape[0]), rng.random(shape)
+    )
+    assert len(make_detector(false_detections_per_ping=5).process(image)) <= 20
+
+
+def test_times_and_poses_of_bearings_are_those_of_their_detections():
+    rng = np.random.default_rng(12)
+    after, poses = np.linspace(0.0, 1.0, B), np.zeros((B, 3))
+    poses[:, 0] = after
+    image = with_echo(noise(rng), 40, 100, 30.0)
+    scan = make_detector().process(SonarImage(5.0, RANGE, AZIMUTH, image, after, poses))
+    best = int(np.argmax(scan.features["intensity"]))
+    assert scan.time_offset[best] == pytest.approx(after[40], abs=0.02)
+    assert scan.sensor_pose[best, 0] == scan.time_offset[best]
+
+
+def test_a_full_turn_has_no_seam():
+    rng = np.random.default_rng(13)
+    azimuth = -2 * np.pi * np.arange(B) / B
+    image = noise(rng)
+    image[[0, 1, -1], 100:105] = 8.0
+    detector = make_detector(azimuth_extent=6 * np.pi / B, range_extent=0.5)
+    scan = detector.process(SonarImage(0.0, RANGE, azimuth, image))
+    near = (abs(scan.range - RANGE[102]) < 0.5) & (abs(scan.azimuth) < 0.3)
+    assert near.sum() == 1
+
+
+def test_other_ranges_in_a_run_are_learned_anew():
+    rng = np.random.default_rng(14)
+    detector = make_detector(false_detections_per_ping=10)
+    counts = []
+    for k in range(12):
+        scale = 1.0 if k < 6 else 2.0
+        image = SonarImage(float(k), scale * RANGE, AZIMUTH, noise(rng))
+        counts.append(len(detector.process(image)))
+    assert max(counts[7:]) < 30
+
+
+def test_cells_that_tremble_are_the_same_cells():
+    rng = np.random.default_rng(16)
+    detector = make_detector(azimuth_extent=1e-3, range_extent=1e-3, false_detections_per_ping=5)
+    counts = set()
+    for k in range(12):
+        distance = RANGE * (1.0 + 1e-4 * rng.standard_normal())
+        counts.add(len(detector.process(SonarImage(float(k), distance, AZIMUTH, noise(rng)))))
+    assert len(counts) > 1  # of a single image exactly the stated number is taken
+
+
+def test_the_tracker_takes_the_scans():
+    rng, detector = np.random.default_rng(15), make_detector(false_detections_per_ping=5)
+    initiator = make_initiator("score", sensor=SensorModel(max_range=21.0), max_speed=2.0)
+    tracks = []
+    for image in images(20, lambda k: with_echo(noise(rng), 30, 100 + 2 * k, 20.0, (2, 2))):
+        tracks += initiator.process(detector.process(image))
+    assert tracks
+
+
+def test_an_unknown_option_is_refused_with_the_known_ones():
+    with pytest.raises(ValueError, match=r"no option 'p_fa'; it has false_detections_per_ping"):
+        make_detector(p_fa=0.1)

@@ -1,0 +1,37 @@
+"""Checks of a sonar image."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros import SonarImage
+
+RANGE, AZIMUTH = np.linspace(1.0, 10.0, 30), np.linspace(-1.0, 1.0, 20)
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"intensity": np.zeros((30, 20))}, r"intensity must have the shape .*: transpose"),
+        ({"intensity": np.zeros((20, 29))}, r"intensity must have the shape .*; got \(20, 29\)$"),
+        ({"intensity": np.zeros((20, 30), complex)}, "intensity must be real"),
+        ({"intensity": np.full((20, 30), np.inf)}, "intensity must not be infinite"),
+        ({"range": RANGE[::-1]}, "range must ascend"),
+        ({"range": RANGE - 1.0}, "range must be from"),
+        ({"range": [5.0]}, "range must have at least 2"),
+        ({"azimuth": np.where(AZIMUTH > 0, -AZIMUTH, AZIMUTH)}, "azimuth must ascend or descend"),
+        ({"azimuth": np.degrees(AZIMUTH)}, "azimuth must span at most a turn"),
+        ({"azimuth": AZIMUTH * np.nan}, "azimuth must be finite"),
+        ({"stamp": np.nan}, "stamp must be finite"),
+        ({"time_offset": [0.1]}, "time_offset must have the shape"),
+        ({"sensor_pose": np.zeros((4, 3))}, "sensor_pose must be finite"),
+    ],
+)
+def test_what_is_no_image_is_refused_with_a_sentence(changed, sentence):
+    fields = {"stamp": 0.0, "range": RANGE, "azimuth": AZIMUTH, "intensity": np.zeros((20, 30))}
+    with pytest.raises(ValueError, match=f"^{sentence}"):
+        SonarImage(**{**fields, **changed})
+
+
+def test_bearings_may_descend_and_be_unevenly_spaced():
+    azimuth = np.sort(np.random.default_rng(1).uniform(-1, 1, 20))[::-1]
+    assert SonarImage(0.0, RANGE, azimuth, np.zeros((20, 30), np.uint8)).intensity.shape == (20, 30)

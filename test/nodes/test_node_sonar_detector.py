@@ -1,0 +1,163 @@
+"""The node that makes detections of images, alone and before the track initiator."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import Image, PointCloud2
+from support.ros_world import BEST_EFFORT
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import make_header, read_detections
+from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.sonar_detector import SonarDetector
+from tsepm_ros.nodes.track_initiator import TrackInitiator
+
+BEAMS, CELLS = 64, 200
+COVERAGE = {
+    "sensor.min_range": 0.5,
+    "sensor.max_range": 40.5,
+    "sensor.azimuth_min": -0.8,
+    "sensor.azimuth_max": 0.8,
+}
+STAMP = 1_700_000_000.0
+
+
+class Sonar:
+    """Publishes a forward-looking sonar's images, as displayed: far above, port at the left."""
+
+    def __init__(self, world, seed=3):
+        self.publisher = world.observer.create_publisher(Image, "image", BEST_EFFORT)
+        self.rng = np.random.default_rng(seed)
+        self.number = 0
+
+    def ping(self, *targets, encoding="mono8"):
+        """Rayleigh speckle and targets (range, m, and azimuth, rad, to port)."""
+        field = self.rng.rayleigh(1.0, (BEAMS, CELLS))
+        for range_, azimuth in targets:
+            row = (azimuth + 0.8) / 1.6 * BEAMS - 0.5
+            column = (range_ - 0.5) / 40.0 * CELLS - 0.5
+            y, x = np.ogrid[:BEAMS, :CELLS]
+            field += 12.0 * np.exp(-0.5 * ((y - row) ** 2 + ((x - column) / 2.0) ** 2))
+        picture = np.minimum(field * 15.0, 255.0).astype(np.uint8)
+        displayed = picture[::-1].T[::-1]
+        message = Image(
+            header=make_header(round((STAMP + 0.2 * self.number) * 1e9), "sonar"),
+            height=CELLS,
+            width=BEAMS,
+            step=BEAMS,
+            encoding=encoding,
+            data=np.ascontiguousarray(displayed).tobytes(),
+        )
+        self.number += 1
+        self.publisher.publish(message)
+
+
+def pings(world, sonar, heard, number, targets=lambda k: ()):
+    """So many pings, each as soon as the answer to the last is there."""
+    for k in range(number):
+        sonar.ping(*targets(k))
+        world.until(lambda k=k: len(heard) > k, "the detections of a ping")
+    return heard
+
+
+def test_a_target_to_port_and_one_to_starboard_are_detected_where_they_are(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector, COVERAGE)
+    world.until_connected()
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    places = [(15.0, 0.4), (25.0, -0.3)]
+    clouds = pings(world, sonar, heard, 30, lambda k: places)
+    found = [read_detections(cloud).scan for cloud in clouds[20:]]
+    for range_, azimuth in places:
+        hits = 0
+        for scan in found:
+            off = np.abs(scan.range - range_) / scan.range_std
+            aside = np.abs(scan.azimuth - azimuth) / scan.azimuth_std
+            hits += bool(((off < 4.0) & (aside < 4.0)).any())
+        assert hits >= 9, f"of 10 pings, at {range_} m"
+    others = np.mean([len(scan) for scan in found]) - 2
+    assert 5 <= others <= 60, "about 20 false detections a ping"
+    assert set(found[0].features) >= {"intensity", "range_width", "azimuth_width"}
+
+
+def test_both_nodes_start_a_track_on_a_target_to_port_that_moves(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    tracks = world.listen(PointCloud2, "tracks")
+    world.make(SonarDetector, COVERAGE)
+    world.make(
+        TrackInitiator,
+        COVERAGE | {"method": "score", "max_speed": 3.0, "score.false_tracks_per_hour": 10.0},
+    )
+    world.until_connected()
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_logged("subscribed to /detections")
+    world.until_connected()
+    pings(world, sonar, heard, 50, lambda k: [(12.0 + 0.2 * k, 0.3)])  # 1 m/s away
+    world.until(lambda: any(cloud.width for cloud in tracks), "a track")
+
+
+def test_pictures_in_colours_are_dropped_with_the_remedy_and_the_next_ping_is_used(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector, COVERAGE)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    sonar.ping(encoding="bgr8")
+    world.until_logged("publish the driver's raw image")
+    sonar.ping()
+    world.until(lambda: heard, "detections of the next ping")
+    world.until(
+        lambda: any(
+            value.key == "dropped.bad_encoding" and value.value == "1"
+            for message in world.diagnostics
+            for status in message.status
+            for value in status.values
+        ),
+        "the count on /diagnostics",
+    )
+
+
+def test_markers_and_the_normalised_image_are_published_where_they_are_asked_for(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    markers = world.listen(MarkerArray, "detections/markers")
+    images = world.listen(Image, "image/normalised")
+    world.make(SonarDetector, COVERAGE | {"publish_normalised": True})
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    pings(world, sonar, heard, 3)
+    world.until(lambda: markers and images, "markers and the normalised image")
+    assert (images[-1].height, images[-1].width, images[-1].encoding) == (BEAMS, CELLS, "32FC1")
+    assert markers[-1].markers[-1].points
+
+
+def test_the_tracker_is_told_the_coverage_of_the_images(world):
+    sonar = Sonar(world)
+    world.make(SonarDetector, COVERAGE)
+    tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    end = time.monotonic() + 10.0
+    while tracker.get_parameter("sensor.max_range").value > 100.0 and time.monotonic() < end:
+        sonar.ping()
+        world.spin_once(0.05)
+    world.until(
+        lambda: tracker.get_parameter("sensor.max_range").value == pytest.approx(40.5, rel=0.01),
+        "the range of the images",
+    )
+    assert tracker.get_parameter("sensor.azimuth_max").value == pytest.approx(0.8, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("false_detections_per_ping", 0.0, "false_detections_per_ping"),
+        ("image.rows", "columns", "image.rows"),
+        ("image_type", "sensor_msgs/msg/CompressedImage", "image_type"),
+    ],
+)
+def test_a_parameter_of_no_meaning_is_refused(world, name, value, words):
+    with pytest.raises(ParameterError, match=words):
+        world.make(SonarDetector, {name: value})

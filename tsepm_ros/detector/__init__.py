@@ -1,0 +1,1 @@
+"""Sonar images to detections, without ROS: `SonarImage` in, `Scan` out."""

@@ -1,0 +1,244 @@
+"""The detector: sonar images to detections, with the number of false ones kept.
+
+Every image passes through the same stages: conditioned, normalised by its background, smoothed over
+the extent of an echo, compared with a learned threshold; the peaks above it are measured.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tsepm_ros.detector.echoes import Echoes, found, measured
+from tsepm_ros.detector.false_detections import Threshold
+from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.normalising import (
+    Box,
+    ClutterMap,
+    Image,
+    Modes,
+    conditioned,
+    normalised,
+    smoothed,
+)
+from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.parameters import ParameterGroup, parameter
+from tsepm_ros.tracker.scan import Scan
+
+SCALES = ((3, 5), (1, 1), (5, 15))
+"""Bearings and ranges of an echo of unknown extent, the one to begin with first."""
+TRIAL = 20
+"""Pings after which one of the scales is chosen."""
+ENOUGH = 0.85
+"""Part of the most recurring detections with which a smaller scale is chosen."""
+MIN_RECURRING = 0.5
+"""Recurring detections a ping without which nothing is known of the extent."""
+MIN_CELLS = 4.0
+"""Independent cells of a scale that may be chosen, per false detection."""
+SAME_CELLS = 0.02
+"""Relative change of number, size and first range up to which cells are the same as before."""
+FULL_TURN_GAP = 2.5
+"""Largest gap between the last and the first bearing of a full turn, in spacings."""
+MEAN_OVER_DEVIATION = math.sqrt(math.pi / (4.0 - math.pi))
+"""Of Rayleigh amplitudes, 1.91."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorOptions(ParameterGroup):
+    """Options of the detector."""
+
+    false_detections_per_ping: float = parameter(
+        20.0,
+        "False detections per ping that the threshold keeps, at most a tenth of the independent "
+        "cells of an image",
+        minimum=0.1,
+        maximum=1e4,
+    )
+    range_extent: float = parameter(
+        0.0, "Extent of a target's echo in range; 0: learned", unit="m", minimum=0.0, maximum=1e4
+    )
+    azimuth_extent: float = parameter(
+        0.0,
+        "Extent of a target's echo in azimuth, with the beam; 0: learned",
+        unit="rad",
+        minimum=0.0,
+        maximum=math.pi,
+    )
+    clutter_map: int = parameter(
+        0,
+        "Pings over which a map of each cell's mean is learned and subtracted, for a sensor that "
+        "does not move; 0: no map. Whatever stands still vanishes",
+        minimum=0,
+        maximum=100_000,
+    )
+
+
+class Stages(NamedTuple):
+    """An image at its stages, (b, m) each, and the threshold of the smoothed one."""
+
+    conditioned: Image
+    background: Image
+    smoothed: Image
+    threshold: float
+
+
+class _Scale:
+    """The stages from the background to the measured echoes, for one box of an echo."""
+
+    def __init__(self, box: Box, number: float) -> None:
+        self.box, self.threshold = box, Threshold(number)
+        self.recurring, self.cells = 0.0, 0
+
+    def detect(self, x: Image, defined: BoolArray, modes: Modes) -> tuple[Echoes, Stages]:
+        y, background = normalised(x, defined, self.box, modes)
+        z = smoothed(y, self.box, modes)
+        peaks, cell = found(z, defined, self.box, modes, self.threshold.kept)
+        level = self.threshold.update(peaks)
+        self.recurring += self.threshold.recurring
+        self.cells = peaks.number
+        echoes = measured(y, cell[peaks.height > level], self.box, modes[0] == "wrap")
+        return echoes, Stages(x, background, z, level)
+
+
+class Detector:
+    """Makes a scan of detections of each image; see `make_detector`.
+
+    Attributes
+    ----------
+    measured : dict of str to float
+        images; empty (images of which no cell has statistics: nothing but NaN, or one value);
+        false_detections a ping, as the threshold was learned; independent_cells (peaks: the most
+        detections that there could be); range_extent (m) and azimuth_extent (rad), stated or
+        learned.
+    stages : Stages or None
+        Of the last image; None if it was empty.
+    """
+
+    def __init__(self, options: DetectorOptions) -> None:
+        self.options = options
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all images."""
+        self.measured: dict[str, float] = {"images": 0, "empty": 0}
+        self.stages: Stages | None = None
+        self._map = ClutterMap(self.options.clutter_map)
+        self._axes: tuple[float, ...] = (0.0,) * 5
+        self._scales: list[_Scale] = []
+
+    def process(self, image: SonarImage) -> Scan:
+        """Detections of an image.
+
+        Parameters
+        ----------
+        image : SonarImage
+
+        Returns
+        -------
+        Scan
+            With `range_std`, `azimuth_std` and the features intensity (dB above the background),
+            range_width and azimuth_width. Empty if no cell of the image has statistics.
+        """
+        spacing, turn = self._prepare(image)
+        there = np.isfinite(image.intensity)
+        values = np.where(there, image.intensity, 0.0)
+        amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        x, defined = conditioned(amplitude, there)
+        x = self._map.subtracted(x, defined)
+        modes = ("wrap" if turn else "constant", "constant")
+        tried = [scale.detect(x, defined, modes) for scale in self._scales]
+        best = self._best()
+        scale, (echoes, stages) = self._scales[best], tried[best]
+        self._count(scale, spacing, empty=not defined.any())
+        self.stages = stages if defined.any() else None
+        return _scan(image, echoes)
+
+    def _prepare(self, image: SonarImage) -> tuple[tuple[float, float], bool]:
+        """Spacing of the cells, rad and m, and whether the bearings are a full turn.
+
+        All is learned anew where the cells are others than before.
+        """
+        azimuth, distance = (
+            float(np.median(np.abs(np.diff(axis)))) if len(axis) > 1 else 1.0
+            for axis in (image.azimuth, image.range)
+        )
+        axes = (*image.intensity.shape, azimuth, distance, float(image.range[0]))
+        if not np.allclose(axes, self._axes, rtol=SAME_CELLS):
+            stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
+            boxes = [
+                tuple(
+                    int(np.clip(round(known or length), 1, max(cells // 4, 1)))
+                    for known, length, cells in zip(stated, scale, axes, strict=False)
+                )
+                for scale in SCALES
+            ]
+            number = self.options.false_detections_per_ping
+            self._scales = [_Scale((box[0], box[1]), number) for box in dict.fromkeys(boxes)]
+            self._axes, self._begin = axes, int(self.measured["images"])
+        gap = 2 * math.pi - float(np.ptp(image.azimuth))
+        return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
+
+    def _best(self) -> int:
+        """The smallest scale at which about as many echoes recur as at any."""
+        least = MIN_CELLS * self.options.false_detections_per_ping
+        recurring = [s.recurring if s.cells >= least else 0.0 for s in self._scales]
+        pings = self.measured["images"] + 1 - self._begin
+        if max(recurring) < MIN_RECURRING * pings:
+            return 0
+        good = [k for k, number in enumerate(recurring) if number >= ENOUGH * max(recurring)]
+        return min(good, key=lambda k: math.prod(self._scales[k].box))
+
+    def _count(self, scale: _Scale, spacing: tuple[float, float], *, empty: bool) -> None:
+        self.measured = {
+            "images": self.measured["images"] + 1,
+            "empty": self.measured["empty"] + empty,
+            "false_detections": scale.threshold.measured,
+            "independent_cells": scale.cells,
+            "range_extent": scale.box[1] * spacing[1],
+            "azimuth_extent": scale.box[0] * spacing[0],
+        }
+        if self.measured["images"] - self._begin >= TRIAL:
+            self._scales = [scale]
+
+
+def make_detector(**options: Any) -> Detector:
+    """Make a detector.
+
+    Parameters
+    ----------
+    **options
+        Fields of `DetectorOptions`.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown or not allowed.
+    """
+    known = DetectorOptions.__dataclass_fields__
+    for name in options:
+        if name not in known:
+            raise ValueError(f"a detector has no option {name!r}; it has {', '.join(known)}")
+    return Detector(DetectorOptions(**options))
+
+
+def _scan(image: SonarImage, echoes: Echoes) -> Scan:
+    """Detections of echoes in cells."""
+    fields: dict[str, Any] = {}
+    decibel = 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)
+    features = {"intensity": decibel}
+    for name, axis, column in (("azimuth", image.azimuth, 0), ("range", image.range, 1)):
+        place, cells = echoes.cell[:, column], np.arange(len(axis))
+        step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.ones(1)
+        spacing = np.interp(place, cells, step)
+        fields[name] = np.interp(place, cells, axis)
+        fields[f"{name}_std"] = echoes.deviation[:, column] * spacing
+        features[f"{name}_width"] = echoes.width[:, column] * spacing
+    row = np.clip(np.rint(echoes.cell[:, 0]).astype(int), 0, len(image.azimuth) - 1)
+    if image.time_offset is not None:
+        fields["time_offset"] = image.time_offset[row]
+    pose = np.asarray(image.sensor_pose)
+    fields["sensor_pose"] = pose if pose.ndim == 1 else pose[row]
+    return Scan(stamp=image.stamp, **fields, features=features)

@@ -1,0 +1,95 @@
+"""A sonar image with its checks: amplitudes over bearing and range."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
+
+TURN = 2 * math.pi + 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SonarImage:
+    """Amplitudes of a ping over bearing and range.
+
+    Parameters
+    ----------
+    stamp : float
+        Start of transmit, s.
+    range : (m,) array_like
+        Centres of the cells, m, ascending and above 0, at least 2.
+    azimuth : (b,) array_like
+        Bearings, rad, counter-clockwise from the sensor's x axis, ascending or descending by at
+        most a turn in all, in any spacing.
+    intensity : (b, m) array_like
+        Larger is stronger, in any real type and on any scale; NaN where nothing was measured.
+    time_offset : (b,) array_like, optional
+        Time of each bearing after `stamp`, s.
+    sensor_pose : (3,) or (b, 3) array_like, optional
+        Pose (x, y, yaw) in the fixed frame, m and rad: of the image, or of each bearing.
+
+    Raises
+    ------
+    ValueError
+        If a shape or a value is not allowed; the message starts with the field's name.
+    """
+
+    stamp: float
+    range: FloatArray
+    azimuth: FloatArray
+    intensity: NDArray[Any]
+    time_offset: FloatArray | None = None
+    sensor_pose: FloatArray | tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        image = np.asarray(self.intensity)
+        if image.dtype.kind not in "buif":
+            raise ValueError(f"intensity must be real numbers; got the type {image.dtype}")
+        distance, azimuth = _numbers("range", self.range), _numbers("azimuth", self.azimuth)
+        shape = (b, m) = len(azimuth), len(distance)
+        none = np.zeros(b if self.time_offset is None else 0)
+        offset = _numbers("time_offset", none if self.time_offset is None else self.time_offset)
+        pose = np.array((0, 0, 0) if self.sensor_pose is None else self.sensor_pose, float)
+        steps, swapped = np.diff(azimuth), image.shape == shape[::-1] != shape
+        limits = MIN_MAGNITUDE["range"], MAX_MAGNITUDE["range"]
+        for wrong, sentence in (
+            (not math.isfinite(self.stamp), f"stamp must be finite; got {self.stamp}"),
+            (m < 2, f"range must have at least 2 cells; got {m}"),
+            (np.any(np.diff(distance) <= 0), "range must ascend"),
+            (
+                np.any((distance < limits[0]) | (distance > limits[1])),
+                f"range must be from {limits[0]:g} to {limits[1]:g} m",
+            ),
+            (b < 1, "azimuth must have at least 1 bearing"),
+            (np.any(steps <= 0) and np.any(steps >= 0), "azimuth must ascend or descend"),
+            (abs(steps.sum()) > TURN, "azimuth must span at most a turn, in rad"),
+            (
+                image.shape != shape,
+                f"intensity must have the shape (bearings, ranges) = {shape}; got {image.shape}"
+                + ": transpose the image" * swapped,
+            ),
+            (np.isinf(image).any(), "intensity must not be infinite; NaN: not measured"),
+            (offset.shape != (b,), f"time_offset must have the shape ({b},); got {offset.shape}"),
+            (
+                pose.shape not in ((3,), (b, 3)) or not np.isfinite(pose).all(),
+                f"sensor_pose must be finite, of the shape (3,) or ({b}, 3); got {pose.shape}",
+            ),
+        ):
+            if wrong:
+                raise ValueError(sentence)
+        fields = {"range": distance, "azimuth": azimuth, "intensity": image, "sensor_pose": pose}
+        vars(self).update(fields, time_offset=None if self.time_offset is None else offset)
+
+
+def _numbers(name: str, value: Any) -> FloatArray:
+    numbers = np.array(value, float)
+    if numbers.ndim != 1 or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} must be finite numbers of the shape (n,); got {numbers.shape}")
+    return numbers

@@ -1,0 +1,156 @@
+"""Images in deviations above their background, and smoothed over the extent of an echo.
+
+*Conditioned*: an amplitude is standardised by mean and deviation of all bearings at its range (gain
+over range, reverberation, the ring of the transmission), then of all ranges at its bearing (a
+streak: the pulse of another sonar)::
+
+    x = (a - mean) / deviation,    of  min(a, mean + LIMIT * deviation)
+
+*Normalised*: the same with the ring of cells around each, between a guard that its own echo may
+fill and an outer box; sums over boxes cost the same for every size. Amplitudes above the limit
+count as the limit, so that other echoes and walls have a bounded part. Location and scale do the
+same to amplitudes, powers and logarithms: the unit need not be known.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tsepm_ros.numerics.arrays import BoolArray
+
+Image = NDArray[np.float32]
+"""(b, m): single precision is twice as fast, and finer than any sonar's."""
+
+Box = tuple[int, int]
+"""Cells of an echo: bearings and ranges."""
+
+Modes = tuple[str, str]
+"""Of filters at the ends of the axes."""
+
+LIMIT = 2.5
+"""Deviations above the mean beyond which an amplitude counts as the limit."""
+PASSES = 2
+"""Times that mean and deviation are taken, each within the limit by those before; once more for
+ranges and bearings, of which an echo may fill a tenth."""
+MEAN_DEVIATION = 1.25
+"""Standard deviation of a normal law over its mean absolute one, which an echo moves less."""
+MIN_CELLS = 24
+"""Cells without which a range, or a bearing, has no statistics of its own."""
+BLOCK = 4
+"""Ranges of a block of a ring."""
+MIN_RING = (25, 15)
+"""Least size of the outer box, bearings and blocks: some hundred independent cells."""
+MIN_DEVIATION = 0.1
+"""Least deviation of a ring: where hardly a cell has an echo."""
+CELL_LIMIT = (2.0, 30.0)
+"""Most deviations that one cell brings into a sum over n: the first, plus the second / n."""
+TIE = 1e-3
+"""Height by which equal cells differ, so that levels of few bits have one highest cell."""
+
+
+def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray]:
+    """Amplitudes in deviations of their range and bearing, and where these are defined.
+
+    Parameters
+    ----------
+    amplitude : (b, m) ndarray
+        0 where not measured.
+    measured : (b, m) ndarray of bool
+
+    Returns
+    -------
+    standardised : (b, m) ndarray
+        0 where it is not defined.
+    defined : (b, m) ndarray of bool
+        Not defined: what was not measured, and ranges and bearings of one value, such as those
+        that the transmission saturates.
+    """
+    for axis in (0, 1):
+        if amplitude.shape[axis] < MIN_CELLS:
+            continue
+        count = np.maximum(measured.sum(axis, keepdims=True), 1)
+        limited = amplitude
+        for _ in range(PASSES + 1):
+            mean = limited.sum(axis, keepdims=True) / count
+            apart = np.abs(limited - mean) * measured
+            deviation = MEAN_DEVIATION * apart.sum(axis, keepdims=True) / count
+            limited = np.minimum(amplitude, mean + LIMIT * deviation) * measured
+        measured = measured & (deviation > 1e-6)
+        scale = np.where(deviation > 0.0, deviation, 1.0)
+        amplitude = np.asarray((amplitude - mean) / scale * measured, np.float32)
+    return amplitude, measured
+
+
+def normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
+    """Values (b, m) in deviations above the mean of the ring around each, and that mean.
+
+    The ring is made of blocks of `BLOCK` ranges, which takes a third of the time.
+    """
+    b, m = x.shape
+    lengths = box[0], math.ceil(box[1] / BLOCK)
+    guard = [2 * length + 1 for length in lengths]
+    outer = [max(least, 6 * n + 1) for least, n in zip(MIN_RING, lengths, strict=True)]
+
+    def ring(values: Image) -> Image:
+        padded = np.pad(values, ((0, 0), (0, -m % BLOCK)))
+        blocks = padded.reshape(b, -1, BLOCK) @ np.ones(BLOCK, np.float32)
+        sums = [
+            ndimage.uniform_filter(blocks, size, mode=modes) * float(math.prod(size))
+            for size in (outer, guard)
+        ]
+        return np.asarray(np.repeat(sums[0] - sums[1], BLOCK, axis=1)[:, :m])
+
+    ones = np.asarray(defined, np.float32)
+    cells = np.maximum(ring(ones), 1.0)
+    limited = x
+    for _ in range(PASSES):
+        mean = ring(limited) / cells
+        variance = ring(limited * limited) / cells - mean * mean
+        deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
+        limited = np.minimum(x, mean + LIMIT * deviation) * ones
+    return np.asarray((x - mean) / deviation * ones, np.float32), np.asarray(mean, np.float32)
+
+
+def cell_limit(box: Box) -> float:
+    """The most deviations of a cell that count in a sum over a box."""
+    return CELL_LIMIT[0] + CELL_LIMIT[1] / math.prod(box)
+
+
+def smoothed(y: Image, box: Box, modes: Modes) -> Image:
+    """Mean over the box of an echo; a single cell has a bounded part in that of many."""
+    z = ndimage.uniform_filter(np.minimum(y, cell_limit(box)), box, mode=modes)
+    return np.asarray(z + _ties(z.shape))
+
+
+@functools.lru_cache(maxsize=4)
+def _ties(shape: tuple[int, ...]) -> Image:
+    return np.random.default_rng(0).random(shape, np.float32) * np.float32(TIE)
+
+
+class ClutterMap:
+    """Mean of each cell over the pings, subtracted: it learns whatever stands.
+
+    Parameters
+    ----------
+    pings : int
+        Memory; 0: nothing is subtracted.
+    """
+
+    def __init__(self, pings: int) -> None:
+        self._pings, self._seen = pings, 0
+        self._mean: Image = np.zeros((0, 0), np.float32)
+
+    def subtracted(self, x: Image, defined: BoolArray) -> Image:
+        """Values (b, m) without the mean of the pings before; themselves for the first."""
+        if not self._pings or x.shape != self._mean.shape:
+            self._seen, self._mean = 1, x
+            return x
+        self._seen = min(self._seen + 1, self._pings)
+        apart = np.asarray((x - self._mean) * defined, np.float32)
+        self._mean = self._mean + apart / np.float32(self._seen)
+        return apart

@@ -1,0 +1,215 @@
+"""The node that makes detections of sonar images, with the number of false ones kept."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.clock import Clock, ClockType
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import MessageError, detections_cloud, diagnostics, make_header
+from msg_adapters.sonar_images import IMAGES, normalised_image, read_image
+from msg_adapters.track_markers import detection_markers
+from tsepm_ros.detector.detector import Detector, DetectorOptions
+from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.diagnostics.health_figures import Level, Status
+from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
+from tsepm_ros.nodes.quality_of_service import QosWatch
+from tsepm_ros.nodes.running import run
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription
+from tsepm_ros.session.image_turns import ImagePing, ImageTurns
+from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
+from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import SensorModel
+
+IMAGE, DETECTIONS = "image", "detections"
+DEPTH = 10
+PERIOD = 1.0
+"""Time between messages on /diagnostics, s."""
+COVERAGE_CHANGE = 0.02
+"""Relative change of the images' coverage from which on the tracker is told."""
+
+
+class SonarDetector(ParameterisedNode):
+    """Subscribes to images and publishes their detections."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("sonar_detector", **node_options)
+        self._given: Mapping[type[Any], Any] = NodeParameters(
+            self, SONAR_DETECTOR, self._configure
+        ).options
+        self._warnings, self._dropped = ThrottledWarnings(self), Counter[str]()
+        self._said: set[str] = set()
+        self._turns = ImageTurns()
+        self._detector = Detector(self._given[DetectorOptions])
+        self._stamp, self._coverage = 0, np.zeros(4)
+        self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
+        self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
+        self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
+        options = self._options
+        self._tracker = (
+            self.create_client(
+                SetParametersAtomically, f"{options.tracker}/set_parameters_atomically"
+            )
+            if options.tracker
+            else None
+        )
+        self._images = DetectionsSubscription(
+            self,
+            options.image_type,
+            options.image_reliability,
+            options.image_depth,
+            self._take,
+            QosWatch(self),
+            topic=IMAGE,
+            readable=tuple(IMAGES),
+        )
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
+        self.create_timer(PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.refuse_unused_overrides()
+
+    @property
+    def _options(self) -> SonarDetectorNodeOptions:
+        return self._given[SonarDetectorNodeOptions]
+
+    def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
+        """Take changed parameters; what the detector learned stays unless its own changed."""
+        before, self._given = self._given, parameters
+        if before[DetectorOptions] != parameters[DetectorOptions]:
+            self._detector = Detector(parameters[DetectorOptions])
+
+    def _drop(self, reason: str, sentence: str) -> None:
+        """Count an image that is not used, and say why."""
+        self._dropped[reason] += 1
+        self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
+
+    def _take(self, message: Any) -> None:
+        """Take a message of an image, or of some bearings."""
+        try:
+            sensor, layout = self._given[SensorModel], self._given[ImageLayout]
+            ping = read_image(message, layout, sensor, self._options.sound_speed)
+        except MessageError as error:
+            self._drop(error.reason, f"image dropped: {error}")
+            return
+        for assumption in set(ping.assumptions) - self._said:
+            self._said.add(assumption)
+            self.get_logger().warning(assumption)
+        for whole in self._turns.add(ping):
+            self._detect(whole)
+
+    def _detect(self, ping: ImagePing) -> None:
+        """Publish the detections of a ping."""
+        try:
+            scan = self._detector.process(
+                SonarImage(
+                    1e-9 * ping.stamp_ns,
+                    ping.range,
+                    ping.azimuth,
+                    ping.intensity,
+                    time_offset=ping.time_offset,
+                )
+            )
+        except ValueError as error:
+            self._drop("bad_image", f"image dropped: {error}")
+            return
+        self._stamp = ping.stamp_ns
+        self._follow(ping)
+        self._publish(_timed(scan, ping, self._options.sound_speed), ping)
+
+    def _publish(self, scan: Scan, ping: ImagePing) -> None:
+        header = make_header(ping.stamp_ns, ping.frame_id)
+        features: dict[str, Any] = dict(scan.features)
+        self._detections.publish(
+            detections_cloud(
+                header,
+                range=scan.range,
+                azimuth=scan.azimuth,
+                range_std=scan.range_std,
+                azimuth_std=scan.azimuth_std,
+                time_offset=scan.time_offset,
+                **features,
+            )
+        )
+        if self._markers.get_subscription_count():
+            size = 0.01 * float(ping.range[-1])
+            self._markers.publish(detection_markers(header, scan, size))
+        stages = self._detector.stages
+        if self._options.publish_normalised and stages is not None:
+            self._normalised.publish(normalised_image(header, stages.smoothed))
+
+    def _follow(self, ping: ImagePing) -> None:
+        """Tell the tracker the coverage of the images where it has changed."""
+        half = 0.5 * (ping.range[1] - ping.range[0])
+        step = 0.5 * float(np.median(np.abs(np.diff(ping.azimuth)))) if len(ping.azimuth) > 1 else 0
+        low, high = float(ping.azimuth.min()) - step, float(ping.azimuth.max()) + step
+        if high - low >= 2.0 * np.pi - 4.0 * step:
+            low, high = -np.pi, np.pi
+        coverage = np.array([max(ping.range[0] - half, 0.0), ping.range[-1] + half, low, high])
+        if np.allclose(coverage, self._coverage, COVERAGE_CHANGE, 2.0 * step + 1e-3):
+            return
+        self._coverage = coverage
+        self.get_logger().info(
+            f"images reach from {coverage[0]:.3g} to {coverage[1]:.4g} m and from {low:.3g} to "
+            f"{high:.3g} rad"
+        )
+        if self._tracker is not None and self._tracker.service_is_ready():
+            names = "min_range", "max_range", "azimuth_min", "azimuth_max"
+            request = SetParametersAtomically.Request(
+                parameters=[
+                    Parameter(
+                        name=f"sensor.{name}",
+                        value=ParameterValue(
+                            type=ParameterType.PARAMETER_DOUBLE, double_value=float(value)
+                        ),
+                    )
+                    for name, value in zip(names, coverage, strict=True)
+                ]
+            )
+            self._tracker.call_async(request).add_done_callback(self._told)
+
+    def _told(self, future: Any) -> None:
+        """Say why the tracker refused a coverage."""
+        answer = future.result().result
+        if not answer.successful:
+            self.get_logger().warning(f"{self._options.tracker}: {answer.reason}")
+
+    def _report(self) -> None:
+        """Publish what the detector measured, and the drops."""
+        measured: dict[str, object] = dict(self._detector.measured)
+        values = measured | {f"dropped.{name}": count for name, count in self._dropped.items()}
+        if self._turns.unused:
+            values["bearings_unused"] = self._turns.unused
+        level, message = Level.OK, "detections are made of images"
+        if not self._stamp:
+            level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
+        elif self._dropped:
+            level, message = Level.WARN, "images were dropped; the log says why"
+        now = self.get_clock().now().nanoseconds
+        status = Status("sonar detector", level, message, values)
+        self._health.publish(diagnostics(now, self.get_fully_qualified_name(), [status]))
+
+
+def _timed(scan: Scan, ping: ImagePing, sound_speed: float) -> Scan:
+    """The scan with the time of each echo at its target, where the speed of sound is known."""
+    offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+    speed = ping.sound_speed or sound_speed
+    return replace(scan, time_offset=offset + (scan.range / speed if speed else 0.0))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(SonarDetector, args, help_text("sonar_detector", __doc__))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

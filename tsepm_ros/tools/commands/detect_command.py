@@ -1,0 +1,96 @@
+"""The command `tsepm detect`: sonar images to detections, and a picture of one image."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from tsepm_ros.detector.detector import Stages
+from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder, seed
+from tsepm_ros.tools.replay.image_folder import write_detections
+from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.whole_files import written_whole
+
+OPTIONS = {
+    "false_detections_per_ping": "kept by the threshold; default 20",
+    "range_extent": "of an echo, m; default learned",
+    "azimuth_extent": "of an echo, rad; default learned",
+    "clutter_map": "pings of a map of what stands, which is subtracted; default none",
+}
+"""Options of the detector, in place of those in the folder."""
+
+
+def add_detect_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `tsepm detect`."""
+    parser.add_argument("folder", type=Path, help="geometry.yaml, times.csv and the images")
+    for name, text in OPTIONS.items():
+        kind = int if name == "clutter_map" else float
+        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
+    parser.add_argument("--out", type=in_folder, default=Path(DETECTIONS_FILE), help="CSV file")
+    parser.add_argument("--picture", type=in_folder, help="picture of an image at its stages")
+    parser.add_argument("--image", type=seed, default=20, help="which, from 0; default 20 or last")
+
+
+def run_detect(options: argparse.Namespace) -> None:
+    """Detect in a folder of images, write the detections, and say what was measured.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not allowed, or an image cannot be read.
+    CommandFailed
+        If there is no image.
+    """
+    given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
+    found, drawn = 0, None
+    for k, (detector, image, scan) in enumerate(
+        write_detections(options.folder, options.out, **given)
+    ):
+        found += len(scan)
+        if k <= options.image and detector.stages is not None:
+            drawn = image, detector.stages, scan
+    if not found or drawn is None:
+        raise CommandFailed(f"{options.folder} has no image with an echo")
+    if options.picture:
+        draw(options.picture, *drawn)
+    measured = ", ".join(f"{name} {value:.3g}" for name, value in detector.measured.items())
+    print(f"{found} detections in {options.out}; {measured}", file=sys.stderr)
+
+
+def draw(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:
+    """Picture of an image, its background, the smoothed image and the detections.
+
+    Raises
+    ------
+    ValueError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ValueError("pictures need matplotlib, see the extra plot") from None
+    figure = Figure(figsize=(12, 9), layout="constrained")
+    panels = {
+        "image": image.intensity,
+        "background, standardised": stages.background,
+        f"smoothed; black: above the threshold {stages.threshold:.2f}": stages.smoothed,
+        f"{len(scan)} detections": stages.conditioned,
+    }
+    degrees, all_axes = np.degrees(image.azimuth), figure.subplots(2, 2, sharex=True, sharey=True)
+    for axes, (title, values) in zip(all_axes.flat, panels.items(), strict=True):
+        low, high = np.nanquantile(values, [0.01, 0.999])
+        mesh = axes.pcolormesh(degrees, image.range, values.T, vmin=low, vmax=high, rasterized=True)
+        figure.colorbar(mesh, ax=axes)
+        axes.set(title=title, xlabel="azimuth, degrees", ylabel="range, m")
+    all_axes[1, 0].contour(
+        degrees, image.range, stages.smoothed.T, [stages.threshold], colors="black"
+    )
+    axes.plot(np.degrees(scan.azimuth), scan.range, "o", color="red", fillstyle="none")
+    with written_whole(path) as temporary:
+        figure.savefig(temporary)
+    print(f"picture: {path}", file=sys.stderr)

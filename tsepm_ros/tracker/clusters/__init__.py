@@ -1,0 +1,1 @@
+"""Clusters: several detections of one target in a ping."""
