@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,9 +27,12 @@ from scipy.ndimage import map_coordinates
 
 from msg_adapters.ping import SOUND_SPEED, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
+from tsepm_ros.detector.detector import Detector, DetectorOptions
+from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.image_turns import ImagePing
-from tsepm_ros.settings.node_options import ImageLayout
+from tsepm_ros.session.image_turns import ImagePing, ImageTurns
+from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
+from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 if TYPE_CHECKING:
@@ -264,6 +268,76 @@ def _sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str, ...]
         return stated, ()
     speed = otherwise or SOUND_SPEED
     return speed, (f"images have no sound speed: {speed:g} m/s is used (sound_speed)",)
+
+
+class ImageInput:
+    """From arriving messages of images to detections, for the node and offline runs.
+
+    Parameters
+    ----------
+    options : mapping of type to options
+        Of the groups of SONAR_DETECTOR.
+    drop : callable
+        Called with a reason and a sentence for an image that is not used.
+    say : callable
+        Called with each assumption once.
+
+    Attributes
+    ----------
+    detector : Detector
+    turns : ImageTurns
+    """
+
+    def __init__(
+        self,
+        options: Mapping[type[Any], Any],
+        drop: Callable[[str, str], None],
+        say: Callable[[str], None],
+    ) -> None:
+        self._options, self._drop, self._say = options, drop, say
+        self._said: set[str] = set()
+        self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
+
+    def configure(self, options: Mapping[type[Any], Any]) -> None:
+        """Take changed options; what the detector learned stays unless its own changed."""
+        if options[DetectorOptions] != self._options[DetectorOptions]:
+            self.detector = Detector(options[DetectorOptions])
+        self._options = options
+
+    def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
+        """Take a message; the pings that it completes and their detections, each at its time."""
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        sensor, layout = self._options[SensorModel], self._options[ImageLayout]
+        try:
+            ping = read_image(message, layout, sensor, given.sound_speed)
+        except MessageError as error:
+            self._drop(error.reason, f"image dropped: {error}")
+            return
+        for assumption in set(ping.assumptions) - self._said:
+            self._said.add(assumption)
+            self._say(assumption)
+        for whole in self.turns.add(ping):
+            stamp, axes = 1e-9 * whole.stamp_ns, (whole.range, whole.azimuth)
+            try:
+                image = SonarImage(stamp, *axes, whole.intensity, time_offset=whole.time_offset)
+                scan = self.detector.process(image)
+            except ValueError as error:
+                self._drop("bad_image", f"image dropped: {error}")
+                continue
+            yield whole, _timed(scan, whole, given.sound_speed)
+
+
+def _timed(scan: Scan, ping: ImagePing, sound_speed: float) -> Scan:
+    """The scan with the time of each echo at its target, where the speed of sound is known."""
+    offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+    speed = ping.sound_speed or sound_speed
+    return replace(scan, time_offset=offset + (scan.range / speed if speed else 0.0))
+
+
+def detection_fields(scan: Scan) -> dict[str, Any]:
+    """What a message of a scan's detections has: fields of `detections_cloud`, (n,) each."""
+    names = ("range", "azimuth", "range_std", "azimuth_std", "time_offset")
+    return {name: getattr(scan, name) for name in names} | dict(scan.features)
 
 
 IMAGES: dict[str, Reader] = {

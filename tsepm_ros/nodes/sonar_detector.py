@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,22 +14,19 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import MessageError, detections_cloud, diagnostics, make_header
-from msg_adapters.sonar_images import IMAGES, normalised_image, read_image
+from msg_adapters import detections_cloud, diagnostics, make_header
+from msg_adapters.sonar_images import IMAGES, ImageInput, detection_fields, normalised_image
 from msg_adapters.track_markers import detection_markers
-from tsepm_ros.detector.detector import Detector, DetectorOptions
-from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
 from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription
-from tsepm_ros.session.image_turns import ImagePing, ImageTurns
-from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
+from tsepm_ros.session.image_turns import ImagePing
+from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorModel
 
 IMAGE, DETECTIONS = "image", "detections"
 DEPTH = 10
@@ -49,9 +45,7 @@ class SonarDetector(ParameterisedNode):
             self, SONAR_DETECTOR, self._configure
         ).options
         self._warnings, self._dropped = ThrottledWarnings(self), Counter[str]()
-        self._said: set[str] = set()
-        self._turns = ImageTurns()
-        self._detector = Detector(self._given[DetectorOptions])
+        self._input = ImageInput(self._given, self._drop, self.get_logger().warning)
         self._stamp, self._coverage = 0, np.zeros(4)
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
@@ -83,10 +77,8 @@ class SonarDetector(ParameterisedNode):
         return self._given[SonarDetectorNodeOptions]
 
     def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
-        """Take changed parameters; what the detector learned stays unless its own changed."""
-        before, self._given = self._given, parameters
-        if before[DetectorOptions] != parameters[DetectorOptions]:
-            self._detector = Detector(parameters[DetectorOptions])
+        self._given = parameters
+        self._input.configure(parameters)
 
     def _drop(self, reason: str, sentence: str) -> None:
         """Count an image that is not used, and say why."""
@@ -95,55 +87,18 @@ class SonarDetector(ParameterisedNode):
 
     def _take(self, message: Any) -> None:
         """Take a message of an image, or of some bearings."""
-        try:
-            sensor, layout = self._given[SensorModel], self._given[ImageLayout]
-            ping = read_image(message, layout, sensor, self._options.sound_speed)
-        except MessageError as error:
-            self._drop(error.reason, f"image dropped: {error}")
-            return
-        for assumption in set(ping.assumptions) - self._said:
-            self._said.add(assumption)
-            self.get_logger().warning(assumption)
-        for whole in self._turns.add(ping):
-            self._detect(whole)
-
-    def _detect(self, ping: ImagePing) -> None:
-        """Publish the detections of a ping."""
-        try:
-            scan = self._detector.process(
-                SonarImage(
-                    1e-9 * ping.stamp_ns,
-                    ping.range,
-                    ping.azimuth,
-                    ping.intensity,
-                    time_offset=ping.time_offset,
-                )
-            )
-        except ValueError as error:
-            self._drop("bad_image", f"image dropped: {error}")
-            return
-        self._stamp = ping.stamp_ns
-        self._follow(ping)
-        self._publish(_timed(scan, ping, self._options.sound_speed), ping)
+        for ping, scan in self._input.take(message):
+            self._stamp = ping.stamp_ns
+            self._follow(ping)
+            self._publish(scan, ping)
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
         header = make_header(ping.stamp_ns, ping.frame_id)
-        features: dict[str, Any] = dict(scan.features)
-        self._detections.publish(
-            detections_cloud(
-                header,
-                range=scan.range,
-                azimuth=scan.azimuth,
-                range_std=scan.range_std,
-                azimuth_std=scan.azimuth_std,
-                time_offset=scan.time_offset,
-                **features,
-            )
-        )
+        self._detections.publish(detections_cloud(header, **detection_fields(scan)))
         if self._markers.get_subscription_count():
             size = 0.01 * float(ping.range[-1])
             self._markers.publish(detection_markers(header, scan, size))
-        stages = self._detector.stages
+        stages = self._input.detector.stages
         if self._options.publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
 
@@ -185,10 +140,10 @@ class SonarDetector(ParameterisedNode):
 
     def _report(self) -> None:
         """Publish what the detector measured, and the drops."""
-        measured: dict[str, object] = dict(self._detector.measured)
+        measured: dict[str, object] = dict(self._input.detector.measured)
         values = measured | {f"dropped.{name}": count for name, count in self._dropped.items()}
-        if self._turns.unused:
-            values["bearings_unused"] = self._turns.unused
+        if self._input.turns.unused:
+            values["bearings_unused"] = self._input.turns.unused
         level, message = Level.OK, "detections are made of images"
         if not self._stamp:
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
@@ -197,13 +152,6 @@ class SonarDetector(ParameterisedNode):
         now = self.get_clock().now().nanoseconds
         status = Status("sonar detector", level, message, values)
         self._health.publish(diagnostics(now, self.get_fully_qualified_name(), [status]))
-
-
-def _timed(scan: Scan, ping: ImagePing, sound_speed: float) -> Scan:
-    """The scan with the time of each echo at its target, where the speed of sound is known."""
-    offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
-    speed = ping.sound_speed or sound_speed
-    return replace(scan, time_offset=offset + (scan.range / speed if speed else 0.0))
 
 
 def main(args: Sequence[str] | None = None) -> int:

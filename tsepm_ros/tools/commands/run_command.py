@@ -10,7 +10,7 @@ import dataclasses
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import TextIO
 
 from msg_adapters.message_input import MessageInput
+from msg_adapters.sonar_images import IMAGES, ImageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.consistency_checks import explained, questions
@@ -28,7 +29,14 @@ from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
-from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.settings.settings import (
+    SONAR_DETECTOR,
+    TRACK_INITIATOR,
+    Groups,
+    full_table,
+    make_groups,
+    settings_from,
+)
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     CommandFailed,
@@ -183,16 +191,31 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
     return _recorded(recording, options, "odometry" if recording.own_ship else "none")
 
 
+def _of_groups(values: Mapping[str, Value], groups: Groups) -> dict[str, Value]:
+    """The values of the parameters of some groups."""
+    names = {row.name for row in full_table(groups)}
+    return {name: value for name, value in values.items() if name in names}
+
+
 def _session(
-    options: argparse.Namespace, source: str, known: Sequence[str], **defaults: Value
+    options: argparse.Namespace,
+    source: str,
+    known: Sequence[str],
+    defaults: Mapping[str, Value],
+    *,
+    images: bool = False,
 ) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
     """Make a session from the arguments, with its node options and its notes by reason.
 
     `source` is the default of `own_ship_source`. The notes begin with those that are `known` of the
     recording.
     """
-    defaults["own_ship_source"] = source
-    groups = make_groups(TRACK_INITIATOR, {**defaults, **given_values(options.parameter)})
+    values = given_values(options.parameter)
+    if images:  # those of the detector alone are not the tracker's
+        own = {row.name for row in full_table(TRACK_INITIATOR)}
+        others = {row.name for row in full_table(SONAR_DETECTOR)} - own
+        values = {name: value for name, value in values.items() if name not in others}
+    groups = make_groups(TRACK_INITIATOR, {"own_ship_source": source, **defaults, **values})
     notes = dict(zip(known, known, strict=True))
 
     def note(reason: str, sentence: str) -> None:
@@ -216,7 +239,7 @@ def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
 def _recorded(
     recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
 ) -> Run:
-    session, node, notes = _session(options, source, recording.notes, **defaults)
+    session, node, notes = _session(options, source, recording.notes, defaults)
     return Run(
         title=_title(options, session),
         session=session,
@@ -246,15 +269,21 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
             "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
             "give -p own_ship_source:=none if the sensor does not move"
         )
-    source = "odometry" if OWN_SHIP in topics else "none"
-    session, node, notes = _session(options, source, bag.notes)
+    source, images = "odometry" if OWN_SHIP in topics else "none", None
+    shown = bag.topics[topics[DETECTIONS]] in IMAGES
+    session, node, notes = _session(options, source, bag.notes, {}, images=shown)
     if session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
+    if shown:
+        groups = make_groups(
+            SONAR_DETECTOR, _of_groups(given_values(options.parameter), SONAR_DETECTOR)
+        )
+        images = ImageInput(groups, session.drop, lambda one: notes.update({one: one}))
     return Run(
         title=_title(options, session),
         session=session,
-        results=bag_results(bag, topics, session, message_input),
+        results=bag_results(bag, topics, session, message_input, images),
         truth=bag_truth(bag, topics) if needs_scene(options) else [],
         notes=notes,
         scans=bag.count(topics[DETECTIONS]),

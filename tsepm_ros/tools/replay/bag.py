@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from msg_adapters import MessageError, message_class, supported_types
+from msg_adapters.sonar_images import IMAGES
 from tsepm_ros.tools.replay.recording import MCAP, SQLITE, kind_of
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
@@ -423,21 +424,29 @@ def _find(topics: Mapping[str, str], role: str, given: str) -> str:
         if topic not in topics:
             available = ", ".join(sorted(topics))
             raise ValueError(f"the bag has no topic {given}; it has {available or 'no topics'}")
-        if topics[topic] not in types:
+        if topics[topic] not in types and not (role == DETECTIONS and topics[topic] in IMAGES):
             raise ValueError(
                 f"{topic} has the type {topics[topic]}; the type of {role} must be "
                 f"{' or '.join(types)}"
             )
         return topic
-    candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
-    named = [topic for topic in candidates if _is_called(topic, role)]
-    if role in (DETECTIONS, OWN_SHIP) and not named:
-        named = [
-            topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
-        ]
+    named = _candidates(topics, role, types)
+    if role == DETECTIONS and not named:  # first detections: images may be a camera's
+        named = _candidates(topics, role, tuple(IMAGES))
     if len(named) > 1:
         raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
     return named[0] if named else ""
+
+
+def _candidates(topics: Mapping[str, str], role: str, types: tuple[str, ...]) -> list[str]:
+    """Topics of some types with the role's name; of detections and own ship else all inputs."""
+    candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
+    named = [topic for topic in candidates if _is_called(topic, role)]
+    if role in (DETECTIONS, OWN_SHIP) and not named:
+        return [
+            topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
+        ]
+    return named
 
 
 def _is_called(topic: str, name: str) -> bool:

@@ -12,6 +12,7 @@ from msg_adapters import MessageError, read_track_cloud, seconds_to_ns, time_to_
 from msg_adapters.message_input import MessageInput
 from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD, PoseSample, known_rates
@@ -75,7 +76,11 @@ def recording_results(
 
 
 def bag_results(
-    bag: Bag, topics: Mapping[str, str], session: Session, given: MessageInput
+    bag: Bag,
+    topics: Mapping[str, str],
+    session: Session,
+    given: MessageInput,
+    images: ImageInput | None = None,
 ) -> Iterator[ScanResult]:
     """Process the messages of a bag in the order of reception, as the node does.
 
@@ -89,6 +94,8 @@ def bag_results(
     session : Session
     given : MessageInput
         Input of that session. Corrupt messages are dropped and counted.
+    images : ImageInput, optional
+        Makes the detections, where their topic has images.
 
     Raises
     ------
@@ -105,7 +112,12 @@ def bag_results(
             session.drop(error.reason, str(error))
             continue
         role = roles[message.topic]
-        if role == DETECTIONS:
+        if role == DETECTIONS and images is not None:
+            for ping, scan in images.take(content):
+                fields, options = detection_fields(scan), ReadingOptions()
+                found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
+                session.add_scan(found.sensor_scan, now)
+        elif role == DETECTIONS:
             given.take_detections(content, now)
         elif role == OWN_SHIP:
             given.take_own_ship(content)
