@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
+from datetime import datetime
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -32,6 +34,48 @@ def test_the_changelog_begins_with_what_is_not_released():
     assert len(headings) == len(set(headings))
 
 
+@pytest.fixture
+def changelog():
+    specification = importlib.util.spec_from_file_location("changelog", ROOT / "docs/changelog.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def test_the_changelog_of_ros_is_made_from_the_other(changelog):
+    assert text("CHANGELOG.rst") == changelog.current(), "out of date: python docs/changelog.py"
+
+
+def test_catkin_reads_every_version_with_its_date_and_entries(changelog):
+    catkin = pytest.importorskip("catkin_pkg.changelog", reason="catkin_pkg is not installed")
+    read = catkin.get_changelog_from_path(str(ROOT), "tsepm_ros")
+    released = text("CHANGELOG.md").partition("\n## [")[2].partition("\n## [")[2]
+    dated = re.findall(r"^(?:## \[)?(\d\S+)\] - (\S+)$", released, re.MULTILINE)
+    assert [(version, date) for version, date, _ in read.foreach_version(reverse=True)] == [
+        (version, datetime.fromisoformat(date)) for version, date in dated
+    ]
+    entries = [
+        bullet
+        for _, _, contents in read.foreach_version()
+        for block in contents
+        for bullet in getattr(block, "bullets", [])
+    ]
+    assert len(entries) == len(re.findall(r"^- ", released, re.MULTILINE))
+
+
+def test_signs_of_the_changelog_mean_the_same_to_ros(changelog):
+    markdown = "# All\n\n## [1.0.0] - 2026-01-02\n\n### Fixed\n\n- `a_b\n  c` of [x](y.md), a*b, [z](http://z).\n"
+    assert changelog.as_rst(markdown, "boat").split("\n", 3)[3] == (
+        "\n1.0.0 (2026-01-02)\n------------------\n\n**Fixed**\n\n"
+        "- ``a_b\n  c`` of x, a\\*b, `z <http://z>`__.\n"
+    )
+
+
+def test_a_version_without_a_date_is_refused(changelog):
+    with pytest.raises(ValueError, match=r"version 1\.0\.0 has no date"):
+        changelog.as_rst("## [1.0.0]\n- Changed.\n", "boat")
+
+
 @pytest.mark.parametrize("page", ["QUALITY_DECLARATION.md", "SECURITY.md", "CONTRIBUTING.md"])
 def test_what_a_page_names_exists(page):
     path = ROOT / ".github" / page
@@ -59,7 +103,7 @@ def test_workflows_and_forms_are_yaml_with_what_their_kind_needs(path):
 
 
 def test_the_hooks_are_the_tools_of_make_lint():
-    (local,) = yaml.safe_load(text(".pre-commit-config.yaml"))["repos"]
+    (local,) = yaml.safe_load(text(".ci/pre-commit.yaml"))["repos"]
     recipe = re.search(r"^lint:.*\n((?:\t.*\n)+)", text("Makefile"), re.MULTILINE)[1]
     lint = re.findall(r"python -m ([a-z ]+?(?: --check)?)(?: \.)?$", recipe, re.MULTILINE)
     hooks = [hook["entry"].partition("-m ")[2] for hook in local["hooks"]]
