@@ -6,7 +6,9 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 NAME = "tsepm_ros"
-MANIFEST = ElementTree.parse("package.xml").getroot()  # the one place that states the version
+# The one place that states the version, the people and the addresses.
+MANIFEST = ElementTree.parse("package.xml").getroot()
+URLS = {url.get("type"): url.text for url in MANIFEST.findall("url")}
 
 
 def manifest(tag: str) -> str:
@@ -35,8 +37,12 @@ setup(
     version=manifest("version"),
     description=manifest("description"),
     license=manifest("license"),
+    author=manifest("author"),
+    author_email=MANIFEST.find("author").get("email"),
     maintainer=manifest("maintainer"),
     maintainer_email=MANIFEST.find("maintainer").get("email"),
+    url=URLS["website"],
+    project_urls={"Repository": URLS["repository"], "Issues": URLS["bugtracker"]},
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={

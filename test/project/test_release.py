@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import runpy
 from datetime import datetime
 from pathlib import Path
 from xml.etree import ElementTree
@@ -32,6 +33,43 @@ def test_the_changelog_begins_with_what_is_not_released():
     headings = re.findall(r"^## \[(.+?)\]", text("CHANGELOG.md"), re.MULTILINE)
     assert headings[0] == "Unreleased"
     assert len(headings) == len(set(headings))
+
+
+def described_by_setup(manifest: ElementTree.Element, folder: Path, monkeypatch) -> dict:
+    """What setup.py tells setuptools beside this package.xml."""
+    setuptools = pytest.importorskip("setuptools")
+    told = {}
+    monkeypatch.setattr(setuptools, "setup", told.update)
+    monkeypatch.chdir(folder)
+    ElementTree.ElementTree(manifest).write(folder / "package.xml")
+    runpy.run_path(str(ROOT / "setup.py"))
+    return told
+
+
+def test_setup_reads_people_and_addresses_from_the_manifest(tmp_path, monkeypatch):
+    manifest = ElementTree.fromstring(text("package.xml"))
+    for role in ("maintainer", "author"):
+        manifest.find(role).text = f"A. {role}"
+        manifest.find(role).set("email", f"{role}@example.org")
+    for url in manifest.findall("url"):
+        url.text = f"https://{url.get('type')}.example.org"
+    told = described_by_setup(manifest, tmp_path, monkeypatch)
+    assert (told["maintainer"], told["author"]) == ("A. maintainer", "A. author")
+    assert told["maintainer_email"] == "maintainer@example.org"
+    assert told["author_email"] == "author@example.org"
+    assert told["url"] == "https://website.example.org"
+    assert told["project_urls"] == {
+        "Repository": "https://repository.example.org",
+        "Issues": "https://bugtracker.example.org",
+    }
+
+
+def test_catkin_reads_the_manifest_without_a_warning():
+    catkin = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg is not installed")
+    warnings = []
+    package = catkin.parse_package(str(ROOT / "package.xml"), warnings=warnings)
+    assert warnings == []
+    assert {url.type for url in package.urls} == {"website", "bugtracker", "repository"}
 
 
 @pytest.fixture
