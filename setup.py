@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 NAME = "tsepm_ros"
-# The one place that states the version, the people and the addresses.
+# The one place that states the version, the people, the addresses and the keywords.
 MANIFEST = ElementTree.parse("package.xml").getroot()
 URLS = {url.get("type"): url.text for url in MANIFEST.findall("url")}
 
@@ -43,6 +43,17 @@ setup(
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     url=URLS["website"],
     project_urls={"Repository": URLS["repository"], "Issues": URLS["bugtracker"]},
+    keywords=[tag.text for tag in MANIFEST.findall("export/rosindex/tags/tag")],
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Developers",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3.11",
+        "Programming Language :: Python :: 3.12",
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={

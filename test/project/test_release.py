@@ -64,6 +64,13 @@ def test_setup_reads_people_and_addresses_from_the_manifest(tmp_path, monkeypatc
     }
 
 
+def test_every_place_has_the_same_keywords(tmp_path, monkeypatch):
+    told = described_by_setup(ElementTree.fromstring(text("package.xml")), tmp_path, monkeypatch)
+    citation = yaml.safe_load(text("CITATION.cff"))["keywords"]
+    assert citation == ["ROS 2", *told["keywords"]]
+    assert "sonar" in citation
+
+
 def test_catkin_reads_the_manifest_without_a_warning():
     catkin = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg is not installed")
     warnings = []
