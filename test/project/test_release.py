@@ -79,6 +79,14 @@ def test_catkin_reads_the_manifest_without_a_warning():
     assert {url.type for url in package.urls} == {"website", "bugtracker", "repository"}
 
 
+def test_the_container_is_made_by_the_commands_of_the_readme():
+    (commands,) = re.findall(r"```\ngit clone .*\n((?:.+\n)+)```", text("README.md"))
+    made = text(".ci/Dockerfile")
+    install, build = (line.partition(" && ")[0] for line in commands.splitlines())
+    assert install.startswith("rosdep install ") and f"{install} -y" in made
+    assert build == "colcon build" and made.index(install) < made.index(f"&& {build}\n")
+
+
 @pytest.fixture
 def changelog():
     specification = importlib.util.spec_from_file_location("changelog", ROOT / "docs/changelog.py")
