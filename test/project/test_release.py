@@ -99,6 +99,7 @@ def test_the_changelog_of_ros_is_made_from_the_other(changelog):
     assert text("CHANGELOG.rst") == changelog.current(), "out of date: python docs/changelog.py"
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of docutils, in catkin_pkg
 def test_catkin_reads_every_version_with_its_date_and_entries(changelog):
     catkin = pytest.importorskip("catkin_pkg.changelog", reason="catkin_pkg is not installed")
     read = catkin.get_changelog_from_path(str(ROOT), "tsepm_ros")
