@@ -6,7 +6,9 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 NAME = "tsepm_ros"
-MANIFEST = ElementTree.parse("package.xml").getroot()  # the one place that states the version
+# The one place that states the version, the people, the addresses and the keywords.
+MANIFEST = ElementTree.parse("package.xml").getroot()
+URLS = {url.get("type"): url.text for url in MANIFEST.findall("url")}
 
 
 def manifest(tag: str) -> str:
@@ -35,8 +37,23 @@ setup(
     version=manifest("version"),
     description=manifest("description"),
     license=manifest("license"),
+    author=manifest("author"),
+    author_email=MANIFEST.find("author").get("email"),
     maintainer=manifest("maintainer"),
     maintainer_email=MANIFEST.find("maintainer").get("email"),
+    url=URLS["website"],
+    project_urls={"Repository": URLS["repository"], "Issues": URLS["bugtracker"]},
+    keywords=[tag.text for tag in MANIFEST.findall("export/rosindex/tags/tag")],
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Developers",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3.11",
+        "Programming Language :: Python :: 3.12",
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={

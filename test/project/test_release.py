@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
+import runpy
+from datetime import datetime
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -32,6 +35,101 @@ def test_the_changelog_begins_with_what_is_not_released():
     assert len(headings) == len(set(headings))
 
 
+def described_by_setup(manifest: ElementTree.Element, folder: Path, monkeypatch) -> dict:
+    """What setup.py tells setuptools beside this package.xml."""
+    setuptools = pytest.importorskip("setuptools")
+    told = {}
+    monkeypatch.setattr(setuptools, "setup", told.update)
+    monkeypatch.chdir(folder)
+    ElementTree.ElementTree(manifest).write(folder / "package.xml")
+    runpy.run_path(str(ROOT / "setup.py"))
+    return told
+
+
+def test_setup_reads_people_and_addresses_from_the_manifest(tmp_path, monkeypatch):
+    manifest = ElementTree.fromstring(text("package.xml"))
+    for role in ("maintainer", "author"):
+        manifest.find(role).text = f"A. {role}"
+        manifest.find(role).set("email", f"{role}@example.org")
+    for url in manifest.findall("url"):
+        url.text = f"https://{url.get('type')}.example.org"
+    told = described_by_setup(manifest, tmp_path, monkeypatch)
+    assert (told["maintainer"], told["author"]) == ("A. maintainer", "A. author")
+    assert told["maintainer_email"] == "maintainer@example.org"
+    assert told["author_email"] == "author@example.org"
+    assert told["url"] == "https://website.example.org"
+    assert told["project_urls"] == {
+        "Repository": "https://repository.example.org",
+        "Issues": "https://bugtracker.example.org",
+    }
+
+
+def test_every_place_has_the_same_keywords(tmp_path, monkeypatch):
+    told = described_by_setup(ElementTree.fromstring(text("package.xml")), tmp_path, monkeypatch)
+    citation = yaml.safe_load(text("CITATION.cff"))["keywords"]
+    assert citation == ["ROS 2", *told["keywords"]]
+    assert "sonar" in citation
+
+
+def test_catkin_reads_the_manifest_without_a_warning():
+    catkin = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg is not installed")
+    warnings = []
+    package = catkin.parse_package(str(ROOT / "package.xml"), warnings=warnings)
+    assert warnings == []
+    assert {url.type for url in package.urls} == {"website", "bugtracker", "repository"}
+
+
+def test_the_container_is_made_by_the_commands_of_the_readme():
+    (commands,) = re.findall(r"```\ngit clone .*\n((?:.+\n)+)```", text("README.md"))
+    made = text(".ci/Dockerfile")
+    install, build = (line.partition(" && ")[0] for line in commands.splitlines())
+    assert install.startswith("rosdep install ") and f"{install} -y" in made
+    assert build == "colcon build" and made.index(install) < made.index(f"&& {build}\n")
+
+
+@pytest.fixture
+def changelog():
+    specification = importlib.util.spec_from_file_location("changelog", ROOT / "docs/changelog.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def test_the_changelog_of_ros_is_made_from_the_other(changelog):
+    assert text("CHANGELOG.rst") == changelog.current(), "out of date: python docs/changelog.py"
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of docutils, in catkin_pkg
+def test_catkin_reads_every_version_with_its_date_and_entries(changelog):
+    catkin = pytest.importorskip("catkin_pkg.changelog", reason="catkin_pkg is not installed")
+    read = catkin.get_changelog_from_path(str(ROOT), "tsepm_ros")
+    released = text("CHANGELOG.md").partition("\n## [")[2].partition("\n## [")[2]
+    dated = re.findall(r"^(?:## \[)?(\d\S+)\] - (\S+)$", released, re.MULTILINE)
+    assert [(version, date) for version, date, _ in read.foreach_version(reverse=True)] == [
+        (version, datetime.fromisoformat(date)) for version, date in dated
+    ]
+    entries = [
+        bullet
+        for _, _, contents in read.foreach_version()
+        for block in contents
+        for bullet in getattr(block, "bullets", [])
+    ]
+    assert len(entries) == len(re.findall(r"^- ", released, re.MULTILINE))
+
+
+def test_signs_of_the_changelog_mean_the_same_to_ros(changelog):
+    markdown = "# All\n\n## [1.0.0] - 2026-01-02\n\n### Fixed\n\n- `a_b\n  c` of [x](y.md), a*b, [z](http://z).\n"
+    assert changelog.as_rst(markdown, "boat").split("\n", 3)[3] == (
+        "\n1.0.0 (2026-01-02)\n------------------\n\n**Fixed**\n\n"
+        "- ``a_b\n  c`` of x, a\\*b, `z <http://z>`__.\n"
+    )
+
+
+def test_a_version_without_a_date_is_refused(changelog):
+    with pytest.raises(ValueError, match=r"version 1\.0\.0 has no date"):
+        changelog.as_rst("## [1.0.0]\n- Changed.\n", "boat")
+
+
 @pytest.mark.parametrize("page", ["QUALITY_DECLARATION.md", "SECURITY.md", "CONTRIBUTING.md"])
 def test_what_a_page_names_exists(page):
     path = ROOT / ".github" / page
@@ -59,7 +157,7 @@ def test_workflows_and_forms_are_yaml_with_what_their_kind_needs(path):
 
 
 def test_the_hooks_are_the_tools_of_make_lint():
-    (local,) = yaml.safe_load(text(".pre-commit-config.yaml"))["repos"]
+    (local,) = yaml.safe_load(text(".ci/pre-commit.yaml"))["repos"]
     recipe = re.search(r"^lint:.*\n((?:\t.*\n)+)", text("Makefile"), re.MULTILINE)[1]
     lint = re.findall(r"python -m ([a-z ]+?(?: --check)?)(?: \.)?$", recipe, re.MULTILINE)
     hooks = [hook["entry"].partition("-m ")[2] for hook in local["hooks"]]

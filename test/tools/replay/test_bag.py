@@ -10,6 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+
+pytest.importorskip("rosbags", reason="bags need the library rosbags")
+
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bag_files import (
     LATENCY,
