@@ -27,8 +27,9 @@ from scipy.ndimage import map_coordinates
 
 from msg_adapters.ping import SOUND_SPEED, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
-from tsepm_ros.detector.detector import Detector, DetectorOptions
+from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.options import DetectorOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.image_turns import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
@@ -77,7 +78,7 @@ def read_image(
     name = type_name_of(message)
     if name not in IMAGES:
         raise MessageError(
-            "unsupported_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
+            "unknown_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
         )
     try:
         found = IMAGES[name](message, layout, sensor, sound_speed)
@@ -129,7 +130,9 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     sample = int(message.sample0) + np.arange(samples)
     delays = np.array(message.tx_delays, float)
     if len(delays) not in (0, 1, len(angles)):
-        raise MessageError("bad_length", f"tx_delays has {len(delays)} values, {len(angles)} beams")
+        raise MessageError(
+            "wrong_length", f"tx_delays has {len(delays)} values, {len(angles)} beams"
+        )
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
@@ -148,7 +151,7 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     rays = [np.asarray(one.echoes, np.float32) for one in message.intensities]
     lengths = sorted({len(ray) for ray in rays})
     if len(lengths) != 1 or not lengths[0]:
-        raise MessageError("bad_length", f"rays must have equal numbers of echoes; got {lengths}")
+        raise MessageError("wrong_length", f"rays must have equal numbers of echoes; got {lengths}")
     number = np.arange(len(rays))
     sign = -1.0 if layout.clockwise else 1.0
     step = message.time_increment.sec + 1e-9 * message.time_increment.nanosec
@@ -194,7 +197,7 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
     data = np.frombuffer(bytes(message.data), np.uint8)
     if width * form.itemsize > step or len(data) < height * step or not height * width:
         raise MessageError(
-            "bad_length",
+            "wrong_length",
             f"data has {len(data)} bytes and step is {step}: too few for {height} rows of {width} "
             f"{message.encoding} values",
         )
@@ -253,7 +256,7 @@ def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
     data = bytes(image.data)
     if len(data) != beams * cells * form.itemsize or not beams * cells:
         raise MessageError(
-            "bad_length",
+            "wrong_length",
             f"the image has {len(data)} bytes; {beams} beams of {cells} ranges of {form.itemsize} "
             f"bytes have {beams * cells * form.itemsize}",
         )

@@ -22,7 +22,7 @@ from msg_adapters import read_track_cloud
 ROOT = Path(__file__).parents[2]
 OPTIONAL = (
     *("tqdm", "matplotlib", "PIL", "tornado", "rosbags", "rosbag2_py", "tf2_ros", "distributed"),
-    *("stonesoup", "marine_acoustic_msgs", "radar_msgs", "vision_msgs"),
+    *("stonesoup", "autoware_perception_msgs", "marine_acoustic_msgs", "radar_msgs", "vision_msgs"),
 )
 """Modules without which the node works."""
 HIGHER_STOREYS = ("tsepm_ros.tools", "tsepm_ros.studies")

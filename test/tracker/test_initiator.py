@@ -365,7 +365,7 @@ def test_importing_the_package_imports_no_ros_and_no_matplotlib():
     code = """
 import importlib, pkgutil, sys
 import tsepm_ros
-of_tools = ("demo", "live_commands", "players", "pictures", "viewer.track_viewer")
+of_tools = ("demo", "live_commands", "players", "pictures", "viewer.track_viewer", "bridge")
 without = ("tsepm_ros.nodes", *(f"tsepm_ros.tools.{name}" for name in of_tools))
 names = [
     info.name

@@ -7,7 +7,6 @@ the extent of an echo, compared with a learned threshold; the peaks above it are
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +23,8 @@ from tsepm_ros.detector.normalising import (
     normalised,
     smoothed,
 )
+from tsepm_ros.detector.options import DetectorOptions
 from tsepm_ros.numerics.arrays import BoolArray
-from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.scan import Scan
 
 SCALES = ((3, 5), (1, 1), (5, 15))
@@ -44,36 +43,6 @@ FULL_TURN_GAP = 2.5
 """Largest gap between the last and the first bearing of a full turn, in spacings."""
 MEAN_OVER_DEVIATION = math.sqrt(math.pi / (4.0 - math.pi))
 """Of Rayleigh amplitudes, 1.91."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DetectorOptions(ParameterGroup):
-    """Options of the detector."""
-
-    false_detections_per_ping: float = parameter(
-        20.0,
-        "False detections per ping that the threshold keeps, at most a tenth of the independent "
-        "cells of an image",
-        minimum=0.1,
-        maximum=1e4,
-    )
-    range_extent: float = parameter(
-        0.0, "Extent of a target's echo in range; 0: learned", unit="m", minimum=0.0, maximum=1e4
-    )
-    azimuth_extent: float = parameter(
-        0.0,
-        "Extent of a target's echo in azimuth, with the beam; 0: learned",
-        unit="rad",
-        minimum=0.0,
-        maximum=math.pi,
-    )
-    clutter_map: int = parameter(
-        0,
-        "Pings over which a map of each cell's mean is learned and subtracted, for a sensor that "
-        "does not move; 0: no map. Whatever stands still vanishes",
-        minimum=0,
-        maximum=100_000,
-    )
 
 
 class Stages(NamedTuple):

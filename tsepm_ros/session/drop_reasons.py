@@ -144,6 +144,15 @@ _SINGLE = {
     "wrong_length": DropReason(
         DETECTIONS, "scan", "the lengths of the message's arrays do not match", _DRIVER
     ),
+    "bad_encoding": DropReason(
+        DETECTIONS,
+        "scan",
+        "an image has numbers of another kind, such as colours",
+        "Publish the sonar's raw image",
+    ),
+    "bad_geometry": DropReason(
+        DETECTIONS, "scan", "an image has no ranges above 0, or no sample rate", _DRIVER
+    ),
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"
     ),
