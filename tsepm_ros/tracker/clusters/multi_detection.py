@@ -164,7 +164,9 @@ class Excess:
         return log_ratio(self.found, np.maximum(self.expected, self._strips.max(axis=0) + PRIOR))
 
 
-def log_ratio(found: FloatArray, expected: FloatArray, largest: float = math.inf) -> FloatArray:
+def log_ratio(
+    found: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
+) -> FloatArray:
     """L of counts, (e,), for an excess of at most a largest ratio."""
     mean = MARGIN * expected
     excess = np.clip(found / mean, 1.0, largest)
@@ -251,7 +253,7 @@ class MultiDetectionTest:
         if not len(own):
             return
         beside = Beside(scan, own, self._extents)
-        variance = 2.0 * self._variances(scan, own)[:, None]
+        variance = 2.0 * error_variances(scan, self._sensor)[:, None, own]
         least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1])
         found = np.zeros_like(least)
         for row, one in enumerate(track_id.tolist()):
@@ -273,15 +275,15 @@ class MultiDetectionTest:
             (used * beside.strips).sum(axis=2),
         )
 
-    def _variances(self, scan: Scan, rows: IntArray) -> FloatArray:
-        """Variances of detections along and across the line of sight, (2, k), m^2."""
-        range_, sensor = scan.range[rows], self._sensor
-        along, angle = sensor.range_variance(range_), np.full(len(rows), sensor.azimuth_std)
-        if scan.range_std is not None:
-            along = scan.range_std[rows] ** 2
-        if scan.azimuth_std is not None:
-            angle = scan.azimuth_std[rows]
-        return np.stack([along, (angle * range_) ** 2])
+
+def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
+    """Variances of a scan's detections along and across the line of sight, (2, n), m^2."""
+    along, angle = sensor.range_variance(scan.range), np.full(len(scan), sensor.azimuth_std)
+    if scan.range_std is not None:
+        along = scan.range_std**2
+    if scan.azimuth_std is not None:
+        angle = scan.azimuth_std
+    return np.stack([along, (angle * scan.range) ** 2])
 
 
 SCATTER_MEMORY = 50.0
@@ -333,9 +335,6 @@ class ClusterDispersion:
         _, first, group = np.unique(label, return_index=True, return_inverse=True)
         size = np.asarray(np.bincount(group), float)
         turn = wrap(scan.azimuth - scan.azimuth[first][group])
-        own = scan.range_std
-        range_variance = sensor.range_variance(scan.range) if own is None else own**2
-        angle = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
         kind = np.where(size == 2, 0, 1)
 
         def sums(values: FloatArray) -> FloatArray:
@@ -351,10 +350,7 @@ class ClusterDispersion:
         squares = [
             sums(np.asarray(np.bincount(group, apart**2), float)) for apart in (along, across)
         ]
-        errors = [
-            sums((size - 1) * mean(variance))
-            for variance in (range_variance, (scan.range * angle) ** 2)
-        ]
+        errors = [sums((size - 1) * mean(variance)) for variance in error_variances(scan, sensor)]
         kept = 1.0 - 1.0 / SCATTER_MEMORY
         return replace(
             self,
