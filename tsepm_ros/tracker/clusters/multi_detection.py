@@ -65,7 +65,7 @@ LOG_RATIO = math.log(1e6)
 """Logarithm of the likelihood ratio of several detections a target at which plots are made."""
 LEAST = 1e-3
 """Pairs of clutter that are expected at least."""
-LARGEST = 10.0
+LARGEST = 20.0
 """Ratio of counts to clutter beyond which smaller boxes are no better: a choice."""
 SIDE = 9.21
 """Squared distance of a mean offset from 0: chi-square of two degrees of freedom at 0.99."""
@@ -73,7 +73,7 @@ RESOLVED = 20.0
 """Squared distance at which a target at the border of a box would have shown."""
 CLEAR = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
-SUSPICION = math.log(10.0)
+SUSPICION = math.log(5.0)
 """L from which on second starts beside tracks wait: a choice."""
 MOST_LOOKS = 5
 """Pings of a track within which second starts beside it wait while one ping after the other has
@@ -369,8 +369,7 @@ class ClusterDispersion:
     def mean_size(self) -> float:
         """Mean number of detections of a plot that has several."""
         weight = self._counted
-        plots = max(float(weight @ self.plots), 1e-9)
-        return 1.0 + float(weight @ self.freedom) / plots
+        return 1.0 + float(weight @ self.freedom) / max(float(weight @ self.plots), 1e-9)
 
     def errors(self, extent: ClusterExtent) -> ClusterErrors:
         """The errors of targets of an extent: f and v that solve both means, if f is possible."""
