@@ -11,15 +11,20 @@ from scipy.spatial import cKDTree
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.numerics.discs import squared_distances
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters
+from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters, placed
 from tsepm_ros.tracker.clusters.multi_detection import (
     LOG_RATIO,
+    PRIOR,
+    RESOLVED,
+    SUSPICION,
     ClusterDispersion,
     MultiDetectionTest,
+    log_ratio,
     unit_of,
 )
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.merging import may_repeat_older
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
@@ -38,6 +43,12 @@ FURTHER_PLOTS = 1.0
 """Mean number of plots, beside its own, of a target with several detections a ping: a choice."""
 BESIDE = 32.0
 """Distance from a track within which a second start waits, m: shorter for a short range."""
+
+
+LONGEST_WAY = 48.0
+"""Distance from a track within which a start may be of the same hull, m: as `BESIDE`."""
+RECENT = 8
+"""Pings whose detections between two tracks count."""
 
 
 class ExtendedTargets:
@@ -70,6 +81,7 @@ class ExtendedTargets:
         self._excess = MultiDetectionTest(self.sensor)
         self._scan, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
         self._counts = np.zeros(0, bool)
+        self._recent: list[tuple[float, FloatArray, float]] = []
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
@@ -130,6 +142,7 @@ class ExtendedTargets:
             self._counts = ~stays(scan)
             part = grouping.chosen(scan, np.flatnonzero(self._counts))
             self._excess.update(part, density)
+            self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
             self._judge(scan)
         if not self.active or not len(scan):
             return runs
@@ -184,15 +197,36 @@ class ExtendedTargets:
         if not self._learns or not len(new):
             return nothing
         both = held.joined(new)
+        filled = self._fill(both, number)
         if self.seen:
             before = new.stamp - new.age < self.since
-            return before & may_repeat_older(both, self.extent, origin)[number:]
+            return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
         known = [not self._excess.waits(one) for one in held.track_id.tolist()]
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
-        near &= ~np.append(np.array(known, bool), nothing)
-        near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        return np.asarray(near.any(axis=1))
+        older = np.tri(len(new), number + len(new), number - 1, dtype=bool)
+        near &= older & ~np.append(np.array(known, bool), nothing)
+        return np.asarray(filled | near.any(axis=1))
+
+    def _fill(self, tracks: TrackArrays, first: int) -> BoolArray:
+        """Whether detections fill the way from each track from a first one on to an older one.
+
+        To the nearest, as on a hull. Targets of their own have none in the middle third of it,
+        where that is longer than their errors. Both ends move as the older track.
+        """
+        place, velocity = (tracks.state[:, :2] + 1j * tracks.state[:, 2:]).T
+        filled = np.zeros(len(tracks), bool)
+        for row in range(max(first, 1), len(tracks)):
+            older = np.argmin(np.abs(place[:row] - place[row]))
+            way, now = place[older] - place[row], tracks.stamp[row]
+            shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
+            if shorter < abs(way) <= LONGEST_WAY * unit_of(self.sensor):
+                seen = [at @ (1.0, 1j) + velocity[older] * (now - t) for t, at, _ in self._recent]
+                off = (np.concatenate(seen) - place[row]) / way - 0.5
+                inside = np.maximum(np.abs(off.real), np.abs(off.imag)) <= 1.0 / 6.0
+                expected = PRIOR + sum(one for *_, one in self._recent) * abs(way) ** 2 / 9.0
+                filled[row] = log_ratio(float(inside.sum()), expected) >= SUSPICION
+        return filled[first:]
 
     def _runs(self, scan: Scan) -> Clusters | None:
         """Plots of the groups that a scan comes with; None where it has none, or plots are off."""

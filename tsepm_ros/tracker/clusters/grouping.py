@@ -76,10 +76,9 @@ def goes_on(
     with np.errstate(invalid="ignore", over="ignore"):
         nearer = np.minimum(before, after)
         variance = 0.0 if sensor is None else sensor.range_variance(nearer)
-        noise = NOISE_DEVIATIONS * np.sqrt(2.0 * variance)
-        near = np.abs(after - before) <= slope * nearer + noise
+        longest = slope * nearer + NOISE_DEVIATIONS * np.sqrt(2.0 * variance)
         seen = np.isfinite(before) & np.isfinite(after) & (before > 0.0) & (after > 0.0)
-    return np.asarray(near & seen)
+        return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
 MAX_PAIRS = 500_000
@@ -203,8 +202,7 @@ def _places(
 
 def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
     """Distance over its limit; a limit of 0 is kept by a distance of 0 only."""
-    ratio: FloatArray = distance / np.maximum(limit, 1e-9)
-    return ratio
+    return np.asarray(distance / np.maximum(limit, 1e-9))
 
 
 def crowded(range: FloatArray, azimuth: FloatArray, extent: ClusterExtent, most: int) -> bool:
@@ -332,8 +330,7 @@ def clusters_of(
     angle = np.full(n, sensor.azimuth_std**2)
     if scan.azimuth_std is not None:
         angle = mean(scan.azimuth_std**2)
-    fresh = errors.independent
-    factor = np.where(size > 1, 1.0 - fresh + fresh * share, 1.0)
+    factor = np.where(size > 1, 1.0 + errors.independent * (share - 1.0), 1.0)
     extent_variance = np.full((n, 2), errors.extent_variance)
     if wander is not None:
         extent_variance = extent_variance + wander[first]
@@ -386,10 +383,8 @@ def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray
         usable = (strength > 0.0) & (strength < 1e100)
     by_intensity = np.bincount(group, ~usable, minlength=n) == 0
     weight = np.where(by_intensity[group], strength, 1.0)
-    largest = largest_of(weight, group, n)
-    weight = weight / largest[group]
-    total = np.bincount(group, weight, minlength=n)
-    return np.asarray(weight / total[group]), by_intensity
+    weight = weight / largest_of(weight, group, n)[group]
+    return weight / np.bincount(group, weight, minlength=n)[group], by_intensity
 
 
 def _widths(scan: Scan, group: IntArray, turn: FloatArray, n: int) -> dict[str, FloatArray]:

@@ -65,7 +65,7 @@ LOG_RATIO = math.log(1e6)
 """Logarithm of the likelihood ratio of several detections a target at which plots are made."""
 LEAST = 1e-3
 """Pairs of clutter that are expected at least."""
-LARGEST = 10.0
+LARGEST = 20.0
 """Ratio of counts to clutter beyond which smaller boxes are no better: a choice."""
 SIDE = 9.21
 """Squared distance of a mean offset from 0: chi-square of two degrees of freedom at 0.99."""
@@ -73,7 +73,7 @@ RESOLVED = 20.0
 """Squared distance at which a target at the border of a box would have shown."""
 CLEAR = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
-SUSPICION = math.log(10.0)
+SUSPICION = math.log(5.0)
 """L from which on second starts beside tracks wait: a choice."""
 MOST_LOOKS = 5
 """Pings of a track within which second starts beside it wait while one ping after the other has
@@ -164,7 +164,9 @@ class Excess:
         return log_ratio(self.found, np.maximum(self.expected, self._strips.max(axis=0) + PRIOR))
 
 
-def log_ratio(found: FloatArray, expected: FloatArray, largest: float = math.inf) -> FloatArray:
+def log_ratio(
+    found: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
+) -> FloatArray:
     """L of counts, (e,), for an excess of at most a largest ratio."""
     mean = MARGIN * expected
     excess = np.clip(found / mean, 1.0, largest)
@@ -251,7 +253,7 @@ class MultiDetectionTest:
         if not len(own):
             return
         beside = Beside(scan, own, self._extents)
-        variance = 2.0 * self._variances(scan, own)[:, None]
+        variance = 2.0 * error_variances(scan, self._sensor)[:, None, own]
         least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1])
         found = np.zeros_like(least)
         for row, one in enumerate(track_id.tolist()):
@@ -273,15 +275,15 @@ class MultiDetectionTest:
             (used * beside.strips).sum(axis=2),
         )
 
-    def _variances(self, scan: Scan, rows: IntArray) -> FloatArray:
-        """Variances of detections along and across the line of sight, (2, k), m^2."""
-        range_, sensor = scan.range[rows], self._sensor
-        along, angle = sensor.range_variance(range_), np.full(len(rows), sensor.azimuth_std)
-        if scan.range_std is not None:
-            along = scan.range_std[rows] ** 2
-        if scan.azimuth_std is not None:
-            angle = scan.azimuth_std[rows]
-        return np.stack([along, (angle * range_) ** 2])
+
+def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
+    """Variances of a scan's detections along and across the line of sight, (2, n), m^2."""
+    along, angle = sensor.range_variance(scan.range), np.full(len(scan), sensor.azimuth_std)
+    if scan.range_std is not None:
+        along = scan.range_std**2
+    if scan.azimuth_std is not None:
+        angle = scan.azimuth_std
+    return np.stack([along, (angle * scan.range) ** 2])
 
 
 SCATTER_MEMORY = 50.0
@@ -333,9 +335,6 @@ class ClusterDispersion:
         _, first, group = np.unique(label, return_index=True, return_inverse=True)
         size = np.asarray(np.bincount(group), float)
         turn = wrap(scan.azimuth - scan.azimuth[first][group])
-        own = scan.range_std
-        range_variance = sensor.range_variance(scan.range) if own is None else own**2
-        angle = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
         kind = np.where(size == 2, 0, 1)
 
         def sums(values: FloatArray) -> FloatArray:
@@ -351,10 +350,7 @@ class ClusterDispersion:
         squares = [
             sums(np.asarray(np.bincount(group, apart**2), float)) for apart in (along, across)
         ]
-        errors = [
-            sums((size - 1) * mean(variance))
-            for variance in (range_variance, (scan.range * angle) ** 2)
-        ]
+        errors = [sums((size - 1) * mean(variance)) for variance in error_variances(scan, sensor)]
         kept = 1.0 - 1.0 / SCATTER_MEMORY
         return replace(
             self,
@@ -373,8 +369,7 @@ class ClusterDispersion:
     def mean_size(self) -> float:
         """Mean number of detections of a plot that has several."""
         weight = self._counted
-        plots = max(float(weight @ self.plots), 1e-9)
-        return 1.0 + float(weight @ self.freedom) / plots
+        return 1.0 + float(weight @ self.freedom) / max(float(weight @ self.plots), 1e-9)
 
     def errors(self, extent: ClusterExtent) -> ClusterErrors:
         """The errors of targets of an extent: f and v that solve both means, if f is possible."""
