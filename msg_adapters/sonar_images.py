@@ -28,8 +28,8 @@ from scipy.ndimage import map_coordinates
 from msg_adapters.ping import SOUND_SPEED, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector
+from tsepm_ros.detector.detector_options import DetectorOptions
 from tsepm_ros.detector.image import SonarImage
-from tsepm_ros.detector.options import DetectorOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.image_turns import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions

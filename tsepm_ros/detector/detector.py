@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tsepm_ros.detector.detector_options import DetectorOptions
 from tsepm_ros.detector.echoes import Echoes, found, measured
 from tsepm_ros.detector.false_detections import Threshold
 from tsepm_ros.detector.image import SonarImage
@@ -23,7 +24,6 @@ from tsepm_ros.detector.normalising import (
     normalised,
     smoothed,
 )
-from tsepm_ros.detector.options import DetectorOptions
 from tsepm_ros.numerics.arrays import BoolArray
 from tsepm_ros.tracker.scan import Scan
 
