@@ -171,16 +171,25 @@ def moving(stamp: float, x: float, rates=None):
     return odometry_message(pose)
 
 
-def test_the_velocity_of_own_ship_is_the_source_s_or_the_change_of_its_position():
+def test_the_velocity_of_own_ship_is_that_of_its_odometry():
     live = Live()
     live.take_own_ship(moving(100.0, 1.0, (3.0, -1.0, 0.0)))
     live.take(TRACKS, tracks(100.0))
     assert live.frames()[0]["own_ship"][3:] == [3000, -1000]
+
+
+@pytest.mark.parametrize("interval", [0.1, 1.0, 12.0])
+def test_without_a_velocity_that_of_own_ship_is_the_change_of_its_position(interval):
+    """However often the pose is read for a scan."""
     live = Live()
-    for stamp in (100.0, 101.0):
-        live.take_own_ship(moving(stamp, 2.0 * stamp))
+    for number in range(12):
+        stamp = 100.0 + interval * number
         live.take(TRACKS, tracks(stamp))
-    assert live.frames()[1]["own_ship"][3:] == [2000, 0]
+        for later in (0.02, 0.04, 0.06):
+            live.take_own_ship(moving(stamp + later, 2.0 * (stamp + later)))
+        (frame,) = live.frames()
+    assert frame["own_ship"][3:] == [2000, 0]
+    assert frame["own_ship"][0] == pytest.approx(200.0 * stamp, abs=1), "at the scan's stamp"
 
 
 def test_the_velocity_of_own_ship_is_unknown_without_recent_odometry_and_after_a_restart():

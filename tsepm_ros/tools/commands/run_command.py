@@ -305,7 +305,8 @@ RUN_ARGUMENTS: Arguments = {
         "of --out as tracks.geojson or tracks.nmea (TLL)",
     },
     "--origin": {
-        "help": "of the tracks, for --as: latitude,longitude in degrees, as --origin=-33.9,151.2"
+        "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
+        "--origin=-33.9,151.2"
     },
     "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
     "--animation": {"type": in_folder, "help": "plan-position animation, a .gif file"},
@@ -337,7 +338,7 @@ def run_recording(options: argparse.Namespace) -> None:
         run = open_run(options, stack)
         if options.out:
             options.out.mkdir(exist_ok=True)
-        recorded = run.recorded_scene() if options.html else None
+        recorded = run.recorded_scene(options.origin or "") if options.html else None
         begin = time.perf_counter()
         scene = _process(run, options, recorded)
         seconds = time.perf_counter() - begin

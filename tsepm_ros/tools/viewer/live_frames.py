@@ -217,14 +217,16 @@ class LiveFrames:
         return facts
 
     def _pose(self, scan: ScanMessages) -> list[float] | None:
-        """Own ship; its velocity is unknown if its newest message is older than the scan."""
+        """Own ship at the scan's stamp, or as in its newest message without a velocity."""
         pose = self._own_ship
         if pose is None or pose.frame_id != scan.frame_id:
             return None
         known = pose.covariance is None or pose.covariance[2, 2] < MAX_HEADING_VARIANCE
-        fresh = scan.stamp - pose.stamp <= MAX_OWN_SHIP_AGE
-        velocity = own_ship_velocity(self._poses, scan.stamp) if fresh else [math.nan] * 2
-        return [pose.x, pose.y, pose.yaw if known else math.nan, *velocity]
+        elapsed = scan.stamp - pose.stamp
+        fresh = elapsed <= MAX_OWN_SHIP_AGE
+        vx, vy = own_ship_velocity(self._poses, scan.stamp) if fresh else (math.nan, math.nan)
+        moved = np.nan_to_num(elapsed * np.array([vx, vy]))
+        return [pose.x + moved[0], pose.y + moved[1], pose.yaw if known else math.nan, vx, vy]
 
 
 def _tracks(cloud: Any, stamp: float) -> TrackArrays:

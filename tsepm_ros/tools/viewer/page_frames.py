@@ -67,8 +67,8 @@ GEOGRAPHIC_SHARE = 0.1
 """The same as a share of the distance to the nearer pole: with both, errors are below 1 m."""
 _DEGREE = 111e3  # m, of latitude
 
-OWN_SHIP_SPAN = 10.0
-"""Time for which poses are kept, s: longer than that of their differences."""
+OWN_SHIP_SAMPLES = 100
+"""Poses that are kept: some for each scan, so that they reach back over several."""
 
 _LARGEST = 1e15  # a larger number is drawn nowhere
 _SLOWEST = 1e-9  # m/s; slower velocities have no direction
@@ -281,7 +281,7 @@ def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
 
 def own_ship_history() -> PoseHistory:
     """Poses of own ship from which its velocity is known, where its source does not say it."""
-    return PoseHistory(min_samples=2, min_span=OWN_SHIP_SPAN)
+    return PoseHistory(min_samples=OWN_SHIP_SAMPLES, min_span=0.0)
 
 
 def own_ship_velocity(poses: PoseHistory, stamp: float) -> list[float]:
