@@ -179,18 +179,20 @@ class Plan {
       box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
   }
 
-  /* The sector in which the sensor hears, where the heading is known. */
+  /* The sector in which the sensor hears, where the heading is known or does not matter. */
   drawSector(frame) {
     const { context, colour, scene } = this;
     const ship = scene.ownShip(frame), sector = scene.sector();
-    if (!ship || !sector || ship[2] === null) return;
+    if (!ship || !sector) return;
+    const allRound = sector[3] - sector[2] > FULL_TURN;
+    if (ship[2] === null && !allRound) return;
     const [x, y] = this.screen(ship[0], ship[1]);
     const [near, far] = [sector[0] * this.scale, sector[1] * this.scale];
     const [begin, end] = [-ship[2] - sector[2], -ship[2] - sector[3]];
     context.strokeStyle = context.fillStyle = colour.accent;
     context.lineWidth = 1;
     context.beginPath();
-    if (sector[3] - sector[2] > FULL_TURN) {
+    if (allRound) {
       context.arc(x, y, far, 0, 2 * Math.PI);
       context.moveTo(x + near, y);
       context.arc(x, y, near, 0, 2 * Math.PI, true);
