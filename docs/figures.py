@@ -78,6 +78,8 @@ DIAGNOSTICS_FIGURES = {
     "`..._most_ms`": "maximum in the window",
     "`age_s`": "time since own-ship data arrived",
     "`behind_newest_scan_s`": "age of own-ship data relative to the newest scan, by the stamps",
+    "`mounting_yaw`": "as given, rad",
+    "`min_range`, `max_range`, `azimuth_min`, `azimuth_max`": "coverage as given, m and rad",
     "`mounting`": "given, assumed at the origin of the vessel's frame, or not needed",
     "`sweep`": "how scans are joined from messages",
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",

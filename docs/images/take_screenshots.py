@@ -30,9 +30,9 @@ SCANS, LAST_STAMP = 16, 180.0
 def live(browser: Browser) -> None:
     """The page beside the running nodes, after the scenario's last ping."""
     nodes = {
-        "track_viewer": [f"port:={PORT}"],
-        "track_initiator": ["own_ship_source:=odometry", "publish_potential_tracks:=true"],
-        "sonar_simulator": [
+        "tools.viewer.track_viewer": [f"port:={PORT}"],
+        "nodes.track_initiator": ["own_ship_source:=odometry", "publish_potential_tracks:=true"],
+        "tools.players.sonar_simulator": [
             f"scenario:={SCENARIO}",
             f"seed:={SEED}",
             f"rate_factor:={RATE_FACTOR}",
@@ -42,7 +42,7 @@ def live(browser: Browser) -> None:
     try:
         for name, parameters in nodes.items():
             given = [part for parameter in parameters for part in ("-p", parameter)]
-            command = [sys.executable, "-m", f"tsepm_ros.nodes.{name}", "--ros-args", *given]
+            command = [sys.executable, "-m", f"tsepm_ros.{name}", "--ros-args", *given]
             processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
         time.sleep(3.0)
         tab = browser.tab(theme="dark")
@@ -74,16 +74,16 @@ def recorded(browser: Browser) -> None:
         shown_recording(desk, page)
         # Near the track, so that its hits and their order are seen.
         desk.value(
-            "select(3); show(11); plan.moved = true;"
-            "plan.center = [scene.frames[11].tracks.find((row) => row[0] === 3)[1],"
-            " scene.frames[11].tracks.find((row) => row[0] === 3)[2]]; plan.scale = 0.28;"
+            "select(3); show(15); plan.moved = true;"
+            "plan.center = [scene.frames[15].tracks.find((row) => row[0] === 3)[1],"
+            " scene.frames[15].tracks.find((row) => row[0] === 3)[2]]; plan.scale = 0.28;"
             "document.querySelector('#selected details').open = true; redraw(); showPanels()"
         )
         desk.picture(FOLDER / "watching_recording.png")
         phone = browser.tab(theme="dark")
         phone.size(390, 844, phone=True)
         shown_recording(phone, page)
-        phone.value("select(1)")
+        phone.value("move(SCANS); select(1)".replace("SCANS", str(SCANS)))
         phone.picture(FOLDER / "watching_phone.png")
 
 

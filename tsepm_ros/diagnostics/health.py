@@ -40,6 +40,7 @@ from tsepm_ros.settings.node_options import DiagnosticsOptions
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
 SENSOR = "sensor parameters"
 """Entries without drops."""
+COVERAGE = ("min_range", "max_range", "azimuth_min", "azimuth_max")
 MIN_SCANS = 5
 """Minimum number of scans for a judgement of the density of detections."""
 MIN_DETECTIONS = 20.0
@@ -266,6 +267,7 @@ def _own_ship_values(now: HealthFigures) -> Values:
     return {
         "source": now.snapshot.own_ship_source,
         "mounting": now.snapshot.mounting,
+        "mounting_yaw": now.snapshot.mounting_yaw,
         "age_s": now.since_own_ship,
         "behind_newest_scan_s": now.own_ship_behind,
         "waiting_for_own_ship": now.snapshot.waiting,
@@ -292,11 +294,12 @@ def _latency_values(now: HealthFigures) -> Values:
 def _sensor_values(now: HealthFigures) -> Values:
     learned = now.snapshot.sensor_figures
     values: dict[str, object] = {
+        **{name: getattr(learned.sensor, name) for name in COVERAGE},
         "confirmed_tracks": learned.confirmed,
         "confirmed_tracks_within_s": learned.duration,
     }
     for prefix, source, names in (
-        ("seen", learned.seen, ("min_range", "max_range", "azimuth_min", "azimuth_max")),
+        ("seen", learned.seen, COVERAGE),
         ("fitted", learned.errors, ("range_std", "range_std_fraction", "azimuth_std")),
     ):
         if source is not None:

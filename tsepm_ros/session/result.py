@@ -57,6 +57,8 @@ class SessionSnapshot:
     own_ship_source : str
     mounting : str
         Whether the mounting is given, assumed, not needed or unknown.
+    mounting_yaw : float
+        As given, rad.
     own_ship_stamp, scan_stamp : float or None
         Newest stamps, s.
     tracker : str
@@ -94,6 +96,7 @@ class SessionSnapshot:
     land_area: float = 0.0
     sweep: str = "a message is a scan"
     sweep_latency: float = 0.0
+    mounting_yaw: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -293,6 +293,7 @@ class Session:
             waiting=self.waiting,
             own_ship_source=self.own_ship.source,
             mounting=self._mounting(),
+            mounting_yaw=self.settings.mounting.yaw,
             own_ship_stamp=self.own_ship_stamp,
             scan_stamp=newest,
             land_area=0.0 if self._land.mask is None else self._land.mask.area,

@@ -397,6 +397,12 @@ class ViewerNodeOptions(ParameterGroup):
         maximum=10_000,
         read_only=True,
     )
+    origin: str = parameter(
+        "",
+        "latitude,longitude of the fixed frame's origin in degrees, x east and y north; empty: the "
+        "page shows none",
+        read_only=True,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import math
 import re
 import signal
 import socket
@@ -43,11 +44,20 @@ def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
     assert captured.out == plain
     assert captured.err == f"page: {path}\n"
     page = held_by(path.read_text())
-    assert page["info"] == {"kind": "recording", "title": "trial, method score", "north": False}
+    info = page["info"]
+    assert info.pop("sector") == [0.0, 9000.0, -math.pi, math.pi]
+    assert info == {"kind": "recording", "title": "trial, method score", "north": False}
     assert len(page["frames"]) == 8
     ((track_id, facts),) = page["facts"].items()
     assert facts["confirmed"] == 24.0 and len(facts["hits"]) == 3
     assert [str(row[0]) for row in page["frames"][-1]["tracks"]] == [track_id]
+
+
+def test_the_page_of_a_run_has_the_places_of_its_origin(capsys, recording, tmp_path):
+    path = tmp_path / "run.html"
+    assert main(["run", recording, "--html", str(path), "--origin", "59.65,10.63"]) == 0
+    info = held_by(path.read_text())["info"]
+    assert info["geographic"]["origin"] == [59.65, 10.63] and info["north"]
 
 
 def test_the_page_says_what_was_dropped(capsys, recording, tmp_path):
@@ -109,6 +119,8 @@ def test_a_port_in_use_is_refused_before_the_work(capsys, recording):
         (["no_such_thing"], "no_such_thing is neither an existing path nor a shipped scenario"),
         (["four_targets", "--token", "short"], "token must have at least 16 characters"),
         (["four_targets", "--port", "70000"], "port must be from 0 to 65535"),
+        (["four_targets", "--origin", "89.5,0"], "near a pole"),
+        (["four_targets", "--origin", "Oslo"], "latitude,longitude in degrees, such as 59.65"),
         (["-p", "max_speed:=5.0"], "-p sets parameters of the processing of a recording"),
         (["four_targets", "--ros-args", "-r", "a:=b"], "--ros-args is for live topics"),
     ],

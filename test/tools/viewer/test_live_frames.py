@@ -122,7 +122,7 @@ def test_the_own_ship_is_shown_in_its_own_frame_only():
     live.take(TRACKS, tracks(100.0))
     live.take(TRACKS, tracks(112.0, frame_id="sonar"))
     first, second = live.frames()
-    assert first["own_ship"] == [100, 200, 500]
+    assert first["own_ship"] == [100, 200, 500, None, None]
     assert second["own_ship"] is None
 
 
@@ -131,7 +131,7 @@ def test_an_unknown_heading_is_not_shown():
     pose = PoseSample(100.0, 1.0, 2.0, 0.5, np.diag([1.0, 1.0, 0.01]), frame_id="odom")
     live.take_own_ship(odometry_message(pose, heading_known=False))
     live.take(TRACKS, tracks(100.0))
-    assert live.frames()[0]["own_ship"] == [100, 200, None]
+    assert live.frames()[0]["own_ship"][:3] == [100, 200, None]
 
 
 def test_messages_that_cannot_be_read_are_reported_and_the_rest_is_shown():
@@ -164,3 +164,39 @@ def test_scans_that_nobody_draws_are_bounded():
             live.take(topic, tracks(float(number)))
     frames = live.frames()
     assert len(frames) == MAX_PENDING and frames[-1]["stamp"] == 999.0
+
+
+def moving(stamp: float, x: float, rates=None):
+    pose = PoseSample(stamp, x, 2.0, 0.5, None, frame_id="odom", rates=rates)
+    return odometry_message(pose)
+
+
+def test_the_velocity_of_own_ship_is_that_of_its_odometry():
+    live = Live()
+    live.take_own_ship(moving(100.0, 1.0, (3.0, -1.0, 0.0)))
+    live.take(TRACKS, tracks(100.0))
+    assert live.frames()[0]["own_ship"][3:] == [3000, -1000]
+
+
+@pytest.mark.parametrize("interval", [0.1, 1.0, 12.0])
+def test_without_a_velocity_that_of_own_ship_is_the_change_of_its_position(interval):
+    """However often the pose is read for a scan."""
+    live = Live()
+    for number in range(12):
+        stamp = 100.0 + interval * number
+        live.take(TRACKS, tracks(stamp))
+        for later in (0.02, 0.04, 0.06):
+            live.take_own_ship(moving(stamp + later, 2.0 * (stamp + later)))
+        (frame,) = live.frames()
+    assert frame["own_ship"][3:] == [2000, 0]
+    assert frame["own_ship"][0] == pytest.approx(200.0 * stamp, abs=1), "at the scan's stamp"
+
+
+def test_the_velocity_of_own_ship_is_unknown_without_recent_odometry_and_after_a_restart():
+    live = Live()
+    live.take_own_ship(moving(100.0, 1.0, (3.0, -1.0, 0.0)))
+    live.take(TRACKS, tracks(105.1))
+    assert live.frames()[0]["own_ship"][2:] == [500, None, None]
+    live.take(TRACKS, tracks(1.0))
+    live.take_own_ship(moving(1.0, 1.0))
+    assert live.frames()[0]["own_ship"][3:] == [None, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +14,14 @@ from support.pages import held
 from tsepm_ros.tools.viewer.page_frames import (
     MAX_POTENTIAL,
     encode,
+    geographic_terms,
     make_frame,
     potential_rows,
+    sector,
     track_facts,
     track_rows,
 )
+from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -110,3 +114,45 @@ def test_a_tracker_s_own_track_has_no_reason():
     (track,) = TrackArrays.of([held(4, 0.0, 0.0, hits=(), age=math.nan)])
     facts = track_facts([track], None)["4"]
     assert (facts["reason"], facts["first"]) == ("", None)
+
+
+def test_the_velocity_of_own_ship_is_in_mm_per_s_and_null_where_it_is_not_known():
+    assert make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, 1.5, -2.0))["own_ship"][3:] == [1500, -2000]
+    assert (
+        make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, math.nan, 1.0))["own_ship"][3:] == [None] * 2
+    )
+
+
+def test_the_sector_is_from_the_bow():
+    sensor = SensorModel(min_range=2.0, max_range=80.0, azimuth_min=-1.0, azimuth_max=1.0)
+    assert sector(sensor, 0.5) == [2.0, 80.0, -0.5, 1.5]
+    assert sector(sensor, None) == [2.0, 80.0, -1.0, 1.0]
+
+
+@pytest.mark.parametrize("origin", ["0,0", "59.65,10.63", "-75,-179.99", "80,179.9", "-89,10"])
+def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
+    pytest.importorskip("pyproj")
+    from tsepm_ros.tools.bridge.geographic import WGS84, GeographicReference
+
+    info = geographic_terms(origin)
+    known = info["geographic"]
+    reach = known["reach"]
+    assert info["north"] and reach >= 11_000.0
+    points = np.random.default_rng(1).uniform(-reach, reach, (200, 2))
+    latitude, longitude = np.array(known["origin"])[:, None] + sum(
+        np.outer([a, b], (points[:, 0] / reach) ** i * (points[:, 1] / reach) ** j)
+        for i, j, a, b in known["terms"]
+    )
+    truth = GeographicReference.read(origin).geographic(points)
+    away = WGS84.inv(longitude, latitude, truth[:, 1], truth[:, 0])[2]
+    assert away.max() < 1.0
+
+
+def test_without_an_origin_there_are_no_places_and_nothing_is_needed():
+    assert geographic_terms("") == {}
+
+
+def test_an_origin_without_its_library_says_the_remedy(monkeypatch):
+    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.bridge.geographic", None)
+    with pytest.raises(ValueError, match="pip install pyproj"):
+        geographic_terms("59.65,10.63")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from urllib.parse import urlsplit
 
@@ -12,6 +13,7 @@ from support.browser import Browser, Tab, need_browser
 from support.pages import held, live_state, numbered, put_moving, served
 from support.patience import WAIT
 
+from tsepm_ros.tools.bridge.closest_approach import closest_approach
 from tsepm_ros.tools.viewer.page_frames import track_facts
 from tsepm_ros.tools.viewer.page_state import write_page
 
@@ -205,10 +207,10 @@ def test_each_thing_is_drawn_in_its_place_and_colour(replay):
     assert named["truth"] in colours(replay, 1200.0, 40.0)
     assert named["fixed"] in colours(replay, 1000.0, -1500.0)
     assert named["track"] not in colours(replay, -2000.0, -1000.0), "track 5 has ended"
-    potential = colours(replay, 500.0, 1500.0)
-    replay.value("plan.layers.potential = false; redraw()")
+    without = colours(replay, 500.0, 1500.0)
+    replay.press("#layer-potential")
     settled(replay)
-    assert colours(replay, 500.0, 1500.0) < potential
+    assert without < colours(replay, 500.0, 1500.0), "potential tracks are off at first"
 
 
 def test_layers_can_be_hidden(replay):
@@ -357,6 +359,245 @@ def test_a_phone_shows_all_without_scrolling_sideways(replay):
         ".filter((one) => one.clientHeight < 30).length"
     )
     assert small == 0, "buttons that a finger can hit"
+
+
+def test_the_closest_approach_is_that_of_the_closed_form(replay):
+    numbers = np.random.default_rng(2).normal(0.0, 10.0, (20, 8)).round(3)
+    numbers[0, 6:] = numbers[0, 2:4]  # together with own ship
+    found = replay.value(
+        f"""{json.dumps(numbers.tolist())}.map(([x, y, vx, vy, ...ship]) => {{
+            ship.splice(2, 0, 0); // its heading
+            const approach = closestApproach([1, x, y, vx, vy], ship);
+            return [approach.distance, approach.time];
+        }})"""
+    )
+    relative = numbers[:, :4] - numbers[:, 4:]
+    expected = closest_approach(relative[:, :2], relative[:, 2:])
+    np.testing.assert_allclose(np.array(found).T, expected, rtol=1e-9)
+    assert replay.value("closestApproach([1, 5, 0, 0, 0], [0, 0, 0, null, null])") is None
+
+
+def test_own_ship_that_does_not_move_is_at_the_origin_only_if_the_diagnostics_say_so(replay):
+    said = replay.value(
+        """["none", "tf"].map((source) => {
+            scene.health = { entries: [{ task: "own ship", values: [["source", source]] }] };
+            return scene.ownShip({ own_ship: null });
+        })"""
+    )
+    assert said == [[0, 0, 0, 0, 0], None]
+
+
+def test_the_alarm_comes_once_per_approach(replay):
+    """Track 3 passes own ship at 100 m, goes away and comes back."""
+    counts = replay.value(
+        """(() => {
+            const one = new Alarm(); one.limit = 150; one.horizon = 600;
+            const far = { ...scene, histories: new Map([[3, []]]), ownShip: () => [0, 0, 0, 0, 0] };
+            const begun = [];
+            const pass = (limit, side) => {
+                for (let x = -1000; x <= 1000; x += 50) {
+                    const jitter = x % 100 ? 60 : 0; // now and then beyond the limit
+                    const row = [3, side * x, 100 + jitter, side * 5, 0];
+                    if (one.update({ tracks: x === -400 ? [] : [row] }, far)) begun.push(x);
+                }
+            };
+            pass(150, 1); pass(150, -1);
+            one.update({ tracks: [[3, -500, 300, 5, 0]] }, far);
+            const calm = one.near.size;
+            one.update({ tracks: [], restart: true }, far);
+            return [begun, calm, one.approaches.size];
+        })()"""
+    )
+    assert counts == [[-1000, -1000], 0, 0]
+
+
+def test_the_alarm_is_shown_until_it_is_acknowledged_and_silent_at_first(replay):
+    assert replay.value("[alarm.limit, byId('sound').checked, byId('alarm').hidden]") == [
+        *(0, False, True)
+    ]
+    replay.value(
+        "scene.frames.at(-1).tracks[0][Row.VX] = -8;"
+        "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0];"
+        "byId('limit').value = 600; byId('limit').dispatchEvent(new Event('change'))"
+    )
+    assert text(replay, "#alarm-words") == "Closest approach: track 3, 500 m in 2.5 min"
+    assert text(replay, "#tracks tr.near td") == "3"
+    replay.press("#acknowledge")
+    assert replay.value("byId('alarm').hidden")
+    replay.value("watchApproaches({ ...scene.frames.at(-1) }); showPanels()")
+    assert replay.value("byId('alarm').hidden"), "the same approach"
+    assert replay.complaints == []
+
+
+def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
+    state = live_state(1)
+    with served(state) as server:
+        tab.open(server.url)
+        tab.until("scene.frames.length === 1")
+        tab.value("setPlaying(false); byId('limit').value = 100; setAlarm()")
+        track = held(7, 1000.0, 50.0, -8.0, 0.0)
+        state.put(numbered(2, track, own_ship=(0.0, 0.0, 0.5, 0.0, 0.0)))
+        tab.until(
+            "byId('alarm-words').textContent === 'Closest approach: track 7, 50.0 m in 2.1 min'"
+        )
+
+
+def test_the_track_list_has_closest_approach_and_time_since_the_last_detection(replay):
+    replay.value(
+        "Object.assign(scene.frames.at(-1).tracks[0], { [Row.VX]: -8, [Row.SINCE_HIT]: 24 });"
+        "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0]; select(3); showPanels()"
+    )
+    cells = replay.value(
+        "[...document.querySelectorAll('#tracks tbody td')].map((d) => d.textContent)"
+    )
+    assert cells == ["3", "8.0", "270°", "500 m", "2.5 min", "24 s"]
+    assert "Closest approach500 m in 2.5 min" in text(replay, "#selected")
+    assert "Last detection24 s ago" in text(replay, "#selected")
+
+
+def test_latitude_and_longitude_are_shown_where_the_origin_is_known(replay):
+    settled(replay)
+    replay.value("select(3)")
+    assert "Latitude" not in text(replay, "#selected")
+    assert replay.value("byId('save-geojson').hidden")
+    # A degree for 100 km, either way.
+    replay.value(
+        "scene.info.geographic = { origin: [59.5, -179.995], reach: 1e5,"
+        " terms: [[0, 1, 1, 0], [1, 0, 0, -1]] }; showPanels()"
+    )
+    assert "Latitude, longitude59°30.000′N 179°59.580′E" in text(replay, "#selected")
+    assert replay.value("geographic(scene.info, 8e4, 8e4)") is None, "beyond the reach"
+    found = replay.value("[degrees(-0.99999999, 3, 'EW'), degrees(5.5, 2, 'NS')]")
+    assert found == ["001°00.000′W", "05°30.000′N"]
+
+
+def test_the_tracks_are_saved_as_csv_and_geojson(replay):
+    lines = replay.value("tracksAsCsv(scene, 5)").splitlines()
+    assert lines[0] == "track_id,time,x,y,vx,vy,time_since_hit,latitude,longitude"
+    assert [line.split(",")[:2] for line in lines[1:]] == [
+        *([["5", f"{12 * k}.000"] for k in range(2, 6)] + [["3", "48.000"], ["3", "60.000"]])
+    ]
+    assert lines[-1] == "3,60.000,500.00,0.00,8.000,0.000,0.000,,"
+    replay.value(
+        "scene.info.geographic = { origin: [59.5, -179.994], reach: 1e5,"
+        " terms: [[0, 1, 1, 0], [1, 0, 0, -1]] }"
+    )
+    collection = json.loads(replay.value("tracksAsGeoJson(scene, 12)"))
+    kinds = {f["properties"]["track_id"]: f["geometry"] for f in collection["features"]}
+    assert kinds[5]["type"] == "LineString" and kinds[5]["coordinates"][0] == [-179.974, 59.49]
+    cut = kinds[3]
+    assert cut["type"] == "MultiLineString", "it crosses 180 degrees"
+    assert [cut["coordinates"][0][-1][0], cut["coordinates"][1][0][0]] == [-180.0, 180.0]
+    assert len(collection["features"][1]["properties"]["times"]) == 9
+    replay.value(
+        "window.saved = []; HTMLAnchorElement.prototype.click = function () {"
+        " saved.push(this.download); }"
+    )
+    replay.press("#save-csv")
+    assert replay.value("saved") == ["tracks.csv"] and replay.complaints == []
+
+
+def test_a_line_of_range_and_bearing_is_drawn_by_hand(replay):
+    settled(replay)
+    centre = replay.value("plan.center")
+    replay.press("#measure")
+    begin, end = place(replay, 0.0, 0.0), place(replay, 300.0, 400.0)
+    replay.mouse("mousePressed", *begin, button="left", clickCount=1)
+    replay.mouse("mouseMoved", *end, button="left", buttons=1)
+    replay.mouse("mouseReleased", *end, button="left", clickCount=1)
+    settled(replay)
+    assert np.array(replay.value("plan.ruler")) == pytest.approx(
+        np.array([[0.0, 0.0], [300.0, 400.0]]), abs=20.0
+    )
+    assert replay.value("rangeAndBearing([0, 0], [300, 400], true)") == "500 m, 037°"
+    assert replay.value("plan.center") == centre, "the view stays"
+    assert replay.value("plan.colour.strong") in colours(replay, 150.0, 200.0)
+    replay.press("#measure")
+    assert replay.value("plan.ruler") is None
+
+
+def plane(words: str) -> tuple[float, float]:
+    """x and y of a read-out."""
+    return tuple(map(float, re.search(r"x (\S+), y (\S+) m", words).groups()))
+
+
+def test_the_pointer_s_range_bearing_and_position_are_read_out(replay):
+    settled(replay)
+    replay.mouse("mouseMoved", *place(replay, 1000.0, 500.0))
+    replay.until("!byId('cursor').hidden")
+    x, y = plane(text(replay, "#cursor"))
+    assert (x, y) == pytest.approx((1000.0, 500.0), abs=10.0)
+    assert ", 090° · " in text(replay, "#cursor")
+    replay.mouse("mouseMoved", 1200, 10)
+    replay.until("byId('cursor').hidden")
+
+
+def test_the_sector_is_drawn_from_the_bow(replay):
+    settled(replay)
+    accent = replay.value(
+        "scene.info.sector = [100, 2000, -0.5, 0.5]; showPanels();"
+        "window.arcs = []; const { context } = plan, arc = context.arc;"
+        "context.arc = function (...given) { arcs.push(given); arc.apply(this, given); };"
+        "plan.drawSector(scene.frames.at(-1)); context.arc = arc; arcs"
+    )
+    scale = replay.value("plan.scale")
+    assert accent[0][2:5] == pytest.approx([2000 * scale, -1.57 + 0.5, -1.57 - 0.5])
+    assert accent[1][2] == pytest.approx(100 * scale)
+    assert not replay.value("byId('layer-sector').closest('li').hidden")
+
+
+def test_live_the_sector_is_that_of_the_diagnostics(replay):
+    replay.value("delete scene.info.sector; scene.health = null")
+    assert replay.value("scene.sector()") is None
+    found = replay.value(
+        """(scene.health = { entries: [
+            { task: "own ship", values: [["source", "odometry"], ["mounting_yaw", "0.5"]] },
+            { task: "sensor parameters", values: [["min_range", "1"], ["max_range", "60.0"],
+              ["azimuth_min", "-0.7"], ["azimuth_max", "0.7"]] },
+        ] }, scene.sector())"""
+    )
+    assert found == pytest.approx([1.0, 60.0, -0.2, 1.2])
+
+
+def test_no_label_covers_another(replay):
+    settled(replay)
+    boxes = replay.value(
+        """(() => {
+            const frame = scene.frames.at(-1);
+            for (let k = 0; k < 60; k += 1) {
+                const vy = k % 2 ? 4 : -4;
+                frame.tracks.push([100 + k, 40 * k, 1500 - 50 * k, 3, vy, 9, 9, 0, 1, 0]);
+            }
+            const found = [], text = plan.text;
+            plan.text = function (words, x, y) {
+                const width = plan.context.measureText(words).width;
+                const shift = { left: 0, center: 0.5 }[plan.context.textAlign];
+                found.push([words, x - shift * width, y - 6, x + (1 - shift) * width, y + 6]);
+            };
+            plan.draw(scene.frames.length - 1);
+            plan.text = text;
+            return found;
+        })()"""
+    )
+    words = [box[0] for box in boxes]
+    assert any("km" in one for one in words[:-2]) and sum("m/s" in one for one in words) > 20
+    for k, (first, left, top, right, bottom) in enumerate(boxes):
+        for second, x0, y0, x1, y1 in boxes[k + 1 :]:
+            apart = left >= x1 or right <= x0 or top >= y1 or bottom <= y0
+            assert apart, (first, second)
+
+
+def test_one_button_gives_night_colours_and_takes_them_back(replay):
+    day = replay.value("document.documentElement.dataset.theme")
+    replay.press("#night")
+    background = "getComputedStyle(document.body).backgroundColor"
+    red, green, blue = replay.value(f"{background}.match(/\\d+/g).map(Number)")
+    assert max(red, green, blue) < 10 and green == blue == 0
+    for name, colour in replay.value("plan.colour").items():
+        red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+        assert max(green, blue) <= 0.65 * red, name
+    replay.press("#night")
+    assert replay.value("document.documentElement.dataset.theme") == day
 
 
 def test_a_recording_that_cannot_be_read_is_said(tab, tmp_path):

@@ -103,3 +103,14 @@ def test_after_a_restart_hits_are_those_of_the_new_run():
         (scan, detection), frames = track.hits[0], page["frames"][restart[0] :]
         cm = frames[scan]["detections"][2 * detection : 2 * detection + 2]
         assert [100.0 * value for value in first[1:]] == pytest.approx(cm, abs=0.1)
+
+
+def test_the_velocity_of_own_ship_is_that_of_the_recorded_poses():
+    page, *_ = recorded(load_scenario("square_path"))
+    frames = page["frames"][1:]
+    x, y, vx, vy = np.array([[*f["own_ship"][:2], *f["own_ship"][3:]] for f in frames], float).T
+    stamps = np.array([frame["stamp"] for frame in frames])
+    # cm and mm/s; by the difference from the scan before.
+    np.testing.assert_allclose(vx[1:], 10.0 * np.diff(x) / np.diff(stamps), atol=2.0)
+    np.testing.assert_allclose(vy[1:], 10.0 * np.diff(y) / np.diff(stamps), atol=2.0)
+    assert np.hypot(vx, vy).max() > 1000.0

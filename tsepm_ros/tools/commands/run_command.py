@@ -153,9 +153,10 @@ class Run:
         """Whether the axes of the tracks are known from north."""
         return self.session.own_ship.source != "none" or self.mounting_yaw is None
 
-    def recorded_scene(self) -> RecordedScene:
-        """An empty scene for a page of this run."""
-        return RecordedScene(self.title, self.north, self.truth, self.mounting_yaw)
+    def recorded_scene(self, origin: str = "") -> RecordedScene:
+        """An empty scene for a page of this run; `origin` as for `RecordedScene`."""
+        sensor = self.session.settings.sensor
+        return RecordedScene(self.title, self.north, self.truth, self.mounting_yaw, sensor, origin)
 
     def page_of(self, recorded: RecordedScene) -> str:
         """The scene of the finished run, JSON."""
@@ -333,7 +334,8 @@ RUN_ARGUMENTS: Arguments = {
         "of --out as tracks.geojson or tracks.nmea (TLL)",
     },
     "--origin": {
-        "help": "of the tracks, for --as: latitude,longitude in degrees, as --origin=-33.9,151.2"
+        "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
+        "--origin=-33.9,151.2"
     },
     "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
     "--animation": {"type": in_folder, "help": "plan-position animation, a .gif file"},
@@ -365,7 +367,7 @@ def run_recording(options: argparse.Namespace) -> None:
         run = open_run(options, stack)
         if options.out:
             options.out.mkdir(exist_ok=True)
-        recorded = run.recorded_scene() if options.html else None
+        recorded = run.recorded_scene(options.origin or "") if options.html else None
         begin = time.perf_counter()
         scene = _process(run, options, recorded)
         seconds = time.perf_counter() - begin
@@ -499,8 +501,8 @@ def _draw(drawing: ModuleType, scene: RunScene, options: argparse.Namespace) -> 
         print(f"animation: {options.animation}{every}", file=sys.stderr)
 
 
-OPTIONS = ("host", "port", "token")
-"""Options of the server that are arguments too."""
+OPTIONS = ("host", "port", "token", "origin")
+"""Options of the viewer that are arguments too."""
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
@@ -559,7 +561,7 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         raise ValueError("--ros-args is for live topics, and a recording is given")
     with ExitStack() as stack:
         run = open_run(options, stack)
-        recorded = run.recorded_scene()
+        recorded = run.recorded_scene(viewer.origin)
         server = make_server(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in with_progress(run.results, run.scans, "scans", "scan"):

@@ -27,7 +27,15 @@ from tsepm_ros.own_ship.attitude import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.drop_reasons import shortened
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_frames import Frame, health_of_message, make_frame, track_facts
+from tsepm_ros.tools.viewer.page_frames import (
+    Frame,
+    geographic_terms,
+    health_of_message,
+    make_frame,
+    own_ship_history,
+    own_ship_velocity,
+    track_facts,
+)
 from tsepm_ros.tools.viewer.page_state import PageState
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -49,6 +57,9 @@ MAX_PENDING = 16
 
 MAX_HEADING_VARIANCE = 10.0
 """A heading with a larger variance, rad^2, is unknown: sources write large numbers for that."""
+
+MAX_OWN_SHIP_AGE = 5.0
+"""Age of own ship's newest message, s, up to which closest approaches are shown."""
 
 MIN_CELL = 1e-3
 """Smallest accuracy of potential tracks' positions, m."""
@@ -109,6 +120,7 @@ class LiveFrames:
         self._number = 0
         self._fixed: tuple[str, TrackArrays] = "", NO_TRACKS
         self._own_ship: PoseSample | None = None
+        self._poses = own_ship_history()
         self._known: set[int] = set()
 
     def take(self, topic: str, cloud: Any) -> None:
@@ -135,6 +147,7 @@ class LiveFrames:
         """Take the own ship's odometry."""
         try:
             self._own_ship = read_own_ship(message)
+            self._poses.add(self._own_ship)
         except MessageError as error:
             self._report(OWN_SHIP, error)
 
@@ -147,6 +160,7 @@ class LiveFrames:
         self._pending.clear()
         self._recent.clear()
         self._newest.clear()
+        self._poses.clear()
         self._fixed = "", NO_TRACKS
 
     def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame]]:
@@ -165,7 +179,7 @@ class LiveFrames:
             tracks=scan.tracks,
             potential=scan.potential,
             fixed=fixed if fixed_frame == scan.frame_id else (),
-            own_ship=self._pose(scan.frame_id),
+            own_ship=self._pose(scan),
             restart=scan.restart,
         )
         frame["number"] = scan.number
@@ -202,12 +216,17 @@ class LiveFrames:
         self._known = {*ids, *new_ids} if complete else self._known.union(new_ids)
         return facts
 
-    def _pose(self, frame_id: str) -> tuple[float, float, float] | None:
+    def _pose(self, scan: ScanMessages) -> list[float] | None:
+        """Own ship at the scan's stamp, or as in its newest message without a velocity."""
         pose = self._own_ship
-        if pose is None or pose.frame_id != frame_id:
+        if pose is None or pose.frame_id != scan.frame_id:
             return None
         known = pose.covariance is None or pose.covariance[2, 2] < MAX_HEADING_VARIANCE
-        return pose.x, pose.y, pose.yaw if known else math.nan
+        elapsed = scan.stamp - pose.stamp
+        fresh = elapsed <= MAX_OWN_SHIP_AGE
+        vx, vy = own_ship_velocity(self._poses, scan.stamp) if fresh else (math.nan, math.nan)
+        moved = np.nan_to_num(elapsed * np.array([vx, vy]))
+        return [pose.x + moved[0], pose.y + moved[1], pose.yaw if known else math.nan, vx, vy]
 
 
 def _tracks(cloud: Any, stamp: float) -> TrackArrays:
@@ -279,7 +298,7 @@ class LiveFeed:
     Raises
     ------
     ValueError
-        As in `make_server`.
+        As in `make_server` and `geographic_terms`.
     """
 
     def __init__(
@@ -294,7 +313,8 @@ class LiveFeed:
         self._read_own_ship = read_own_ship
         self._frames = LiveFrames(self._report_error)
         self._state = PageState(
-            {"kind": "live", "title": title, "topic": topic}, options.kept_scans
+            {"kind": "live", "title": title, "topic": topic, **geographic_terms(options.origin)},
+            options.kept_scans,
         )
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._own_ship: Any = None

@@ -11,7 +11,7 @@ field         meaning
 ``number``    counts the frames of a source from 1
 ``stamp``     the scan's stamp, s
 ``frame_id``  the fixed frame of all positions
-``own_ship``  x, y and heading (from x, counter-clockwise; null: unknown), or null
+``own_ship``  x, y, heading (from x, counter-clockwise) and vx, vy, or null; null: unknown
 ``detections``  x and y of each detection in turn
 ``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
 ``tracks``    a row per held track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the angle of
@@ -21,7 +21,9 @@ field         meaning
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
-`track_facts`. Health has the levels, tasks and sentences of the diagnostics.
+`track_facts`; or once, in the info of the source: see `geographic_terms` and `sector`.
+
+Health has the levels, tasks and sentences of the diagnostics.
 """
 
 from __future__ import annotations
@@ -38,11 +40,13 @@ from msg_adapters.track_markers import drawn_candidates, ellipses
 from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
 from tsepm_ros.session.result import ScanResult, vessel_pose
 from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -56,6 +60,16 @@ CENTIMETERS, MILLIMETERS, MILLIRADIANS, MILLISECONDS, PERCENT = 100.0, 1e3, 1e3,
 """Integers of a frame per m, m/s, rad, s and 1."""
 
 _ELLIPSE_UNITS = np.array([CENTIMETERS, CENTIMETERS, MILLIRADIANS])
+GEOGRAPHIC_ORDER = 5
+GEOGRAPHIC_REACH = 200e3
+"""Distance from the origin up to which the page has latitudes and longitudes, m."""
+GEOGRAPHIC_SHARE = 0.1
+"""The same as a share of the distance to the nearer pole: with both, errors are below 1 m."""
+_DEGREE = 111e3  # m, of latitude
+
+OWN_SHIP_SAMPLES = 100
+"""Poses that are kept: some for each scan, so that they reach back over several."""
+
 _LARGEST = 1e15  # a larger number is drawn nowhere
 _SLOWEST = 1e-9  # m/s; slower velocities have no direction
 
@@ -84,8 +98,8 @@ def make_frame(
     tracks, potential, fixed : sequence of ConfirmedTrack, optional
         Held tracks, potential tracks and fixed echoes at the stamp. Tracks with a state that is
         not finite are left out.
-    own_ship : (x, y, heading), optional
-        m and rad; a heading of nan is unknown.
+    own_ship : (x, y, heading, vx, vy), optional
+        m, rad and m/s; what is nan is unknown.
     restart : bool, optional
         Whether all earlier tracks were discarded before this scan.
 
@@ -253,7 +267,77 @@ def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
         return None
     place, heading = _integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
     known = math.isfinite(heading)
-    return [*place, round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None]
+    speeds = np.array(pose[3:])
+    return [
+        *place,
+        round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None,
+        *(
+            _integers(speeds, MILLIMETERS).tolist()
+            if np.isfinite(speeds).all()
+            else [None] * len(speeds)
+        ),
+    ]
+
+
+def own_ship_history() -> PoseHistory:
+    """Poses of own ship from which its velocity is known, where its source does not say it."""
+    return PoseHistory(min_samples=OWN_SHIP_SAMPLES, min_span=0.0)
+
+
+def own_ship_velocity(poses: PoseHistory, stamp: float) -> list[float]:
+    """Velocity at a stamp, m/s: as the source says, or by differences of poses; or nan."""
+    return list(poses.rates(np.array([stamp]), stamp)[0, :2].tolist())
+
+
+def sector(sensor: SensorModel, mounting_yaw: float | None) -> list[float]:
+    """Nearest and farthest range, m, start and end of the azimuth from the bow, rad."""
+    yaw = mounting_yaw or 0.0
+    return [sensor.min_range, sensor.max_range, sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]
+
+
+def geographic_terms(origin: str) -> Frame:
+    """Latitude and longitude as polynomials in x and y, for the page, from geodesics.
+
+    Parameters
+    ----------
+    origin : str
+        ``latitude,longitude`` of the fixed frame's origin in degrees, x east and y north; empty:
+        not known.
+
+    Returns
+    -------
+    dict
+        ``north``: true; ``geographic``: ``origin`` (degrees), ``reach`` R (m) and ``terms``, rows
+        of i, j, a, b: latitude and longitude exceed the origin's by the sums of
+        ``a (x / R)^i (y / R)^j`` and ``b (x / R)^i (y / R)^j``. Empty without an origin.
+
+    Raises
+    ------
+    ValueError
+        If it is not a latitude and a longitude, is near a pole, or the library is missing.
+    """
+    if not origin:
+        return {}
+    try:
+        from tsepm_ros.tools.bridge.geographic import GeographicReference
+    except ImportError:
+        raise ValueError(
+            "origin needs the library pyproj: pip install pyproj, or the package python3-pyproj"
+        ) from None
+    reference = GeographicReference.read(origin)
+    place = [reference.latitude, reference.longitude]
+    to_pole = _DEGREE * (90.0 - abs(reference.latitude))
+    reach = min(GEOGRAPHIC_REACH, GEOGRAPHIC_SHARE * to_pole)
+    nodes = np.polynomial.chebyshev.chebpts1(2 * GEOGRAPHIC_ORDER)
+    east, north = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
+    degrees = reference.geographic(reach * np.stack([east, north], axis=1)) - place
+    degrees[:, 1] = (degrees[:, 1] + 180.0) % 360.0 - 180.0
+    orders = range(GEOGRAPHIC_ORDER + 1)
+    powers = [(i, j) for i in orders for j in orders if i + j <= GEOGRAPHIC_ORDER]
+    basis = np.stack([east**i * north**j for i, j in powers], axis=1)
+    factors = np.linalg.lstsq(basis, degrees, rcond=None)[0].tolist()
+    terms = [[*power, *pair] for power, pair in zip(powers, factors, strict=True)]
+    return {"north": True, "geographic": {"origin": place, "reach": reach, "terms": terms}}
 
 
 def health_of_message(message: Any) -> Frame | None:
@@ -346,6 +430,10 @@ class RecordedScene:
         Time (s), x and y (m) of each target.
     mounting_yaw : float or None, optional
         As for `tsepm_ros.session.result.vessel_pose`.
+    sensor : SensorModel, optional
+        Whose sector is drawn.
+    origin : str, optional
+        As for `geographic_terms`, which may raise ValueError.
     """
 
     def __init__(
@@ -354,9 +442,15 @@ class RecordedScene:
         north: bool,
         truth: Sequence[FloatArray] = (),
         mounting_yaw: float | None = 0.0,
+        sensor: SensorModel | None = None,
+        origin: str = "",
     ) -> None:
         self.title = title
-        self._info = {"kind": "recording", "title": title, "north": north}
+        self._info: Frame = {"kind": "recording", "title": title, "north": north}
+        self._info |= geographic_terms(origin)
+        if sensor is not None:
+            self._info["sector"] = sector(sensor, mounting_yaw)
+        self._poses = own_ship_history()
         self._truth = [np.round(path, 2).tolist() for path in truth]
         self._mounting_yaw = mounting_yaw
         self._frames: list[Frame] = []
@@ -381,7 +475,7 @@ class RecordedScene:
             tracks=result.current,
             potential=initiator.potential_tracks(),
             fixed=result.fixed_echoes,
-            own_ship=vessel_pose(result.scan, self._mounting_yaw),
+            own_ship=self._own_ship(result),
             restart=result.arrival is Arrival.RESTART,
         )
         frame["number"] = len(self._frames) + 1
@@ -402,6 +496,15 @@ class RecordedScene:
                 hits=[self._hits(track) for track in result.new],
             )
         )
+
+    def _own_ship(self, result: ScanResult) -> list[float] | None:
+        pose = vessel_pose(result.scan, self._mounting_yaw)
+        if result.arrival is Arrival.RESTART:
+            self._poses.clear()
+        if pose is None:
+            return None
+        self._poses.add(PoseSample(result.stamp, float(pose[0]), float(pose[1]), 0.0))
+        return [*pose.tolist(), *own_ship_velocity(self._poses, result.stamp)]
 
     def document(self, dropped: Mapping[str, int], notes: Iterable[str] = ()) -> str:
         """The recording, JSON: everything that a page is told, see `PageState.since`, and truth.

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from tsepm_ros.tools.viewer.page_frames import Frame, encode
 from tsepm_ros.whole_files import write_text
 
-SCRIPTS = ("scene.js", "plan.js", "panels.js", "watch.js")
+SCRIPTS = ("scene.js", "operator.js", "plan.js", "panels.js", "watch.js")
 """Scripts in the order in which the page loads them."""
 STYLE, SHELL = "watch.css", "watch.html"
 

@@ -69,7 +69,7 @@ class TrackList {
     this.select = select;
     this.body = element("tbody");
     this.heading = element("th");
-    const heads = ["Id", "Speed, m/s", null, "Age"].map((words) =>
+    const heads = ["Id", "m/s", null, "CPA", "TCPA", "Unseen"].map((words) =>
       words === null ? this.heading : element("th", { textContent: words }));
     this.table = element("table", { hidden: true }, [
       element("thead", {}, [element("tr", {}, heads)]), this.body,
@@ -77,6 +77,7 @@ class TrackList {
     this.none = element("p", { className: "muted", textContent: "No track is held." });
     root.append(this.table, this.none);
     this.rows = new Map();
+    this.near = new Set(); // ids whose closest approach is below the alarm's limit
   }
 
   show(frame, scene, selected) {
@@ -91,17 +92,20 @@ class TrackList {
       const id = track[Row.ID];
       seen.add(id);
       const row = this.rows.get(id) || this.add(id);
-      const first = (scene.facts[id] || {}).first;
+      const approach = closestApproach(track, scene.ownShip(frame));
       const texts = [
         speed(track[Row.VX], track[Row.VY]),
         direction(track[Row.VX], track[Row.VY], north),
-        first === undefined || first === null ? "" : duration(frame.stamp - first),
+        approach && approach.time >= 0 ? distance(approach.distance) : "",
+        approach && approach.time >= 0 ? duration(approach.time) : approach ? "past" : "",
+        duration(track[Row.SINCE_HIT]),
       ];
       texts.forEach((words, place) => {
         const cell = row.cells[place + 1];
         if (cell.textContent !== words) cell.textContent = words;
       });
       row.classList.toggle("chosen", id === selected);
+      row.classList.toggle("near", this.near.has(id));
       row.classList.toggle("coasting", track[Row.SINCE_HIT] > 0);
       row.title = track[Row.SINCE_HIT] > 0 ? coasting(track) : "";
     }
@@ -116,7 +120,7 @@ class TrackList {
   add(id) {
     const button = element("button", { type: "button", textContent: String(id) });
     const row = element("tr", {}, [
-      element("td", {}, [button]), element("td"), element("td"), element("td"),
+      element("td", {}, [button]), ...[1, 2, 3, 4, 5].map(() => element("td")),
     ]);
     row.addEventListener("click", () => this.select(id));
     const after = [...this.rows.entries()].filter(([other]) => other > id).sort((a, b) => a[0] - b[0])[0];
@@ -206,13 +210,18 @@ class SelectedPanel {
       ["Speed", `${speed(vx, vy)} ± ${speed(row[Row.SPEED_STD])} m/s`],
       [north ? "Course" : "Direction from x", direction(vx, vy, north)],
     ];
-    const origin = frame.own_ship;
+    const origin = scene.ownShip(frame);
     if (origin) {
       const [dx, dy] = [x - origin[0], y - origin[1]];
       rows.push(["Range", distance(Math.hypot(dx, dy))]);
       rows.push([north ? "Bearing" : "Direction of it", direction(dx, dy, north)]);
     }
+    const approach = closestApproach(row, origin);
+    if (approach) rows.push(["Closest approach", approachWords(approach)]);
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
+    const place = geographicWords(scene.info, x, y);
+    if (place) rows.push(["Latitude, longitude", place]);
+    rows.push(["Last detection", `${duration(row[Row.SINCE_HIT])} ago`]);
     rows.push(["95 % ellipse", `${distance(row[Row.MAJOR])} by ${distance(row[Row.MINOR])}`]);
     if (typeof facts.first === "number") {
       rows.push(["Since the first hit", duration(frame.stamp - facts.first)]);

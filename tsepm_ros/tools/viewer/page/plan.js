@@ -18,10 +18,15 @@ const LAYERS = [
   ["labels", "Track ids and speeds"],
   ["fixed", "Fixed echoes"],
   ["ownShip", "Own ship and its way"],
+  ["sector", "Sector of the sensor"],
   ["truth", "Truth"],
   ["rings", "Range rings"],
   ["follow", "Keep own ship centred"],
 ];
+
+const OFF_AT_FIRST = ["potential", "follow"];
+const FULL_TURN = 2 * Math.PI - 0.05; // rad; a wider sector has no sides
+const LABEL_ROOM = 14; // px, about the signs of tracks and own ship, without labels of rings
 
 class Plan {
   constructor(canvas, scene) {
@@ -31,7 +36,8 @@ class Plan {
     this.center = [0, 0]; // m
     this.scale = 0.05; // px/m
     this.moved = false; // whether the user has chosen the view
-    this.layers = Object.fromEntries(LAYERS.map(([name]) => [name, name !== "follow"]));
+    this.layers = Object.fromEntries(LAYERS.map(([name]) => [name, !OFF_AT_FIRST.includes(name)]));
+    this.ruler = null; // [[x, y], [x, y]], m: the line from range and bearing
     this.fading = 8;
     this.trailing = 100;
     this.selected = null;
@@ -136,8 +142,10 @@ class Plan {
     if (frame && this.layers.follow && frame.own_ship) {
       this.center = [frame.own_ship[0], frame.own_ship[1]];
     }
+    this.taken = this.corners();
     if (this.layers.rings) this.drawRings(frame);
     if (frame) {
+      if (this.layers.sector) this.drawSector(frame);
       this.chooseArrowTime(frame);
       if (this.layers.fixed) this.drawFixed(frame);
       if (this.layers.detections) this.drawDetections(index);
@@ -149,12 +157,79 @@ class Plan {
         this.drawOwnShip(frame);
       }
     }
+    if (this.layers.rings) this.drawRingLabels(frame);
+    if (this.ruler) this.drawRuler(scene.north(frame));
     this.drawScaleBar();
     this.drawOrientation(scene.north(frame));
   }
 
-  drawRings(frame) {
-    const { context, colour } = this;
+  /* Boxes of the scale bar, the arrow of north and the buttons, where no label goes. */
+  corners() {
+    const { offsetLeft: left, offsetTop: top, offsetWidth: width, offsetHeight: height } =
+      document.getElementById("zoom");
+    return [
+      [0, this.height - 44, 190, this.height], [this.width - 90, 0, this.width, 80],
+      [left, top, left + width, top + height],
+    ];
+  }
+
+  /* Whether a box [left, top, right, bottom] covers no label that was placed before. */
+  free(box) {
+    return this.taken.every((other) =>
+      box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+  }
+
+  /* The sector in which the sensor hears, where the heading is known or does not matter. */
+  drawSector(frame) {
+    const { context, colour, scene } = this;
+    const ship = scene.ownShip(frame), sector = scene.sector();
+    if (!ship || !sector) return;
+    const allRound = sector[3] - sector[2] > FULL_TURN;
+    if (ship[2] === null && !allRound) return;
+    const [x, y] = this.screen(ship[0], ship[1]);
+    const [near, far] = [sector[0] * this.scale, sector[1] * this.scale];
+    const [begin, end] = [-ship[2] - sector[2], -ship[2] - sector[3]];
+    context.strokeStyle = context.fillStyle = colour.accent;
+    context.lineWidth = 1;
+    context.beginPath();
+    if (allRound) {
+      context.arc(x, y, far, 0, 2 * Math.PI);
+      context.moveTo(x + near, y);
+      context.arc(x, y, near, 0, 2 * Math.PI, true);
+    } else {
+      context.arc(x, y, far, begin, end, true);
+      context.arc(x, y, near, end, begin);
+      context.closePath();
+    }
+    context.globalAlpha = 0.05;
+    context.fill();
+    context.globalAlpha = 0.55;
+    context.stroke();
+    context.globalAlpha = 1;
+  }
+
+  drawRuler(north) {
+    const { context, colour, ruler: [from, to] } = this;
+    const [[x, y], [toX, toY]] = [this.screen(...from), this.screen(...to)];
+    context.strokeStyle = context.fillStyle = colour.strong;
+    context.lineWidth = 1.5;
+    context.beginPath();
+    context.arc(x, y, 3, 0, 2 * Math.PI);
+    context.fill();
+    this.arrow(x, y, toX, toY);
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    const words = rangeAndBearing(from, to, north);
+    // Beside the line, above it where it is level.
+    const length = Math.max(Math.hypot(toX - x, toY - y), 1), side = toX < x ? -1 : 1;
+    const [nx, ny] = [side * (toY - y) / length, side * (x - toX) / length];
+    const away = 0.5 * context.measureText(words).width * Math.abs(nx) + 8 * Math.abs(ny) + 6;
+    this.text(words, 0.5 * (x + toX) + away * nx, 0.5 * (y + toY) + away * ny);
+  }
+
+  /* Centre and step (px), step (m), and numbers of the first and last range ring in the view. */
+  rings(frame) {
     const origin = frame && frame.own_ship ? frame.own_ship : [0, 0];
     const [x, y] = this.screen(origin[0], origin[1]);
     const step = roundDown(Math.max(200, 0.25 * Math.min(this.width, this.height)) / this.scale);
@@ -164,26 +239,46 @@ class Plan {
     const inside = x >= 0 && x <= this.width && y >= 0 && y <= this.height;
     const near = inside ? 0 : Math.hypot(
       Math.max(-x, 0, x - this.width), Math.max(-y, 0, y - this.height));
+    return {
+      x, y, pixels, step, first: Math.max(Math.ceil(near / pixels), 1), last: Math.floor(far / pixels),
+    };
+  }
+
+  drawRings(frame) {
+    const { context, colour } = this;
+    const { x, y, pixels, first, last } = this.rings(frame);
     context.strokeStyle = colour.ring;
-    context.fillStyle = colour.muted;
     context.lineWidth = 1;
-    context.font = "12px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    for (let ring = Math.max(Math.ceil(near / pixels), 1); ring * pixels <= far; ring += 1) {
+    for (let ring = first; ring <= last; ring += 1) {
       context.beginPath();
       context.arc(x, y, ring * pixels, 0, 2 * Math.PI);
       context.stroke();
-      const words = distance(ring * step).replace(/\.0+ /, " ").replace(/(\.\d*[1-9])0+ /, "$1 ");
-      const place = RING_LABELS.map((angle) => [
-        x + ring * pixels * Math.sin(angle), y - ring * pixels * Math.cos(angle),
-      ]).find(([lx, ly]) => lx > 30 && lx < this.width - 70 && ly > 12 && ly < this.height - 40);
-      if (place) this.text(words, ...place);
     }
     context.beginPath();
     context.moveTo(x - 5, y); context.lineTo(x + 5, y);
     context.moveTo(x, y - 5); context.lineTo(x, y + 5);
     context.stroke();
+  }
+
+  /* After the tracks: beside their labels and signs, where a ring has room. */
+  drawRingLabels(frame) {
+    const { context, colour } = this;
+    const { x, y, pixels, step, first, last } = this.rings(frame);
+    context.fillStyle = colour.muted;
+    context.font = "12px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (let ring = first; ring <= last; ring += 1) {
+      const words = distance(ring * step).replace(/\.0+ /, " ").replace(/(\.\d*[1-9])0+ /, "$1 ");
+      const half = 0.5 * context.measureText(words).width + 4;
+      const box = RING_LABELS.map((angle) => [
+        x + ring * pixels * Math.sin(angle), y - ring * pixels * Math.cos(angle),
+      ]).map(([lx, ly]) => [lx - half, ly - 9, lx + half, ly + 9]).find((one) =>
+        one[0] > 0 && one[2] < this.width && one[1] > 0 && one[3] < this.height && this.free(one));
+      if (!box) continue;
+      this.taken.push(box);
+      this.text(words, box[0] + half, box[1] + 9);
+    }
   }
 
   drawDetections(index) {
@@ -246,6 +341,11 @@ class Plan {
     if (layers.tracks) for (const row of frame.tracks) this.drawTrack(row, colours.get(row[Row.ID]));
     if (this.selected !== null) this.drawSelected(frame);
     if (layers.labels) this.drawLabels(frame, colours);
+    const signs = [...frame.tracks.map((row) => [row[Row.X], row[Row.Y]]), frame.own_ship];
+    for (const sign of signs.filter(Boolean)) { // no label of a ring covers them
+      const [x, y] = this.screen(sign[0], sign[1]);
+      this.taken.push([x - LABEL_ROOM, y - LABEL_ROOM, x + LABEL_ROOM, y + LABEL_ROOM]);
+    }
   }
 
   drawTrail(frame, row, colours) {
@@ -326,6 +426,9 @@ class Plan {
     hits.forEach(([, hx, hy], order) => {
       const [x, y] = this.screen(hx, hy);
       context.strokeRect(x - 5, y - 5, 10, 10);
+      const box = [x + 6, y - 16, x + 22, y];
+      if (!this.free(box)) return;
+      this.taken.push(box);
       this.text(String(order + 1), x + 8, y - 8);
     });
   }
@@ -336,9 +439,6 @@ class Plan {
     context.font = "600 13px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "middle";
-    const taken = [];
-    const free = (box) => taken.every((other) =>
-      box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
     const rows = [...frame.tracks].sort((one, other) =>
       (other[Row.ID] === this.selected) - (one[Row.ID] === this.selected));
     for (const row of rows) {
@@ -346,12 +446,13 @@ class Plan {
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
       const label = `${row[Row.ID]}  ${speed(row[Row.VX], row[Row.VY])} m/s`;
       const width = context.measureText(label).width;
-      const places = [[9, -11], [9, 11], [-9 - width, -11], [-9 - width, 11]]
+      const side = row[Row.VY] > 0 ? 11 : -11; // first where the arrow is not
+      const places = [[9, side], [-9 - width, side], [9, -side], [-9 - width, -side]]
         .map(([dx, dy]) => [x + dx, y + dy - 8, x + dx + width, y + dy + 8]);
-      const place = places.find((box) => free(box) && box[0] > 2 && box[2] < this.width - 2) ||
-        places.find(free);
+      const place = places.find((box) =>
+        this.free(box) && box[0] > 2 && box[2] < this.width - 2) || places.find((box) => this.free(box));
       if (!place) continue;
-      taken.push(place);
+      this.taken.push(place);
       context.fillStyle = colours.get(row[Row.ID]);
       this.text(label, place[0], 0.5 * (place[1] + place[3]));
     }
@@ -549,6 +650,11 @@ class Plan {
       sign.drawFixed({ fixed: [[0, 0, 0]] });
     } else if (layer === "ownShip" || layer === "follow") {
       sign.drawOwnShip({ own_ship: [0, 0, layer === "follow" ? null : 0] });
+    } else if (layer === "sector") {
+      context.strokeStyle = colour.accent;
+      context.beginPath();
+      context.moveTo(3, 16); context.arc(3, 16, 19, -1.2, -0.2); context.closePath();
+      context.stroke();
     } else if (layer === "truth") {
       context.strokeStyle = colour.truth;
       context.lineWidth = 1.5;

@@ -42,7 +42,7 @@ class Scene {
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
       history.push({
         number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
-        coasts: row[Row.SINCE_HIT] > 0, x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+        coasts: row[Row.SINCE_HIT] > 0, sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
     }
     if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
@@ -76,6 +76,30 @@ class Scene {
   /* Whether y is north: said by a recording; live where there is an own ship in the frame. */
   north(frame) {
     return this.info.north === undefined ? Boolean(frame && frame.own_ship) : this.info.north;
+  }
+
+  /* A value of the diagnostics, or undefined. */
+  diagnostic(task, key) {
+    const entry = ((this.health && this.health.entries) || []).find((one) => one.task === task);
+    return ((entry && entry.values.find(([name]) => name === key)) || [])[1];
+  }
+
+  /* x, y, heading, vx, vy of own ship; at the origin where the diagnostics say that it does not
+     move; else null. */
+  ownShip(frame) {
+    if (!frame || frame.own_ship) return frame ? frame.own_ship : null;
+    return this.diagnostic("own ship", "source") === "none" ? [0, 0, 0, 0, 0] : null;
+  }
+
+  /* Nearest and farthest range (m) and the sector from the bow (rad): said by a recording; live by
+     the diagnostics; null where not known. */
+  sector() {
+    if (this.info.sector) return this.info.sector;
+    const given = ["min_range", "max_range", "azimuth_min", "azimuth_max"].map((name) =>
+      Number(this.diagnostic("sensor parameters", name)));
+    const yaw = Number(this.diagnostic("own ship", "mounting_yaw") || 0);
+    const [near, far, begin, end] = given;
+    return given.every(Number.isFinite) ? [near, far, begin + yaw, end + yaw] : null;
   }
 
   /* Truth at a stamp: [x, y] of each target that exists then. */
@@ -120,7 +144,10 @@ function converted(frame) {
   const pose = frame.own_ship;
   return {
     ...frame,
-    own_ship: pose && [0.01 * pose[0], 0.01 * pose[1], pose[2] === null ? null : 0.001 * pose[2]],
+    own_ship: pose && [
+      0.01 * pose[0], 0.01 * pose[1],
+      ...[pose[2], pose[3], pose[4]].map((value) => (typeof value === "number" ? 0.001 * value : null)),
+    ],
     detections: frame.detections.map((value) => 0.01 * value),
     potential: frame.potential.map(([x, y, vx, vy, evidence]) => [
       0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy, evidence === null ? null : 0.01 * evidence,

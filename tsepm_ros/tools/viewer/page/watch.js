@@ -11,6 +11,9 @@ const healthPanel = new HealthPanel(byId("health"), byId("entries"), byId("healt
 const trackList = new TrackList(byId("tracks"), byId("tracks-title"), select);
 const selectedPanel = new SelectedPanel(byId("selected"), plan, () => select(null));
 
+const alarm = new Alarm();
+let audio = null; // made when the user turns the sound on
+
 const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
 const RETRY_PERIODS = [500, 1000, 2000, 5000]; // ms
 const LATE = 5000; // ms, at least, after which missing diagnostics are stale
@@ -25,6 +28,10 @@ const page = {
   healthPeriod: 0, // between the last two diagnostics, ms
   drawn: false,
   panels: 0,
+  watched: null, // the frame that the alarm has seen last
+  theme: "light", // by day
+  measuring: false,
+  cursor: null, // where the pointer is on the plan, px
   fitted: "", // what the view of a recording was chosen for
 };
 
@@ -40,7 +47,9 @@ function redraw() {
     page.index = Math.min(Math.max(page.index, 0), Math.max(frames.length - 1, 0));
     if (!plan.moved && !plan.layers.follow && frames.length) fit();
     plan.draw(page.index);
+    if (source !== "live") watchApproaches(frames[page.index]);
     showTime();
+    showCursor();
     const now = performance.now();
     if (now - page.panels > PANEL_PERIOD || !page.playing) showPanels();
   });
@@ -89,11 +98,62 @@ function showPanels() {
   document.title = byId("title").textContent = scene.info.title || document.title;
   const late = silence(page.healthHeard) > Math.max(LATE, 3 * page.healthPeriod);
   healthPanel.show(scene.health, source === "live" && late);
+  trackList.near = alarm.near;
   trackList.show(frame, scene, plan.selected);
   selectedPanel.show(plan.selected, frame, scene);
   byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.${noOwnShip(frame)}`;
+  byId("save-csv").disabled = byId("save-geojson").disabled = !scene.histories.size;
+  byId("save-geojson").hidden = !scene.info.geographic;
+  showAlarm();
   showState();
   showLayers(frame);
+}
+
+/* Range and bearing of the pointer from own ship, and its position. */
+function showCursor() {
+  const frame = scene.frames[page.index], ship = scene.ownShip(frame);
+  byId("cursor").hidden = !page.cursor || !frame;
+  if (!page.cursor || !frame) return;
+  const [x, y] = plan.world(...page.cursor);
+  byId("cursor").textContent = [
+    ship && rangeAndBearing(ship, [x, y], scene.north(frame)),
+    `x ${digits(x)}, y ${digits(y)} m`, geographicWords(scene.info, x, y),
+  ].filter(Boolean).join(" · ");
+}
+
+/* ---- alarm ---- */
+
+/* Take a frame once; one that goes back in a recording begins the approaches anew. */
+function watchApproaches(frame) {
+  if (!frame || frame === page.watched) return;
+  if (source !== "live" && page.watched && frame.number < page.watched.number) alarm.clear();
+  page.watched = frame;
+  if (!alarm.update(frame, scene)) return;
+  if (byId("sound").checked && audio) sound(audio);
+  showPanels();
+}
+
+function showAlarm() {
+  const words = page.watched ? alarm.words(page.watched, scene) : "";
+  if (byId("alarm-words").textContent !== words) byId("alarm-words").textContent = words;
+  byId("alarm").hidden = !words;
+}
+
+function setAlarm() {
+  alarm.limit = Number(byId("limit").value);
+  alarm.horizon = 60 * Number(byId("horizon").value);
+  alarm.clear();
+  page.watched = null;
+  watchApproaches(source === "live" ? scene.frames[scene.frames.length - 1] : scene.frames[page.index]);
+  showPanels();
+}
+
+function setSound() {
+  if (byId("sound").checked) {
+    audio = audio || new AudioContext();
+    audio.resume();
+    sound(audio);
+  }
 }
 
 /* Why no own ship is drawn; empty if it is, or if the diagnostics have not said it yet. */
@@ -139,6 +199,7 @@ function waiting({ topic, published }) {
 function showLayers(frame) {
   const has = {
     truth: scene.truth.length > 0,
+    sector: Boolean(scene.sector() && scene.ownShip(frame)),
     ownShip: Boolean(frame && frame.own_ship), follow: Boolean(frame && frame.own_ship),
   };
   for (const [name] of LAYERS) {
@@ -215,8 +276,17 @@ function connectControls() {
   byId("fit").addEventListener("click", showAll);
   byId("fading").addEventListener("change", (event) => { plan.fading = Number(event.target.value); redraw(); });
   byId("trailing").addEventListener("change", (event) => { plan.trailing = Number(event.target.value); redraw(); });
-  byId("theme").addEventListener("click", () => {
-    setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  byId("theme").addEventListener("click", () => setTheme(page.theme === "dark" ? "light" : "dark"));
+  byId("night").addEventListener("click", () => {
+    setTheme(document.documentElement.dataset.theme === "night" ? page.theme : "night");
+  });
+  byId("measure").addEventListener("click", () => setMeasuring(!page.measuring));
+  for (const id of ["limit", "horizon"]) byId(id).addEventListener("change", setAlarm);
+  byId("sound").addEventListener("change", setSound);
+  byId("acknowledge").addEventListener("click", () => { alarm.raised.clear(); showPanels(); });
+  byId("save-csv").addEventListener("click", () => save("csv", "text/csv", tracksAsCsv));
+  byId("save-geojson").addEventListener("click", () => {
+    save("geojson", "application/geo+json", tracksAsGeoJson);
   });
   const layers = byId("layers");
   for (const [name, words] of LAYERS) {
@@ -230,6 +300,19 @@ function connectControls() {
   new ResizeObserver(redraw).observe(byId("plot"));
   document.addEventListener("keydown", onKey);
   connectPointers();
+}
+
+function save(ending, type, text) {
+  const frame = scene.frames[page.index];
+  if (frame) download(`tracks.${ending}`, type, text(scene, frame.number));
+}
+
+function setMeasuring(on) {
+  page.measuring = on;
+  plan.ruler = null;
+  byId("measure").setAttribute("aria-pressed", String(on));
+  plan.canvas.classList.toggle("measuring", on);
+  redraw();
 }
 
 function showAll() {
@@ -252,7 +335,9 @@ function onKey(event) {
     "-": () => { plan.zoom(1 / 1.5); redraw(); },
     f: showAll,
     F: showAll,
-    Escape: () => select(null),
+    m: () => setMeasuring(!page.measuring),
+    M: () => setMeasuring(!page.measuring),
+    Escape: () => { setMeasuring(false); select(null); },
   };
   if (keys[event.key]) {
     event.preventDefault();
@@ -260,11 +345,11 @@ function onKey(event) {
   }
 }
 
-/* Drag to pan, wheel or two fingers to zoom, click to select. */
+/* Drag to pan, or to measure, wheel or two fingers to zoom, click to select. */
 function connectPointers() {
   const { canvas } = plan;
   const pointers = new Map();
-  let travelled = 0;
+  let travelled = 0, begin = null;
   const place = (event) => {
     const box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
@@ -274,9 +359,13 @@ function connectPointers() {
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, place(event));
     if (pointers.size === 1) travelled = 0;
+    begin = plan.world(...place(event));
     canvas.classList.add("dragging");
   });
+  canvas.addEventListener("pointerleave", () => { page.cursor = null; showCursor(); });
   canvas.addEventListener("pointermove", (event) => {
+    page.cursor = place(event);
+    showCursor();
     const before = pointers.get(event.pointerId);
     if (!before) return;
     const now = place(event);
@@ -289,6 +378,8 @@ function connectPointers() {
       const apart = (at) => Math.max(Math.hypot(at[0] - other[0], at[1] - other[1]), 10);
       plan.zoom(apart(now) / apart(before), 0.5 * (now[0] + other[0]), 0.5 * (now[1] + other[1]));
       plan.pan(0.5 * (now[0] - before[0]), 0.5 * (now[1] - before[1]));
+    } else if (page.measuring) {
+      plan.ruler = [begin, plan.world(...now)];
     } else {
       plan.pan(now[0] - before[0], now[1] - before[1]);
     }
@@ -311,9 +402,12 @@ function connectPointers() {
   }, { passive: false });
 }
 
+/* "light" or "dark" by day, or "night". */
 function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
-  byId("theme").textContent = theme === "dark" ? "Light" : "Dark";
+  if (theme !== "night") page.theme = theme;
+  byId("night").setAttribute("aria-pressed", String(theme === "night"));
+  byId("theme").textContent = page.theme === "dark" ? "Light" : "Dark";
   plan.readColours();
   for (const sign of document.querySelectorAll("#layers canvas")) plan.drawSign(sign, sign.dataset.layer);
   redraw();
@@ -327,6 +421,7 @@ function take(message) {
   scene.merge(message);
   page.index -= Math.max(scene.removed - removed, 0); // the same frame is shown while paused
   if (message.frames && message.frames.length) page.heard = performance.now();
+  if (source === "live") watchApproaches(scene.frames[scene.frames.length - 1]);
   if (message.health) {
     page.healthPeriod = page.healthHeard ? silence(page.healthHeard) : 0;
     page.healthHeard = performance.now();
@@ -376,7 +471,10 @@ function fail(error) {
 function begin() {
   connectControls();
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
+  dark.addEventListener("change", () => {
+    page.theme = dark.matches ? "dark" : "light";
+    if (document.documentElement.dataset.theme !== "night") setTheme(page.theme);
+  });
   setTheme(dark.matches ? "dark" : "light");
   setInterval(showPanels, 1000);
   if (source === "live") {
