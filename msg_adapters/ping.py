@@ -19,7 +19,7 @@ import importlib
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -262,6 +262,7 @@ _IS_FAULT: Mapping[str, Callable[[str, FloatArray], BoolArray]] = {
 Adapter = Callable[[Any, ReadingOptions], Ping]
 Writer = Callable[["Header", Scan, float], Any]
 
+T = TypeVar("T")
 adapters: dict[str, Adapter] = {}
 """Every adapter, by the message type that it reads."""
 _writers: dict[str, Writer] = {}
@@ -336,11 +337,21 @@ def read_detections(
         If an option has a value that is not allowed.
     """
     options = ReadingOptions(bearing_reference, sound_speed, sensor)
-    name = type_name_of(message)
-    adapter = _adapter(name)
+    return read_by(_adapter(type_name_of(message)), message, options)
+
+
+def read_by(reader: Callable[..., T], message: Any, *options: Any) -> T:
+    """What a reader makes of a message.
+
+    Raises
+    ------
+    MessageError
+        If the message lacks a field; and what the reader raises.
+    """
     try:
-        return adapter(message, options)
+        return reader(message, *options)
     except AttributeError as error:  # the installed package has another version of the type
+        name = type_name_of(message)
         raise MessageError(
             "missing_field",
             f"this {name} does not have the fields of the supported version: {error}",

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from msg_adapters.ping import SOUND_SPEED, type_name_of
+from msg_adapters.ping import SOUND_SPEED, read_by, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.detector_options import DetectorOptions
@@ -80,14 +80,7 @@ def read_image(
         raise MessageError(
             "unknown_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
         )
-    try:
-        found = IMAGES[name](message, layout, sensor, sound_speed)
-    except AttributeError as error:  # the installed package has another version of the type
-        raise MessageError(
-            "missing_field",
-            f"this {name} does not have the fields of the supported version: {error}",
-        ) from error
-    return _above_zero(found)
+    return _above_zero(read_by(IMAGES[name], message, layout, sensor, sound_speed))
 
 
 def _above_zero(ping: ImagePing) -> ImagePing:
@@ -97,8 +90,7 @@ def _above_zero(ping: ImagePing) -> ImagePing:
         return ping
     if not there.any():
         raise MessageError("bad_geometry", "no cell has a range above 0")
-    cells = {"range": ping.range[there], "intensity": ping.intensity[:, there]}
-    return ImagePing(**(vars(ping) | cells))
+    return replace(ping, range=ping.range[there], intensity=ping.intensity[:, there])
 
 
 def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:

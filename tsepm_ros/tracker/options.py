@@ -13,12 +13,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
 
 
 @dataclass(frozen=True, kw_only=True)
-class CommonOptions:
+class CommonOptions(ParameterGroup):
     """Options that mean the same in every method.
 
     Raises
@@ -125,7 +125,7 @@ class CommonOptions:
     )
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         if self.min_speed >= self.max_speed:
             raise ValueError(
                 f"min_speed must be below max_speed; got {self.min_speed} and {self.max_speed}"
@@ -169,7 +169,7 @@ def window_option(
 
 
 @dataclass(frozen=True, kw_only=True)
-class MnOptions:
+class MnOptions(ParameterGroup):
     """Options that every M/N method begins with.
 
     A method with another default defines `min_hits` or `window` again, by `hits_option` and
@@ -186,7 +186,7 @@ class MnOptions:
     window: int = window_option(8)
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         if self.window < self.min_hits:
             raise ValueError(
                 f"window must be at least min_hits; got {self.window} and {self.min_hits}"
@@ -198,7 +198,7 @@ MIN_HITS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScoreOptions:
+class ScoreOptions(ParameterGroup):
     """Options of the likelihood-ratio method.
 
     Raises
@@ -249,9 +249,6 @@ class ScoreOptions:
         "Maximum number of hypotheses with the same last detection; the best are kept",
         minimum=1,
     )
-
-    def __post_init__(self) -> None:
-        check_group(self)
 
     @property
     def deletion_threshold(self) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed
-from tsepm_ros.parameters import check_group, parameter
+from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
 
 SEAM = math.radians(2.5)
@@ -34,7 +34,7 @@ MIN_RANGE_RATE_STD = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorModel:
+class SensorModel(ParameterGroup):
     """Errors and coverage of a range/azimuth sensor. The defaults are the sonar of TSEPM 2018.
 
     Raises
@@ -130,7 +130,7 @@ class SensorModel:
     )
 
     def __post_init__(self) -> None:
-        check_group(self)
+        super().__post_init__()
         if max(self.range_std, self.range_std_fraction) < 1e-6:
             raise ValueError("range_std and range_std_fraction must not both be 0")
         if self.range_std > MAX_STD_RATIO * self.azimuth_std:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tracker.maintenance import features
 
 LEAST_SPEED = 1e-3
 """Relative speed, m/s, below which nothing approaches: rounding of equal velocities."""
@@ -13,8 +14,7 @@ LEAST_SPEED = 1e-3
 def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Distance at the closest approach, and the time until then.
 
-    With p and v of a target relative to own ship, ``t = -p . v / |v|^2`` and the distance is
-    ``|p + v t|``.
+    That of `tsepm_ros.tracker.maintenance.features`, with own ship as the first target.
 
     Parameters
     ----------
@@ -28,7 +28,8 @@ def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatA
     time : (n,) ndarray
         s; below 0 where it was in the past, 0 where they move together.
     """
-    square = (velocity**2).sum(axis=1)
-    moves = square > LEAST_SPEED**2
-    time = np.where(moves, -(position * velocity).sum(axis=1) / np.where(moves, square, 1.0), 0.0)
-    return np.hypot(*(position + velocity * time[:, None]).T), time
+    moves = (velocity**2).sum(axis=1) > LEAST_SPEED**2
+    state = np.empty((len(position), 4))
+    state[:, 0::2], state[:, 1::2] = position, np.where(moves[:, None], velocity, 0.0)
+    time, distance = features.closest_approach(np.zeros(4), state)
+    return distance, time

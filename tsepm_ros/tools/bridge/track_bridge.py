@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 
-from msg_adapters import MessageError, read_own_ship, read_track_cloud
+from msg_adapters import MessageError, message_class, read_own_ship, read_track_cloud
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.track_cloud import track_arrays
 from msg_adapters.track_objects import radar_tracks, tracked_objects
@@ -39,11 +39,11 @@ CHECK_PERIOD = 1.0
 """Time between checks whether the context was shut down, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
-MESSAGES: dict[str, tuple[str, str, Callable[..., Any]]] = {
-    "tracks/radar": ("radar_msgs", "RadarTracks", radar_tracks),
-    "tracks/objects": ("autoware_perception_msgs", "TrackedObjects", tracked_objects),
+MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
+    "tracks/radar": ("radar_msgs/msg/RadarTracks", radar_tracks),
+    "tracks/objects": ("autoware_perception_msgs/msg/TrackedObjects", tracked_objects),
 }
-"""Of each topic the package, the message type and what makes it of tracks."""
+"""Of each topic the message type and what makes it of tracks."""
 
 
 class TrackBridge(ParameterisedNode):
@@ -74,10 +74,11 @@ class TrackBridge(ParameterisedNode):
     def _publish(self) -> None:
         """Make the publishers of the messages whose packages are installed."""
         self._messages: list[tuple[Any, Callable[..., Any]]] = []
-        for topic, (package, name, make) in MESSAGES.items():
+        for topic, (name, make) in MESSAGES.items():
             try:
-                kind = getattr(__import__(f"{package}.msg", fromlist=[name]), name)
-            except ImportError:
+                kind = message_class(name, readable=(name,))
+            except MessageError:
+                package = name.partition("/")[0]
                 self.get_logger().info(f"{package} is not installed: no {topic}")
                 continue
             self._messages.append((self.create_publisher(kind, topic, DEPTH), make))

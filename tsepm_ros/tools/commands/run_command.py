@@ -32,7 +32,6 @@ from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_te
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
-    Groups,
     full_table,
     make_groups,
     settings_from,
@@ -192,31 +191,26 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
     return _recorded(recording, options, "odometry" if recording.own_ship else "none")
 
 
-def _of_groups(values: Mapping[str, Value], groups: Groups) -> dict[str, Value]:
-    """The values of the parameters of some groups."""
-    names = {row.name for row in full_table(groups)}
-    return {name: value for name, value in values.items() if name in names}
+def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Values of a run on images: the detector's, and all but those that are its alone."""
+    detector, tracker = (
+        {row.name for row in full_table(groups)} for groups in (SONAR_DETECTOR, TRACK_INITIATOR)
+    )
+    return (
+        {name: value for name, value in values.items() if name in detector},
+        {name: value for name, value in values.items() if name not in detector - tracker},
+    )
 
 
 def _session(
-    options: argparse.Namespace,
-    source: str,
-    known: Sequence[str],
-    defaults: Mapping[str, Value],
-    *,
-    images: bool = False,
+    source: str, known: Sequence[str], values: Mapping[str, Value]
 ) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
-    """Make a session from the arguments, with its node options and its notes by reason.
+    """Make a session from values of parameters, with its node options and its notes by reason.
 
     `source` is the default of `own_ship_source`. The notes begin with those that are `known` of the
     recording.
     """
-    values = given_values(options.parameter)
-    if images:  # those of the detector alone are not the tracker's
-        own = {row.name for row in full_table(TRACK_INITIATOR)}
-        others = {row.name for row in full_table(SONAR_DETECTOR)} - own
-        values = {name: value for name, value in values.items() if name not in others}
-    groups = make_groups(TRACK_INITIATOR, {"own_ship_source": source, **defaults, **values})
+    groups = make_groups(TRACK_INITIATOR, {"own_ship_source": source, **values})
     notes = dict(zip(known, known, strict=True))
 
     def note(reason: str, sentence: str) -> None:
@@ -240,7 +234,8 @@ def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
 def _recorded(
     recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
 ) -> Run:
-    session, node, notes = _session(options, source, recording.notes, defaults)
+    values = {**defaults, **given_values(options.parameter)}
+    session, node, notes = _session(source, recording.notes, values)
     return Run(
         title=_title(options, session),
         session=session,
@@ -259,12 +254,8 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
     except ValueError as error:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
-    moving = moving_frames(bag.topics)
-    if (
-        moving
-        and OWN_SHIP not in topics
-        and "own_ship_source" not in given_values(options.parameter)
-    ):
+    moving, values = moving_frames(bag.topics), given_values(options.parameter)
+    if moving and OWN_SHIP not in topics and "own_ship_source" not in values:
         raise ValueError(
             f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
             "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
@@ -272,14 +263,13 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         )
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
-    session, node, notes = _session(options, source, bag.notes, {}, images=shown)
+    of_detector, of_tracker = _shared_out(values) if shown else ({}, values)
+    session, node, notes = _session(source, bag.notes, of_tracker)
     if session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
     if shown:
-        groups = make_groups(
-            SONAR_DETECTOR, _of_groups(given_values(options.parameter), SONAR_DETECTOR)
-        )
+        groups = make_groups(SONAR_DETECTOR, of_detector)
         images = ImageInput(groups, session.drop, lambda one: notes.update({one: one}))
     return Run(
         title=_title(options, session),

@@ -44,6 +44,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent
+from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.scan import Scan, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -57,6 +58,7 @@ WIDEST = 16.0
 """Limit of what a beam adds that is learned, m."""
 MEMORY = 100.0
 """Pings that count: older ones fade."""
+_KEPT = 1.0 - 1.0 / MEMORY
 MARGIN = 1.5
 """Factor within which clutter around a track may be denser than it is known: a choice."""
 PRIOR = 0.1
@@ -144,26 +146,6 @@ class Beside:
         self.area = np.where(clear, 4.0 * self.along * self.across, 0.0)
 
 
-class Excess:
-    """Counts and what clutter explains of them, by size of box, (e,); both fade."""
-
-    def __init__(self, sizes: int) -> None:
-        self.found, self.expected = np.zeros((2, sizes))
-        self._strips = np.zeros((2, sizes))
-
-    def add(self, found: FloatArray, expected: FloatArray, strips: FloatArray) -> None:
-        """Add a ping's (e,), (e,) and (2, e)."""
-        kept = 1.0 - 1.0 / MEMORY
-        self.found = kept * self.found + found
-        self.expected = kept * self.expected + expected
-        self._strips = kept * self._strips + strips
-
-    @property
-    def log_ratio(self) -> FloatArray:
-        """L of each size of box, (e,)."""
-        return log_ratio(self.found, np.maximum(self.expected, self._strips.max(axis=0) + PRIOR))
-
-
 def log_ratio(
     found: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
 ) -> FloatArray:
@@ -191,18 +173,26 @@ class MultiDetectionTest:
         self._sensor = sensor
         self._extents = extents_of(sensor)
         sizes = len(self._extents)
-        self._pairs, self._groups, self._of_tracks = (Excess(sizes) for _ in range(3))
+        self._pairs = Excess(*np.zeros((2, sizes)))
+        # Expected by the area, and in the strips of both kinds: the largest counts.
+        self._groups = self._of_tracks = Excess(np.zeros(sizes), np.zeros((3, sizes)))
         self._tracks: dict[int, Offsets] = {}
 
     @property
     def log_ratio(self) -> float:
         """The largest L."""
-        return float(max(one.log_ratio.max() for one in (self._groups, self._of_tracks)))
+        prior = np.array([[0.0], [PRIOR], [PRIOR]])
+        return float(
+            max(
+                log_ratio(one.counted, (one.expected + prior).max(axis=0)).max()
+                for one in (self._groups, self._of_tracks)
+            )
+        )
 
     @property
     def extent(self) -> ClusterExtent:
         """Half widths of the box for which most speaks, by the areas alone."""
-        ratios = log_ratio(self._pairs.found, self._pairs.expected + LEAST, LARGEST)
+        ratios = log_ratio(self._pairs.counted, self._pairs.expected + LEAST, LARGEST)
         return self._extents[int(np.argmax(ratios))]
 
     def waits(self, track_id: int) -> bool:
@@ -228,10 +218,14 @@ class MultiDetectionTest:
         some = beside.number / (beside.number + 1.0)
         group = used & (beside.number[-1] > 1.0)
         expected = 0.5 * (group * mean).sum(axis=1)
-        self._pairs.add((group * some).sum(axis=1), expected, np.zeros((2, 1)))
+        self._pairs = self._pairs.faded(_KEPT, (group * some).sum(axis=1), expected)
         more = (mean + np.expm1(-mean)) / 3.0
         strips = (used * beyond_one(beside.strips)).sum(axis=2)
-        self._groups.add((used * beyond_one(beside.number)).sum(axis=1), more.sum(axis=1), strips)
+        self._groups = self._groups.faded(
+            _KEPT,
+            (used * beyond_one(beside.number)).sum(axis=1),
+            np.stack([more.sum(axis=1), *strips]),
+        )
 
     def update_tracks(
         self, scan: Scan, density: float, track_id: IntArray, own: IntArray, held: IntArray
@@ -269,10 +263,10 @@ class MultiDetectionTest:
             often &= MOST_LOOKS * least[:, row] >= RESOLVED
             self._tracks[one] = looks + 1, pings, offset, bool(often.any())
         used = beside.area > 0.0
-        self._of_tracks.add(
+        self._of_tracks = self._of_tracks.faded(
+            _KEPT,
             (used * found).sum(axis=1),
-            density * beside.area.sum(axis=1),
-            (used * beside.strips).sum(axis=2),
+            np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)]),
         )
 
 

@@ -428,11 +428,6 @@ class ClutterMap:
         self._estimate = _Estimate(self._counts.copy(), scans, self._cells, self.grid, prior)
 
     @property
-    def begun(self) -> bool:
-        """Whether a scan was learned from."""
-        return bool(self._scans.any())
-
-    @property
     def young(self) -> bool:
         """Whether the scans are so few that each is a tenth of them."""
         return bool(RENEWAL * self._scans.mean() < 1.0)

@@ -232,8 +232,3 @@ class ScanClutter:
         if not len(self.weight):
             return np.zeros(0)
         return self._learned.clutter_map.at(self.cells)
-
-    def known_density(self) -> FloatArray:
-        """Density of the map, (d,), 1/m^2; NaN where it is learned and no scan was."""
-        known = not self._estimated or self._learned.clutter_map.begun
-        return self.density() if known else np.full(len(self.weight), np.nan)
