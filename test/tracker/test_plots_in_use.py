@@ -116,7 +116,7 @@ def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy)
     middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
     for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
         scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
-        plots.clusters_of(scan, sensor.clutter_density, lambda part: np.zeros(len(part), bool))
+        plots.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
     places = [100.0, 136.0, *[118.0] * convoy]
     held = TrackArrays.of(
         [

@@ -160,14 +160,15 @@ class Score(Method):
         )
         parts = missed, score, started
         tree = splitting.expand(expected, parts, (parent, row), kept, observed)
-        split = int(np.count_nonzero(score > -np.inf)) + len(started)
+        first, left = len(observed.ids), len(missed)
+        split = int(np.count_nonzero(score > -np.inf)) + first
         return tree, ScanStatistics(
             scans=1,
-            detections=len(observed.ids),
-            started=len(started),
+            detections=first,
+            started=first,
             split=split,
-            evaluated=split + len(missed),
-            pruned=split + len(missed) - len(kept) - beyond,
+            evaluated=split + left,
+            pruned=split + left - len(kept) - beyond,
             cut_potential_tracks=cut + unscored + beyond,
         )
 

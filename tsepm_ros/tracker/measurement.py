@@ -389,9 +389,9 @@ def convert(
     -------
     (n,) ndarray of DETECTION
     """
-    detections = np.zeros(len(scan), dtype=DETECTION)
+    detections = np.zeros(len(scan.range), dtype=DETECTION)
     detections["scan"] = scan_index
-    detections["index"] = np.arange(len(scan))
+    detections["index"] = np.arange(len(detections))
     detections["time"] = scan.stamp
     if scan.time_offset is not None:
         detections["time"] += scan.time_offset

@@ -414,8 +414,8 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         Of one hit each.
     """
     detections = observed.detections
-    path = starting(observed.ids, observed.scan_index, window)
-    state, covariance = np.zeros((len(path), 4)), np.zeros((len(path), 4, 4))
+    path, n = starting(observed.ids, observed.scan_index, window), len(detections)
+    state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
@@ -428,7 +428,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         state, covariance = motion.predict(state, covariance, elapsed)
     strength = first_amplitudes(observed)
     score = score + strength.score
-    given_held = score - held_penalty(observed, np.arange(len(path)), strength.score)
+    given_held = score - held_penalty(observed, np.arange(n), strength.score)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -437,7 +437,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         covariance,
         score,
         given_held,
-        np.full(len(path), FADED_AT_START),
+        np.full(n, FADED_AT_START),
         *strength,
     )
 

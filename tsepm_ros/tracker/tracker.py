@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, further_plots
-from tsepm_ros.tracker.clusters.grouping import chosen
+from tsepm_ros.tracker.clusters.grouping import Clusters, chosen
 from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
@@ -405,16 +405,25 @@ class Tracker:
         found, rows = usable.scan, usable.rows
         if usable.outside_coverage:
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        made = self.plots.clusters_of(found, self.clutter_density, self._stays)
-        measured = found if made is None else made.scan
-        as_stated = found.azimuth_std is not None or not self.method.most_tracks_true
-        own = np.zeros(len(measured), bool) if made is None else made.own_range_std
+        runs = self.plots.runs_of(found)
+        detections = self._converted(found, rows, runs)
+        measured = found if runs is None else runs.scan
+        made = self.plots.clusters_of(measured, self.clutter_density, self._clutter.is_persistent)
+        if made is not None:
+            detections = self._converted(found, rows, made if runs is None else made.of(runs))
+        return detections
+
+    def _converted(self, scan: Scan, rows: IntArray, plots: Clusters | None) -> NDArray[np.void]:
+        """The detections of a scan, or its plots, in the fixed frame, with the clutter at them."""
+        measured = scan if plots is None else plots.scan
+        as_stated = scan.azimuth_std is not None or not self.method.most_tracks_true
+        own = np.zeros(len(measured), bool) if plots is None else plots.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
         detections = convert(measured, self.sensor, self.scan_index, least)
         self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
-        detections["index"] = rows if made is None else rows[made.strongest]
-        if made is not None and scan.range_std is None:
-            detections["range_std"][~made.own_range_std] = np.nan
+        detections["index"] = rows if plots is None else rows[plots.strongest]
+        if plots is not None and scan.range_std is None:
+            detections["range_std"][~own] = np.nan
         return detections
 
     def _clutter_at(
@@ -425,13 +434,6 @@ class Tracker:
         return ScanClutter(
             self.learned, self.common, self.sensor, held_are_true, range, azimuth, detections
         )
-
-    def _stays(self, scan: Scan) -> BoolArray:
-        """Which detections (n,) of a scan are where clutter stays."""
-        if not self.learned.persistent.found:
-            return np.zeros(len(scan), bool)
-        detections = convert(scan, self.sensor, self.scan_index)
-        return self._clutter_at(scan.range, scan.azimuth, detections).is_persistent
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
@@ -555,9 +557,10 @@ class Tracker:
     @property
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
+        given = self.sensor.detection_probability
         if self.common.detection_probability == "given":
-            return self.sensor.detection_probability
-        return self.estimated_detection_probability
+            return given
+        return self.learned.detection_probability.estimate(given)
 
     @property
     def clutter_density(self) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -118,41 +117,33 @@ class ExtendedTargets:
             return ClusterExtent(given + cell, given, beam)
         return self._excess.extent.scaled(WHOLE)
 
-    def clusters_of(
-        self,
-        scan: Scan,
-        density: float,
-        stays: Callable[[Scan], BoolArray],
-    ) -> Clusters | None:
-        """The plots of a scan's detections; None where none has more than one, or is asked for.
+    def clusters_of(self, scan: Scan, density: float, stays: BoolArray) -> Clusters | None:
+        """The plots of a scan's detections; None where none is asked for.
 
         Parameters
         ----------
         scan : Scan
+            n detections, or plots of `runs_of`.
         density : float
             Mean clutter density, 1/m^2.
-        stays : callable
-            Which detections of a scan are where clutter is known to stay: they do not count as
-            a target's.
+        stays : (n,) ndarray of bool
+            Which are where clutter is known to stay: they do not count as a target's.
         """
-        runs = self._runs(scan)
-        self._scan = scan = scan if runs is None else runs.scan
-        self._row = np.arange(len(scan))
-        self._counts = np.zeros(len(scan), bool)
-        if self._learns and len(scan):
-            self._counts = ~stays(scan)
+        self._scan, number = scan, len(scan)
+        self._row, self._counts = np.arange(number), ~stays
+        if self._learns and number:
             part = grouping.chosen(scan, np.flatnonzero(self._counts))
             self._excess.update(part, density)
             self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
             self._judge(scan)
-        if not self.active or not len(scan):
-            return runs
+        if not self.active or not number:
+            return None
         extent = self.extent
         label = grouping.grouped(scan.range, scan.azimuth, extent)
         self.scatter = self.scatter.after(scan, label, self.sensor)
         found = grouping.clusters_of(scan, label, self.scatter.errors(extent), self.sensor)
         self._row = found.strongest
-        return found if runs is None else found.of(runs)
+        return found
 
     def learn(self, own: OwnDetections, held: ConfirmedTracks, density: float) -> None:
         """Learn from what lies beside held tracks' detections in the scan of `clusters_of`.
@@ -160,7 +151,7 @@ class ExtendedTargets:
         Parameters
         ----------
         own : OwnDetections
-        held : HeldTracks
+        held : ConfirmedTracks
             At that scan.
         density : float
             Mean clutter density, 1/m^2.
@@ -230,7 +221,7 @@ class ExtendedTargets:
                 filled[row] = log_ratio(float(inside.sum()), expected) >= least
         return filled[first:]
 
-    def _runs(self, scan: Scan) -> Clusters | None:
+    def runs_of(self, scan: Scan) -> Clusters | None:
         """Plots of the groups that a scan comes with; None where it has none, or plots are off."""
         if scan.group is None or self.common.plots == "off":
             return None

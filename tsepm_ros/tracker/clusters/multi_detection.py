@@ -97,12 +97,12 @@ def unit_of(sensor: SensorModel) -> float:
     return min(sensor.max_range / SHORT_RANGE, 1.0)
 
 
-def extents_of(sensor: SensorModel) -> list[ClusterExtent]:
-    """Half widths of the boxes, with the resolution of a sensor."""
+def extents_of(sensor: SensorModel) -> FloatArray:
+    """The fields of `ClusterExtent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = unit_of(sensor), sensor.range_resolution, sensor.azimuth_resolution
     beams = ((beam, math.inf),) if beam else tuple((one, unit * WIDEST) for one in BEAMS)
-    lengths = unit * np.array(EXTENTS)
-    return [ClusterExtent(one + cell, one, *width) for one in lengths for width in beams]
+    boxes = [(unit * one + cell, unit * one, *width) for one in EXTENTS for width in beams]
+    return np.transpose(boxes)[..., None]
 
 
 class Beside:
@@ -124,10 +124,10 @@ class Beside:
         Detections in the largest box around some centre.
     """
 
-    def __init__(self, scan: Scan, centre: IntArray, extents: list[ClusterExtent]) -> None:
+    def __init__(self, scan: Scan, centre: IntArray, extents: FloatArray) -> None:
         range_, azimuth, k = scan.range[centre], scan.azimuth[centre], len(centre)
-        self.across = np.stack([one.across_at(range_) for one in extents])
-        self.along = np.stack([np.full(k, one.along) for one in extents])
+        self.across = ClusterExtent(*extents).across_at(range_)
+        self.along = np.broadcast_to(extents[0], self.across.shape)
         far = scan.range - range_[:, None]
         aside = range_[:, None] * wrap(scan.azimuth - azimuth[:, None])
         near = np.abs(far) <= 3.0 * self.along.max(axis=0)[:, None]
@@ -142,12 +142,10 @@ class Beside:
         self.near[centre] = self.near[other[inside[-1]]] = True
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
-        self.number, *strips = (
-            _sums(one.astype(float), row, k) for one in (inside, beside, behind)
-        )
-        self.strips = np.stack(strips)
-        offset = np.stack([_sums(inside * one, row, k) for one in (far, aside)])
-        self.offset = offset / np.maximum(self.number, 1.0)
+        parts = np.stack([inside, beside, behind, inside * far, inside * aside])
+        sums = _sums(np.asarray(parts, float), row, k)
+        self.number, self.strips = sums[0], sums[1:3]
+        self.offset = sums[3:] / np.maximum(self.number, 1.0)
         clear = (self.along < range_) & (self.across < range_)
         self.area = np.where(clear, 4.0 * self.along * self.across, 0.0)
 
@@ -178,7 +176,7 @@ class MultiDetectionTest:
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
         self._extents = extents_of(sensor)
-        sizes = len(self._extents)
+        sizes = self._extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = self._before = Excess(np.zeros(sizes), np.zeros((3, sizes)))
@@ -194,7 +192,7 @@ class MultiDetectionTest:
     def extent(self) -> ClusterExtent:
         """Half widths of the box for which most speaks, by the areas alone."""
         ratios = log_ratio(self._pairs.counted, self._pairs.expected + LEAST, LARGEST)
-        return self._extents[int(np.argmax(ratios))]
+        return ClusterExtent(*self._extents[:, np.argmax(ratios), 0].tolist())
 
     def waits(self, track_id: int) -> bool:
         """Whether second starts beside a track wait."""
@@ -306,7 +304,8 @@ Detections of clutter are next to others by chance, and rarely in threes.
 
 def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Sums of values (..., n) over the rows of each group (n,), (..., count)."""
-    rows = [np.bincount(group, one, minlength=count) for one in np.atleast_2d(values)]
+    several = values.reshape(math.prod(values.shape[:-1]), -1)
+    rows = [np.bincount(group, one, minlength=count) for one in several]
     return np.asarray(rows, float).reshape(*values.shape[:-1], count)
 
 

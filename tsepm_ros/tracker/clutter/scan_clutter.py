@@ -211,19 +211,15 @@ class ScanClutter:
     @property
     def is_persistent(self) -> BoolArray:
         """Whether each detection is where clutter stays and the map does not show it, (d,)."""
-        return self._is_persistent(self.density())
+        if self._staying is None:
+            return np.zeros(len(self.weight), bool)
+        return np.asarray(self._staying > RISE * self.density())
 
     def _raised(self, density: FloatArray) -> FloatArray:
         """Density (d,), raised where clutter stays."""
         if self._staying is None:
             return density
-        return np.where(self._is_persistent(density), self._staying, density)
-
-    def _is_persistent(self, density: FloatArray) -> BoolArray:
-        """Whether clutter that stays is denser than the map's density (d,)."""
-        if self._staying is None:
-            return np.zeros(len(density), bool)
-        return np.asarray(self._staying > RISE * density)
+        return np.where(self._staying > RISE * density, self._staying, density)
 
     def density(self) -> FloatArray:
         """Density of the map, (d,), 1/m^2."""
