@@ -418,7 +418,9 @@ def _geographic(
     try:
         from tsepm_ros.tools.bridge.geographic import GeographicReference
     except ImportError:
-        raise ValueError("--as needs pyproj, see the extra bridge") from None
+        raise ValueError(
+            "--as needs pyproj: pip install pyproj, or apt install python3-pyproj"
+        ) from None
     from tsepm_ros.tools.bridge.geojson import TrackLines
     from tsepm_ros.tools.bridge.nmea import TargetSentences
 
