@@ -482,10 +482,12 @@ def test_of_many_approaches_the_soonest_are_said(replay):
             const known = { ...scene, histories: new Map(tracks.map(([k]) => [k, []])),
                 ownShip: () => frame.own_ship };
             one.update(frame, known);
-            return one.words(frame, known);
+            const later = { ...frame, tracks: tracks.slice(4) };
+            return [...one.words(frame, known), one.words(later, known)];
         })()"""
     )
-    assert said == [*(f"track {k}, 0.00 m in {10 * k} s" for k in (1, 2, 3)), "2 more"]
+    assert said[:4] == [*(f"track {k}, 0.00 m in {10 * k} s" for k in (1, 2, 3)), "2 more"]
+    assert said[4][:2] == ["track 1, 0.00 m in 10 s", "track 5, no longer seen"]
 
 
 def test_a_finger_finds_every_button_of_a_telephone(replay):

@@ -72,11 +72,13 @@ class Alarm {
 
   /* What the page says of the approaches that nobody has acknowledged, the soonest first. */
   words(frame, scene) {
-    const rows = frame.tracks.filter((row) => this.raised.has(row[Row.ID]))
-      .map((row) => [row[Row.ID], closestApproach(row, scene.ownShip(frame))]);
-    const when = ([, approach]) => (approach && approach.time >= 0 ? approach.time : 1e9);
-    const words = rows.sort((one, other) => when(one) - when(other)).map(([id, approach]) =>
-      `track ${id}, ${approach ? approachWords(approach) : "own ship is not known"}`);
+    const said = [...this.raised].map((id) => {
+      const row = frame.tracks.find((one) => one[Row.ID] === id);
+      const approach = row && closestApproach(row, scene.ownShip(frame));
+      const what = !row ? "no longer seen" : approach ? approachWords(approach) : "own ship is not known";
+      return [approach && approach.time >= 0 ? approach.time : 1e9, `track ${id}, ${what}`];
+    });
+    const words = said.sort(([one], [other]) => one - other).map(([, one]) => one);
     return words.length > MAX_SAID
       ? [...words.slice(0, MAX_SAID), `${words.length - MAX_SAID} more`] : words;
   }
