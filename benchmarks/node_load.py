@@ -7,6 +7,11 @@ stands a bare node, which has the same imports and subscribes to the same topic:
 costs. The clutter density and P_D are learned, as by default.
 
     python benchmarks/node_load.py [--rate 20] [--targets 10] [--detections 25] [--seconds 60]
+
+With `--bridge`, `track_bridge` beside a bare subscriber of the same messages, both at once: held
+tracks and own ship at the rate, with TTM once a second, as by default, and in each ping.
+
+    python benchmarks/node_load.py --bridge [--rate 10] [--targets 50] [--seconds 60]
 """
 
 from __future__ import annotations
@@ -20,16 +25,27 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 import numpy as np
 import rclpy
+from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections_cloud, make_header, time_to_ns
+from msg_adapters import (
+    detections_cloud,
+    make_header,
+    odometry_message,
+    time_to_ns,
+    track_cloud,
+)
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 MAX_RANGE, RANGE_STD, AZIMUTH_STD = 300.0, 0.3, 0.01
 DETECTION_PROBABILITY, MAX_SPEED = 0.9, 5.0
@@ -48,6 +64,24 @@ node.create_subscription(PointCloud2, "detections", tracks.publish, 10)
 rclpy.spin(node)
 """,
 }
+BRIDGE = "from tsepm_ros.tools.bridge.track_bridge import main; main()"
+BRIDGES = {
+    "bare subscriber": (
+        """
+import rclpy, tsepm_ros.tools.bridge.track_bridge
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+rclpy.init()
+node = Node("bare")
+node.create_subscription(PointCloud2, "tracks/current", lambda message: None, 10)
+rclpy.spin(node)
+""",
+        {},
+    ),
+    "track_bridge": (BRIDGE, {"nmea_address": "127.0.0.1:10110"}),
+    "TTM each ping": (BRIDGE, {"nmea_address": "127.0.0.1:10111", "nmea_period": 0.0}),
+}
+"""Program and parameters of each process that receives held tracks."""
 PARAMETERS = {
     "max_speed": MAX_SPEED,
     "sensor.max_range": MAX_RANGE,
@@ -106,16 +140,23 @@ def spin(node: Node) -> None:
         rclpy.spin(node)
 
 
-def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> dict[str, float]:
-    """Drive a node; its load, memory and latencies after the settling time."""
-    domain = os.getpid() % 100 + 1
-    words = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen(
+DOMAIN = os.getpid() % 100 + 1
+
+
+def started(program: str, parameters: dict[str, Any]) -> subprocess.Popen[bytes]:
+    """A node as a process of its own."""
+    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    return subprocess.Popen(
         [sys.executable, "-c", program, "--ros-args", *words],
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+        env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
         stderr=subprocess.DEVNULL,
     )
-    rclpy.init(domain_id=domain)
+
+
+def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> dict[str, float]:
+    """Drive a node; its load, memory and latencies after the settling time."""
+    process = started(program, PARAMETERS)
+    rclpy.init(domain_id=DOMAIN)
     driver = Node("driver")
     sent: dict[int, float] = {}
     latency: dict[int, float] = {}
@@ -161,17 +202,63 @@ def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> di
     }
 
 
+def measure_bridges(number: int, rate: float, seconds: float) -> dict[str, float]:
+    """Share of a core, %, of each of `BRIDGES` while all of them receive the same held tracks."""
+    processes = {name: started(*given) for name, given in BRIDGES.items()}
+    rclpy.init(domain_id=DOMAIN)
+    driver, rng = Node("driver"), np.random.default_rng(1)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    held = driver.create_publisher(PointCloud2, "tracks/current", latched)
+    odometry = driver.create_publisher(Odometry, "own_ship/odometry", 10)
+    states = rng.uniform(-1000.0, 1000.0, (number, 4)) * (1.0, 0.005, 1.0, 0.005)
+    try:
+        while held.get_subscription_count() < len(processes):
+            time.sleep(0.05)
+        time.sleep(3.0)
+        used = {name: processor_seconds(process.pid) for name, process in processes.items()}
+        begin = time.monotonic()
+        for index in range(round(rate * seconds)):
+            time.sleep(max(begin + index / rate - time.monotonic(), 0.0))
+            stamp = time.time_ns()
+            pose = PoseSample(1e-9 * stamp, 0.0, 0.0, 0.3, rates=(1.0, 0.0, 0.0), frame_id="odom")
+            odometry.publish(odometry_message(pose))
+            tracks = [
+                ConfirmedTrack(track_id, 1e-9 * stamp, state, np.eye(4), (), 0.0)
+                for track_id, state in enumerate(states)
+            ]
+            held.publish(track_cloud(make_header(stamp, "odom"), tracks))
+        time.sleep(0.5)
+        return {
+            name: 100.0 * (processor_seconds(process.pid) - used[name]) / seconds
+            for name, process in processes.items()
+        }
+    finally:
+        for process in processes.values():
+            process.terminate()
+            process.wait()
+        rclpy.try_shutdown()
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rate", type=float, default=20.0, help="pings per second")
-    parser.add_argument("--targets", type=int, default=10)
+    parser.add_argument("--bridge", action="store_true", help="track_bridge, by held tracks")
+    parser.add_argument("--rate", type=float, help="pings per second; 20, of the bridge 10")
+    parser.add_argument("--targets", type=int, help="10, of the bridge 50")
     parser.add_argument("--detections", type=int, default=25, help="detections a ping")
     parser.add_argument("--seconds", type=float, default=60.0)
     options = parser.parse_args()
+    rate = options.rate or (10.0 if options.bridge else 20.0)
+    targets = options.targets or (50 if options.bridge else 10)
+    if options.bridge:
+        loads = measure_bridges(targets, rate, options.seconds)
+        bare = loads["bare subscriber"]
+        for name, load in loads.items():
+            print(f"{name:16s} processor % {load:5.2f}, above the bare one {load - bare:5.2f}")
+        return
     for name, program in NODES.items():
-        swimmers = Swimmers(options.targets, options.detections)
-        figures = measure(program, swimmers, options.rate, options.seconds)
+        swimmers = Swimmers(targets, options.detections)
+        figures = measure(program, swimmers, rate, options.seconds)
         print(f"{name:16s}", *(f"{title} {value:6.1f}" for title, value in figures.items()))
 
 

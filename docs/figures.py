@@ -8,7 +8,8 @@
 A table stands between `<!-- figures NAME -->` or `<!-- figures NAME.VIEW -->` and
 `<!-- end of figures -->`; NAME is a file of docs/results/. A result file is stale if it was
 measured with other golden outputs than those of test/golden/. Stale files fail the check of a
-release only: where the changelog has nothing under "Unreleased".
+release only, where the changelog has nothing under "Unreleased", and if they state its version:
+figures of an earlier release stay, and the pages say of which.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from tsepm_ros import __version__
 from tsepm_ros.diagnostics.health import ENTRIES, Rule
 from tsepm_ros.session.drop_reasons import as_markdown
 from tsepm_ros.settings.parameter_files import as_page
@@ -280,6 +282,7 @@ def problems() -> list[str]:
         f"{path.relative_to(ROOT)} was not measured with the outputs of this release: "
         f"{RENEW} {path.stem}"
         for path in (stale() if is_release() else [])
+        if read_result(path).version == __version__
     ]
     return found + [
         f"{page.relative_to(ROOT)} is out of date: python docs/figures.py" for page in unfilled()

@@ -113,13 +113,19 @@ def _fields(
     cloud: PointCloud2, names: Iterable[str], integers: Collection[str]
 ) -> list[tuple[PointField, str]]:
     """The only field of each name, and its NumPy format without byte order."""
-    available = ", ".join(one.name for one in cloud.fields) or "no fields"
-    found = {name: [one for one in cloud.fields if one.name == name] for name in names}
+    given = [(one.name, one) for one in cloud.fields]
+    found = {name: [one for other, one in given if other == name] for name in names}
     _refuse(
         fault
         for name, some in found.items()
+        if len(some) != 1
         for fault in (
-            ("missing_field", not some, f"field {name!r} is missing; the cloud has {available}"),
+            (
+                "missing_field",
+                not some,
+                f"field {name!r} is missing; the cloud has "
+                f"{', '.join(other for other, _ in given) or 'no fields'}",
+            ),
             ("duplicate_field", len(some) > 1, f"field {name!r} occurs {len(some)} times"),
         )
     )
@@ -130,6 +136,7 @@ def _fields(
     _refuse(
         fault
         for one, datatype, form in fields
+        if not form.startswith("f") or one.count != 1
         for fault in (
             (
                 "wrong_datatype",
@@ -156,14 +163,16 @@ def _check_sizes(cloud: PointCloud2, fields: list[tuple[PointField, str]]) -> No
             *(
                 (
                     "bad_offset",
-                    end > cloud.point_step,
+                    True,
                     f"field {name!r} ends at byte {end}, {beyond}",
                 )
                 for _, end, name in spans
+                if end > cloud.point_step
             ),
             *(
-                ("bad_offset", start < end, f"fields {name!r} and {following!r} overlap")
+                ("bad_offset", True, f"fields {name!r} and {following!r} overlap")
                 for (_, end, name), (start, _, following) in pairwise(spans)
+                if start < end
             ),
             (
                 "bad_row_step",

@@ -69,3 +69,88 @@ def test_the_uuid_of_a_track_is_another_in_another_run():
     assert track_uuid(INSTANCE, 5) == track_uuid(INSTANCE, 5)
     assert track_uuid(INSTANCE, 5) != track_uuid(INSTANCE, 6)
     assert track_uuid(INSTANCE, 5) != track_uuid(uuid.UUID(int=8), 5)
+
+
+DEFINITIONS = {
+    "radar_msgs/msg/RadarTrack": """unique_identifier_msgs/UUID uuid
+geometry_msgs/Point position
+geometry_msgs/Vector3 velocity
+geometry_msgs/Vector3 acceleration
+geometry_msgs/Vector3 size
+uint16 classification
+float32[6] position_covariance
+float32[6] velocity_covariance
+float32[6] acceleration_covariance
+float32[6] size_covariance
+""",
+    "radar_msgs/msg/RadarTracks": "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks\n",
+    "autoware_perception_msgs/msg/ObjectClassification": "uint8 label\nfloat32 probability\n",
+    "autoware_perception_msgs/msg/Shape": """uint8 type
+geometry_msgs/Polygon footprint
+geometry_msgs/Vector3 dimensions
+""",
+    "autoware_perception_msgs/msg/TrackedObjectKinematics": """
+geometry_msgs/PoseWithCovariance pose_with_covariance
+geometry_msgs/TwistWithCovariance twist_with_covariance
+geometry_msgs/AccelWithCovariance acceleration_with_covariance
+uint8 orientation_availability
+bool is_stationary
+""",
+    "autoware_perception_msgs/msg/TrackedObject": """unique_identifier_msgs/UUID object_id
+float32 existence_probability
+ObjectClassification[] classification
+TrackedObjectKinematics kinematics
+Shape shape
+""",
+    "autoware_perception_msgs/msg/TrackedObjects": """std_msgs/Header header
+TrackedObject[] objects
+""",
+}
+"""The fields of the packages' message files."""
+
+
+def of_definition(store, value, name):
+    """A message as one of the types that rosbags makes of the definitions."""
+    fields = store.fielddefs[name][1]
+    made = {}
+    for field, (kind, described) in fields:
+        given = getattr(value, field)
+        if kind.name == "NAME":
+            made[field] = of_definition(store, given, described)
+        elif kind.name == "BASE":
+            made[field] = given
+        elif described[0][0].name == "NAME":
+            made[field] = [of_definition(store, one, described[0][1]) for one in given]
+        else:
+            made[field] = np.asarray(given, described[0][1][0])
+    return store.types[name](**made)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (radar_tracks, "radar_msgs/msg/RadarTracks"),
+        (tracked_objects, "autoware_perception_msgs/msg/TrackedObjects"),
+    ],
+)
+def test_a_message_is_read_again_by_its_definition(make, name):
+    rosbags = pytest.importorskip("rosbags.typesys", reason="rosbags makes types of definitions")
+    store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
+    types = {}
+    for one, text in DEFINITIONS.items():
+        types.update(rosbags.get_types_from_msg(text, one))
+    store.register(types)
+    message = make(HEADER, tracks(existence_probability=0.75), INSTANCE)
+    read = store.deserialize_cdr(
+        store.serialize_cdr(of_definition(store, message, name), name), name
+    )
+    assert read.header.frame_id == "odom"
+    (one,) = read.tracks if make is radar_tracks else read.objects
+    if make is radar_tracks:
+        np.testing.assert_allclose(one.velocity_covariance[[0, 1, 3]], [0.3, 0.05, 0.2], rtol=1e-6)
+        assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).bytes
+    else:
+        assert one.existence_probability == 0.75
+        assert one.kinematics.twist_with_covariance.twist.linear.x == 5.0
+        assert one.kinematics.pose_with_covariance.covariance[7] == 9.0
+        assert bytes(one.object_id.uuid) == track_uuid(INSTANCE, 5).bytes

@@ -28,6 +28,19 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STAMP = 1_700_000_000.0
 
 
+class LocalSocket(socket.socket):
+    """A socket that sends to this machine alone."""
+
+    def sendto(self, data, address):
+        assert address[0] == "127.0.0.1", "a test sends nothing to other machines"
+        return super().sendto(data, address)
+
+
+@pytest.fixture(autouse=True)
+def _this_machine(monkeypatch):
+    monkeypatch.setattr(socket, "socket", LocalSocket)
+
+
 class Plotter:
     """Receives sentences on this machine."""
 
@@ -145,6 +158,32 @@ def test_a_track_that_is_gone_is_lost_once(world, plotter):
     assert [one.data[0] for one in ends] == ["00"]
 
 
+def test_of_more_than_100_tracks_the_others_are_counted(world, plotter):
+    boat = connected(world, plotter, own_ship_source="none")
+    held = [track(k, 50.0 + k, 1.0, 0.0, 0.0) for k in range(103)]
+    said(world, "tracks beyond 100 are not sent (3 so far)", lambda: boat.hold(*held))
+    sentences(world, plotter, 100, lambda: boat.hold(*held))
+    assert {one.data[0] for one in plotter.read()} == {f"{k:02d}" for k in range(100)}
+
+
+def test_a_fix_whose_stamp_no_clock_gives_is_dropped(world, plotter):
+    boat = connected(world, plotter, nmea_sentences="TLL", own_ship_source="none")
+    broken = NavSatFix(latitude=10.0, longitude=10.0)
+    broken.status.status = NavSatStatus.STATUS_FIX
+    broken.header.stamp.nanosec = 2_000_000_000
+    said(world, "fix is not used: nanosec", lambda: boat.fixes.publish(broken))
+
+
+def test_between_two_reports_nothing_is_sent(world, plotter):
+    boat = connected(world, plotter, own_ship_source="none", nmea_period=1.0)
+    sentences(world, plotter, 1, lambda: boat.hold(track(8, 50.0, 1.0, 0.0, 0.0)))
+    boat.hold(track(8, 50.0, 1.0, 0.0, 0.0), stamp=STAMP + 0.5)
+    sentences(
+        world, plotter, 2, lambda: boat.hold(track(8, 50.0, 1.0, 0.0, 0.0), stamp=STAMP + 1.0)
+    )
+    assert [one.data[13] for one in plotter.messages[:2]] == ["221320.0", "221321.0"]
+
+
 def test_tll_is_where_the_fix_and_own_ship_say(world, plotter):
     boat = connected(world, plotter, nmea_sentences="TLL")
 
@@ -194,7 +233,7 @@ def test_without_own_ship_nothing_relative_is_sent_and_the_log_says_why(
 @pytest.mark.parametrize(
     ("words", "fix"),
     [
-        ("fix has no fix", (10.0, 10.0, NavSatStatus.STATUS_NO_FIX)),
+        ("fix says that it has no position", (10.0, 10.0, NavSatStatus.STATUS_NO_FIX)),
         ("near a pole", (89.9, 10.0)),
         ("fix is not used", (math.nan, math.nan)),
     ],
@@ -220,6 +259,7 @@ def test_a_message_that_is_no_track_cloud_is_dropped_and_the_next_is_used(world,
     ("name", "value", "words"),
     [
         ("nmea_address", "10110", "such as 127.0.0.1:10110"),
+        ("nmea_address", "plotter:10110", "an IP address"),
         ("nmea_talker", "sonar", "two capital letters"),
         ("origin", "north", "such as 59.65,10.63"),
         ("origin", "90.0,0.0", "near a pole"),

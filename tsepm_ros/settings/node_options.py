@@ -484,9 +484,14 @@ def udp_address(text: str) -> tuple[str, int] | None:
     if not text:
         return None
     host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65_536:
+    # A name would be looked up for each sentence.
+    if (
+        not re.fullmatch(r"[0-9.]{7,15}", host)
+        or not port.isdecimal()
+        or not 0 < int(port) < 65_536
+    ):
         raise ValueError(
-            f"nmea_address must be an address and a port, such as 127.0.0.1:10110; got {text!r}"
+            f"nmea_address must be an IP address and a port, such as 127.0.0.1:10110; got {text!r}"
         )
     return host, int(port)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pynmea2
@@ -97,6 +99,12 @@ def test_the_approach_is_in_miles_and_minutes():
     assert (one.data[7], one.data[8]) == ("0.500", "6.0")
 
 
+def test_an_approach_that_is_now_has_no_minus():
+    found = tracks([1000.0, 0.0, 0.1, 1.0])
+    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    assert one.data[8] == "0.0"
+
+
 def test_a_direction_that_rounds_to_360_degrees_is_0():
     found = tracks([-0.001, 0.0, 1000.0, 0.0])
     (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
@@ -141,3 +149,13 @@ def test_beyond_100_tracks_the_last_have_no_number():
     assert sorted(numbers.of.values()) == list(range(100))
     numbers.update(list(range(50, 103)))
     assert set(numbers.of) == set(range(50, 103))
+
+
+def test_a_run_with_more_than_100_tracks_notes_what_is_not_written():
+    found = tracks(*[[10.0 * k, 0.0, 0.0, 0.0] for k in range(102)])
+    file, notes = io.StringIO(), {}
+    writer = nmea.TargetSentences(file, GeographicReference(10.0, 20.0), notes)
+    for _ in range(3):
+        writer.write(SimpleNamespace(current=found, stamp_ns=round(STAMP * 1e9)))
+    assert len(file.getvalue().splitlines()) == 300
+    assert notes["numbers"].startswith("6 positions of tracks beyond 100 at a time")

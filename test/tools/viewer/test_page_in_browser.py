@@ -429,6 +429,80 @@ def test_the_alarm_is_shown_until_it_is_acknowledged_and_silent_at_first(replay)
     assert replay.complaints == []
 
 
+def test_the_page_always_says_whether_the_alarm_watches(replay):
+    assert text(replay, "#alarm-chip") == "Alarm off"
+    said = replay.value(
+        """(() => {
+            const one = new Alarm(); one.limit = 600;
+            const frame = { tracks: [[3, 1000, 0, -8, 0]], own_ship: [0, 500, 1.57, 0, 0] };
+            const states = [one.state(frame, scene, true)];
+            one.update(frame, scene);
+            states.push(one.state(frame, scene, true), one.state(frame, scene, false));
+            const bare = { ...scene, ownShip: () => null };
+            return [...states, one.state(frame, bare, true)];
+        })()"""
+    )
+    assert said == [
+        ["Alarm on, 600 m", "ok"],
+        ["Alarm: 1 track", "error"],
+        ["Alarm: no data", "error"],
+        ["Alarm: no own ship", "error"],
+    ]
+    replay.value("byId('approach').open = false")
+    replay.press("#alarm-chip")
+    assert replay.value("byId('approach').open && document.activeElement.id") == "limit"
+
+
+def test_a_track_of_the_alarm_is_first_in_the_list_and_framed_on_the_plan(replay):
+    settled(replay)
+    error = replay.value("plan.colour.error")
+    assert error not in colours(replay, 1200.0, 0.0, 14)
+    replay.value(
+        "scene.frames.at(-1).tracks[0][Row.VX] = -8;"
+        "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0];"
+        "scene.frames.at(-1).tracks.push([2, -3000, 0, -1, 0, 9, 9, 0, 1, 0]);"
+        "byId('limit').value = 600; byId('limit').dispatchEvent(new Event('change'))"
+    )
+    settled(replay)
+    ids = "[...document.querySelectorAll('#tracks tbody button')].map((one) => one.textContent)"
+    assert replay.value(ids) == ["3", "2"]
+    assert error in colours(replay, 1200.0, 0.0, 14)
+    replay.value("byId('limit').value = 0; byId('limit').dispatchEvent(new Event('change'))")
+    settled(replay)
+    assert replay.value(ids) == ["2", "3"]
+    assert error not in colours(replay, 1200.0, 0.0, 14)
+
+
+def test_of_many_approaches_the_soonest_are_said(replay):
+    said = replay.value(
+        """(() => {
+            const one = new Alarm(); one.limit = 600;
+            const tracks = [5, 4, 3, 2, 1].map((k) => [k, 100 * k, 0, -10, 0]);
+            const frame = { tracks, own_ship: [0, 0, 0, 0, 0] };
+            const known = { ...scene, histories: new Map(tracks.map(([k]) => [k, []])),
+                ownShip: () => frame.own_ship };
+            one.update(frame, known);
+            const later = { ...frame, tracks: tracks.slice(4) };
+            return [...one.words(frame, known), one.words(later, known)];
+        })()"""
+    )
+    assert said[:4] == [*(f"track {k}, 0.00 m in {10 * k} s" for k in (1, 2, 3)), "2 more"]
+    assert said[4][:2] == ["track 1, 0.00 m in 10 s", "track 5, no longer seen"]
+
+
+def test_a_finger_finds_every_button_of_a_telephone(replay):
+    replay.size(400, 800, phone=True)
+    settled(replay)
+    small = replay.value(
+        """[...document.querySelectorAll(
+            'header button, #zoom button, #controls button, select, summary, aside label')]
+            .filter((one) => one.offsetParent && one.getBoundingClientRect().height < 44)
+            .map((one) => one.id || one.textContent)"""
+    )
+    assert small == []
+    assert replay.value("document.documentElement.scrollWidth") <= 400
+
+
 def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
     state = live_state(1)
     with served(state) as server:
@@ -573,6 +647,10 @@ def test_no_label_covers_another(replay):
                 const width = plan.context.measureText(words).width;
                 const shift = { left: 0, center: 0.5 }[plan.context.textAlign];
                 found.push([words, x - shift * width, y - 6, x + (1 - shift) * width, y + 6]);
+                const [, left, , right] = found.at(-1);
+                if (words.includes("m/s") && (left < 0 || right > plan.width)) {
+                    throw new Error(`${words} is cut`);
+                }
             };
             plan.draw(scene.frames.length - 1);
             plan.text = text;

@@ -6,12 +6,12 @@ place of own ship at a position fix.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import Geod
+
+from tsepm_ros.numerics.arrays import FloatArray
 
 MAX_LATITUDE = 89.0
 """Largest latitude, degrees: near a pole the fixed frame's north is not that of its targets."""
@@ -67,7 +67,7 @@ class GeographicReference:
             ) from None
         return cls(latitude, longitude)
 
-    def geographic(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def geographic(self, position: FloatArray) -> FloatArray:
         """Latitude and longitude of positions.
 
         Parameters
@@ -91,6 +91,6 @@ class GeographicReference:
         return np.stack([latitude, (longitude + 180.0) % 360.0 - 180.0], axis=1)
 
 
-def compass(east: float, north: float) -> float:
-    """Direction of a vector, degrees clockwise from north, from 0 to 360."""
-    return math.degrees(math.atan2(east, north)) % 360.0
+def compass(east: FloatArray, north: FloatArray) -> FloatArray:
+    """Directions of vectors, degrees clockwise from north, from 0 to 360."""
+    return np.asarray(np.degrees(np.arctan2(east, north)) % 360.0)

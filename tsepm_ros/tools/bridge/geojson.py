@@ -42,11 +42,10 @@ class TrackLines:
                 track.track_id, {"track_id": track.track_id, "times": []}
             )
             found["times"].append(time)
-            east, north = track.velocity.tolist()
             existence = track.existence_probability
             found |= {
-                "speed": round(math.hypot(east, north), 3),
-                "course": round(compass(east, north), 1),
+                "speed": round(math.hypot(*track.velocity), 3),
+                "course": round(float(compass(*track.velocity)), 1),
                 "existence_probability": None if math.isnan(existence) else round(existence, 4),
                 "revision": track.revision,
             }

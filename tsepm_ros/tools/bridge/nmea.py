@@ -8,11 +8,13 @@ of targets.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import reduce
+from operator import xor
 from typing import TextIO
+
+import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.result import ScanResult
@@ -80,7 +82,7 @@ def sentence(*fields: str) -> str:
         The first is talker and type, such as ``RATTM``.
     """
     body = ",".join(fields)
-    return f"${body}*{reduce(lambda value, byte: value ^ byte, body.encode('ascii'), 0):02X}\r\n"
+    return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n"
 
 
 def ttm(
@@ -105,33 +107,29 @@ def ttm(
     from_north : bool
         Whether the axes are east and north: bearings are true, else from the x axis.
     """
-    state = tracks.state
-    position, velocity = state[:, 0::2] - own_ship[0], state[:, 1::2] - own_ship[1]
-    distances, times = closest_approach(position, velocity)
-    axis = "T" if from_north else "R"
-    for row, track in enumerate(tracks.track_id.tolist()):
-        if track not in numbers:
-            continue
-        speed = math.hypot(*state[row, 1::2])
-        minutes = min(max(times[row] / 60.0, -MAX_MINUTES), MAX_MINUTES)
-        yield sentence(
-            f"{talker}TTM",
-            f"{numbers[track]:02d}",
-            f"{math.hypot(*position[row]) / NAUTICAL_MILE:.3f}",
-            f"{_direction(position[row], from_north)}",
-            axis,
-            f"{speed / KNOT:.1f}",
-            f"{_direction(state[row, 1::2], from_north)}",
-            axis,
-            f"{distances[row] / NAUTICAL_MILE:.3f}",
-            f"{minutes:.1f}",
-            "N",
-            _name(track),
-            TRACKED,
-            "",
-            _time(float(tracks.stamp[row])),
-            "A",
-        )
+    position, velocity = tracks.state[:, 0::2] - own_ship[0], tracks.state[:, 1::2]
+    distances, times = closest_approach(position, velocity - own_ship[1])
+    figures = [
+        np.hypot(*position.T) / NAUTICAL_MILE,
+        _direction(position, from_north),
+        np.hypot(*velocity.T) / KNOT,
+        _direction(velocity, from_north),
+        distances / NAUTICAL_MILE,
+        np.round(np.clip(times / 60.0, -MAX_MINUTES, MAX_MINUTES), 1) + 0.0,  # 0.0, not -0.0
+    ]
+    axis, time = "T" if from_north else "R", _time(tracks.stamp.max(initial=0.0))
+    rows = zip(tracks.track_id.tolist(), *map(np.ndarray.tolist, figures), strict=True)
+    for track, away, bearing, speed, course, closest, minutes in rows:
+        if track in numbers:
+            yield sentence(
+                f"{talker}TTM,{numbers[track]:02d},{away:.3f},{bearing:.1f},{axis},{speed:.1f}",
+                f"{course:.1f},{axis},{closest:.3f},{minutes:.1f},N",
+                _name(track),
+                TRACKED,
+                "",
+                time,
+                "A",
+            )
 
 
 def tll(
@@ -171,15 +169,15 @@ def lost(talker: str, ended: dict[int, int], stamp: float, kind: str) -> Iterato
         if kind == "TLL":
             yield sentence(f"{talker}TLL", f"{number:02d}", *[""] * 4, name, time, LOST, "")
         else:
-            empty = [""] * 9
-            yield sentence(f"{talker}TTM", f"{number:02d}", *empty, name, LOST, "", time, "A")
+            fields = (*[""] * 9, name, LOST, "", time, "A")
+            yield sentence(f"{talker}TTM", f"{number:02d}", *fields)
 
 
-def _direction(vector: FloatArray, from_north: bool) -> str:
-    """Direction, degrees clockwise from north or ahead, below 360 when rounded."""
-    x, y = vector.tolist()
+def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
+    """Directions, degrees clockwise from north or ahead, below 360 when rounded; (n,) of (n, 2)."""
+    x, y = vectors.T
     degrees = compass(x, y) if from_north else compass(-y, x)
-    return f"{round(degrees, 1) % 360.0:.1f}"
+    return np.round(degrees, 1) % 360.0
 
 
 def _name(track: int) -> str:
@@ -211,15 +209,24 @@ class TargetSentences:
     file : text file
     reference : GeographicReference
         In east and north, as the results are.
+    notes : dict of str to str
+        Sentences by reason: that of `numbers` says how much was not written.
     """
 
-    def __init__(self, file: TextIO, reference: GeographicReference) -> None:
+    def __init__(self, file: TextIO, reference: GeographicReference, notes: dict[str, str]) -> None:
         self._file, self._reference, self._numbers = file, reference, TargetNumbers()
+        self._notes, self._not_written = notes, 0
 
     def write(self, result: ScanResult) -> None:
         """Write the tracks that are held after one scan, and those that are gone."""
         tracks = result.current
-        ended, _ = self._numbers.update(tracks.track_id.tolist())
+        ended, without = self._numbers.update(tracks.track_id.tolist())
+        self._not_written += without
+        if without:
+            self._notes["numbers"] = (
+                f"{self._not_written} positions of tracks beyond {NUMBERS} at a time are not "
+                "written: NMEA 0183 has no more numbers"
+            )
         places = self._reference.geographic(tracks.state[:, 0::2])
         self._file.writelines(lost("RA", ended, 1e-9 * result.stamp_ns, "TLL"))
         self._file.writelines(tll("RA", tracks, self._numbers.of, places))

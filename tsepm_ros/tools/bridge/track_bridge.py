@@ -62,8 +62,7 @@ class TrackBridge(ParameterisedNode):
         with refusing("origin"):
             if options.origin:
                 self._reference = GeographicReference.read(options.origin)
-        with refusing("nmea_address"):
-            self._address = udp_address(options.nmea_address)
+        self._address = udp_address(options.nmea_address)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._from_north = options.own_ship_source != "none" or bool(options.origin)
@@ -78,8 +77,7 @@ class TrackBridge(ParameterisedNode):
             try:
                 kind = message_class(name, readable=(name,))
             except MessageError:
-                package = name.partition("/")[0]
-                self.get_logger().info(f"{package} is not installed: no {topic}")
+                self.get_logger().info(f"{name.partition('/')[0]} is not installed: no {topic}")
                 continue
             self._messages.append((self.create_publisher(kind, topic, DEPTH), make))
         if self._address:
@@ -110,15 +108,22 @@ class TrackBridge(ParameterisedNode):
     def _keep(self, odometry: bytes) -> None:
         self._odometry = odometry
 
-    def _drop(self, reason: str, sentence: str) -> None:
+    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not handed on, and say why."""
-        self._dropped[reason] = self._dropped.get(reason, 0) + 1
+        self._dropped[reason] = self._dropped.get(reason, 0) + number
         self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
 
     def _take(self, cloud: PointCloud2) -> None:
-        """Hand on the tracks that are held after a ping."""
+        """Hand on the tracks that are held after a ping, if somebody takes them now."""
+        wanted = [one for one in self._messages if one[0].get_subscription_count()]
         try:
             stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
+            # A stamp that goes back is of another run.
+            due = self._address and not (
+                self._reported <= stamp < self._reported + self._options.nmea_period
+            )
+            if not due and not wanted:
+                return
             tracks = track_arrays(read_track_cloud(cloud), stamp)
         except MessageError as error:
             self._drop("bad_tracks", f"{TRACKS} is not used: {error}")
@@ -128,22 +133,17 @@ class TrackBridge(ParameterisedNode):
         if not usable.all():
             self._drop("bad_state", "a track whose state is not finite is not handed on")
             tracks = tracks.where(usable)
-        for publisher, make in self._messages:
-            if publisher.get_subscription_count():
-                publisher.publish(make(cloud.header, tracks, self._instance))
-        # A stamp that goes back is of another run.
-        if self._address and not (
-            self._reported <= stamp < self._reported + self._options.nmea_period
-        ):
+        for publisher, make in wanted:
+            publisher.publish(make(cloud.header, tracks, self._instance))
+        if due:
             self._reported = stamp
-            frame_id = cloud.header.frame_id.lstrip("/")
-            self._report(exchanged(tracks, frame_id), stamp)
+            self._report(exchanged(tracks, cloud.header.frame_id.lstrip("/")), stamp)
 
     def _report(self, tracks: TrackArrays, stamp: float) -> None:
         """Send sentences of tracks in east and north."""
         ended, without = self._numbers.update(tracks.track_id.tolist())
         if without:
-            self._drop("numbers", f"{without} tracks have no number: NMEA has {nmea.NUMBERS}")
+            self._drop("numbers", f"tracks beyond {nmea.NUMBERS} are not sent", without)
         for kind, make in (("TTM", self._relative), ("TLL", self._on_earth)):
             if self._options.nmea_sentences in (kind, "both"):
                 self._send(nmea.lost(self._options.nmea_talker, ended, stamp, kind))
@@ -211,16 +211,15 @@ class TrackBridge(ParameterisedNode):
     def _take_fix(self, fix: NavSatFix) -> None:
         """Tie the fixed frame to the earth where own ship is now."""
         if fix.status.status < NavSatStatus.STATUS_FIX:
-            return self._drop("no_fix", f"{FIX} has no fix")
-        own_ship = self._own_ship(ns_to_seconds(time_to_ns(fix.header.stamp)))
-        if own_ship is None:
-            return None
+            self._drop("no_fix", f"{FIX} says that it has no position")
+            return
         try:
-            east, north = own_ship[0].tolist()
-            self._reference = GeographicReference(fix.latitude, fix.longitude, east, north)
+            own_ship = self._own_ship(ns_to_seconds(time_to_ns(fix.header.stamp)))
+            if own_ship is not None:
+                east, north = own_ship[0].tolist()
+                self._reference = GeographicReference(fix.latitude, fix.longitude, east, north)
         except ValueError as error:
             self._drop("bad_fix", f"{FIX} is not used: {error}")
-        return None
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -405,7 +405,9 @@ def _process(
     return scene
 
 
-def _geographic(options: argparse.Namespace, file: TextIO, stack: ExitStack) -> TrackWriter:
+def _geographic(
+    options: argparse.Namespace, run: Run, file: TextIO, stack: ExitStack
+) -> TrackWriter:
     """Writer of tracks with latitude and longitude.
 
     Raises
@@ -416,13 +418,15 @@ def _geographic(options: argparse.Namespace, file: TextIO, stack: ExitStack) -> 
     try:
         from tsepm_ros.tools.bridge.geographic import GeographicReference
     except ImportError:
-        raise ValueError("--as needs pyproj, see the extra bridge") from None
+        raise ValueError(
+            "--as needs pyproj: pip install pyproj, or apt install python3-pyproj"
+        ) from None
     from tsepm_ros.tools.bridge.geojson import TrackLines
     from tsepm_ros.tools.bridge.nmea import TargetSentences
 
     reference = GeographicReference.read(options.origin or "")
     if options.form == "nmea":
-        return TargetSentences(file, reference)
+        return TargetSentences(file, reference, run.notes)
     return stack.enter_context(TrackLines(file, reference))
 
 
@@ -431,7 +435,7 @@ def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Pa
     reason, folder = run.session.settings.make_initiator().reason, options.out
     if folder is None:
         if options.form:
-            return {Path("standard output"): _geographic(options, sys.stdout, stack)}
+            return {Path("standard output"): _geographic(options, run, sys.stdout, stack)}
         table = sys.stdout.isatty() and TrackListing(sys.stdout, reason, north=run.north)
         return {Path("standard output"): table or TrackTable(sys.stdout, reason)}
     tracks, current = folder / "tracks.csv", folder / "current.csv"
@@ -442,7 +446,7 @@ def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Pa
     if options.form:
         path = folder / f"tracks.{options.form}"
         file = stack.enter_context(opened_whole(path))
-        writers[path] = _geographic(options, file, stack)
+        writers[path] = _geographic(options, run, file, stack)
     try:
         path = folder / "tracks.mcap"
         writers[path] = stack.enter_context(TrackBag(path))

@@ -3,6 +3,7 @@
 /* What an operator reads off: closest approaches and their alarm, places on the earth, files. */
 
 const AWAY_SCANS = 5; // an approach is over once a track has gone away for so many scans
+const MAX_SAID = 3; // approaches of which the alarm says more than their number
 const LEAST_SPEED = 1e-3; // m/s; slower relative motion is rounding
 const DEGREE_DIGITS = 7; // of GeoJSON: 1 cm
 
@@ -29,13 +30,14 @@ class Alarm {
   constructor() {
     this.limit = 0; // m; 0: off
     this.horizon = 1200; // s
+    this.near = new Set(); // ids whose closest approach is below the limit now; one set for good
     this.clear();
   }
 
   clear() {
     this.approaches = new Map(); // id: scans since it turned away
     this.raised = new Set(); // ids that nobody has acknowledged
-    this.near = new Set(); // ids whose closest approach is below the limit now
+    this.near.clear();
   }
 
   /* Take the tracks of a frame; returns whether an approach has begun. */
@@ -68,14 +70,27 @@ class Alarm {
     this.raised.delete(id);
   }
 
-  /* What the page says of the approaches that nobody has acknowledged; empty without any. */
+  /* What the page says of the approaches that nobody has acknowledged, the soonest first. */
   words(frame, scene) {
-    const rows = frame.tracks.filter((row) => this.raised.has(row[Row.ID]));
-    const words = rows.map((row) => {
-      const approach = closestApproach(row, scene.ownShip(frame));
-      return `track ${row[Row.ID]}, ${approach ? approachWords(approach) : "own ship is not known"}`;
+    const said = [...this.raised].map((id) => {
+      const row = frame.tracks.find((one) => one[Row.ID] === id);
+      const approach = row && closestApproach(row, scene.ownShip(frame));
+      const what = !row ? "no longer seen" : approach ? approachWords(approach) : "own ship is not known";
+      return [approach && approach.time >= 0 ? approach.time : 1e9, `track ${id}, ${what}`];
     });
-    return words.length ? `Closest approach: ${words.join(" · ")}` : "";
+    const words = said.sort(([one], [other]) => one - other).map(([, one]) => one);
+    return words.length > MAX_SAID
+      ? [...words.slice(0, MAX_SAID), `${words.length - MAX_SAID} more`] : words;
+  }
+
+  /* Whether the alarm watches, in words, and the kind of its badge. */
+  state(frame, scene, connected) {
+    if (!(this.limit > 0)) return ["Alarm off", "stale"];
+    if (!connected || !frame) return ["Alarm: no data", "error"];
+    const ship = scene.ownShip(frame);
+    if (!ship || ship[3] === null) return ["Alarm: no own ship", "error"];
+    if (this.near.size) return [`Alarm: ${plural(this.near.size, "track")}`, "error"];
+    return [`Alarm on, ${distance(this.limit)}`, "ok"];
   }
 }
 

@@ -87,11 +87,19 @@ class TrackList {
     this.heading.textContent = north ? "Course" : "Direction";
     this.table.hidden = !tracks.length;
     this.none.hidden = Boolean(tracks.length);
-    const seen = new Set();
-    for (const track of [...tracks].sort((one, other) => one[Row.ID] - other[Row.ID])) {
+    const held = new Set(tracks.map((track) => track[Row.ID]));
+    for (const [id, row] of this.rows) {
+      if (!held.has(id)) {
+        row.remove();
+        this.rows.delete(id);
+      }
+    }
+    const far = (track) => !this.near.has(track[Row.ID]);
+    const order = [...tracks].sort((one, other) => far(one) - far(other) || one[Row.ID] - other[Row.ID]);
+    for (const [line, track] of order.entries()) {
       const id = track[Row.ID];
-      seen.add(id);
       const row = this.rows.get(id) || this.add(id);
+      if (this.body.rows[line] !== row) this.body.insertBefore(row, this.body.rows[line] || null);
       const approach = closestApproach(track, scene.ownShip(frame));
       const texts = [
         speed(track[Row.VX], track[Row.VY]),
@@ -109,12 +117,6 @@ class TrackList {
       row.classList.toggle("coasting", track[Row.SINCE_HIT] > 0);
       row.title = track[Row.SINCE_HIT] > 0 ? coasting(track) : "";
     }
-    for (const [id, row] of this.rows) {
-      if (!seen.has(id)) {
-        row.remove();
-        this.rows.delete(id);
-      }
-    }
   }
 
   add(id) {
@@ -123,8 +125,6 @@ class TrackList {
       element("td", {}, [button]), ...[1, 2, 3, 4, 5].map(() => element("td")),
     ]);
     row.addEventListener("click", () => this.select(id));
-    const after = [...this.rows.entries()].filter(([other]) => other > id).sort((a, b) => a[0] - b[0])[0];
-    this.body.insertBefore(row, after ? after[1] : null);
     this.rows.set(id, row);
     return row;
   }

@@ -27,6 +27,8 @@ const LAYERS = [
 const OFF_AT_FIRST = ["potential", "follow"];
 const FULL_TURN = 2 * Math.PI - 0.05; // rad; a wider sector has no sides
 const LABEL_ROOM = 14; // px, about the signs of tracks and own ship, without labels of rings
+const SIGN_ROOM = 5; // px, about the same, without labels of tracks
+const NEAR_HALF = 11; // px, of the square about a track of the alarm
 
 class Plan {
   constructor(canvas, scene) {
@@ -41,6 +43,7 @@ class Plan {
     this.fading = 8;
     this.trailing = 100;
     this.selected = null;
+    this.near = new Set(); // ids whose closest approach is below the alarm's limit
     this.arrowTime = 60;
     this.fittedBox = null; // the box of the last `fit`
     this.readColours();
@@ -50,7 +53,7 @@ class Plan {
     const style = getComputedStyle(document.documentElement);
     this.colour = {};
     for (const name of ["plot", "ring", "text", "muted", "detection", "track", "new", "weak",
-      "strong", "fixed", "ship", "truth", "accent"]) {
+      "strong", "fixed", "ship", "truth", "accent", "error"]) {
       this.colour[name] = style.getPropertyValue(`--${name}`).trim();
     }
   }
@@ -333,18 +336,29 @@ class Plan {
       const history = scene.trail(id, frame.number, NEW_SCANS + 1);
       return history.length <= NEW_SCANS && history.length > 0 && confirmed >= history[0].stamp - 1e-6;
     };
-    const colours = new Map(frame.tracks.map((row) => [
-      row[Row.ID], isNew(row[Row.ID]) ? this.colour.new : this.colour.track,
-    ]));
+    const kind = (id) => (this.near.has(id) ? "error" : isNew(id) ? "new" : "track");
+    const colours = new Map(frame.tracks.map((row) => [row[Row.ID], this.colour[kind(row[Row.ID])]]));
     if (layers.trails) for (const row of frame.tracks) this.drawTrail(frame, row, colours);
     if (layers.ellipses) for (const row of frame.tracks) this.drawEllipse(row, colours.get(row[Row.ID]));
     if (layers.tracks) for (const row of frame.tracks) this.drawTrack(row, colours.get(row[Row.ID]));
+    this.drawNear(frame);
     if (this.selected !== null) this.drawSelected(frame);
-    if (layers.labels) this.drawLabels(frame, colours);
     const signs = [...frame.tracks.map((row) => [row[Row.X], row[Row.Y]]), frame.own_ship];
-    for (const sign of signs.filter(Boolean)) { // no label of a ring covers them
-      const [x, y] = this.screen(sign[0], sign[1]);
-      this.taken.push([x - LABEL_ROOM, y - LABEL_ROOM, x + LABEL_ROOM, y + LABEL_ROOM]);
+    const places = signs.filter(Boolean).map((sign) => this.screen(sign[0], sign[1]));
+    const take = (room) => places.forEach(([x, y]) => this.taken.push([x - room, y - room, x + room, y + room]));
+    take(SIGN_ROOM);
+    if (layers.labels) this.drawLabels(frame, colours);
+    take(LABEL_ROOM);
+  }
+
+  /* A square about each track of the alarm: its colour alone is not seen at night. */
+  drawNear(frame) {
+    const { context, colour } = this;
+    context.strokeStyle = colour.error;
+    context.lineWidth = 2.5;
+    for (const row of frame.tracks.filter((one) => this.near.has(one[Row.ID]))) {
+      const [x, y] = this.screen(row[Row.X], row[Row.Y]);
+      context.strokeRect(x - NEAR_HALF, y - NEAR_HALF, 2 * NEAR_HALF, 2 * NEAR_HALF);
     }
   }
 
@@ -439,18 +453,19 @@ class Plan {
     context.font = "600 13px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "middle";
-    const rows = [...frame.tracks].sort((one, other) =>
-      (other[Row.ID] === this.selected) - (one[Row.ID] === this.selected));
+    const rank = (row) => (row[Row.ID] === this.selected) + 2 * this.near.has(row[Row.ID]);
+    const rows = [...frame.tracks].sort((one, other) => rank(other) - rank(one));
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
       const label = `${row[Row.ID]}  ${speed(row[Row.VX], row[Row.VY])} m/s`;
       const width = context.measureText(label).width;
       const side = row[Row.VY] > 0 ? 11 : -11; // first where the arrow is not
-      const places = [[9, side], [-9 - width, side], [9, -side], [-9 - width, -side]]
-        .map(([dx, dy]) => [x + dx, y + dy - 8, x + dx + width, y + dy + 8]);
-      const place = places.find((box) =>
-        this.free(box) && box[0] > 2 && box[2] < this.width - 2) || places.find((box) => this.free(box));
+      const middle = -0.5 * width;
+      const place = [
+        [9, side], [-9 - width, side], [9, -side], [-9 - width, -side], [middle, 2 * side], [middle, -2 * side],
+      ].map(([dx, dy]) => [x + dx, y + dy - 8, x + dx + width, y + dy + 8]).find((box) =>
+        this.free(box) && box[0] > 2 && box[2] < this.width - 2 && box[1] > 0 && box[3] < this.height);
       if (!place) continue;
       this.taken.push(place);
       context.fillStyle = colours.get(row[Row.ID]);

@@ -12,6 +12,7 @@ const trackList = new TrackList(byId("tracks"), byId("tracks-title"), select);
 const selectedPanel = new SelectedPanel(byId("selected"), plan, () => select(null));
 
 const alarm = new Alarm();
+plan.near = trackList.near = alarm.near;
 let audio = null; // made when the user turns the sound on
 
 const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
@@ -46,8 +47,8 @@ function redraw() {
     if (page.playing && source === "live") page.index = frames.length - 1;
     page.index = Math.min(Math.max(page.index, 0), Math.max(frames.length - 1, 0));
     if (!plan.moved && !plan.layers.follow && frames.length) fit();
-    plan.draw(page.index);
     if (source !== "live") watchApproaches(frames[page.index]);
+    plan.draw(page.index);
     showTime();
     showCursor();
     const now = performance.now();
@@ -98,7 +99,6 @@ function showPanels() {
   document.title = byId("title").textContent = scene.info.title || document.title;
   const late = silence(page.healthHeard) > Math.max(LATE, 3 * page.healthPeriod);
   healthPanel.show(scene.health, source === "live" && late);
-  trackList.near = alarm.near;
   trackList.show(frame, scene, plan.selected);
   selectedPanel.show(plan.selected, frame, scene);
   byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.${noOwnShip(frame)}`;
@@ -134,9 +134,15 @@ function watchApproaches(frame) {
 }
 
 function showAlarm() {
-  const words = page.watched ? alarm.words(page.watched, scene) : "";
-  if (byId("alarm-words").textContent !== words) byId("alarm-words").textContent = words;
-  byId("alarm").hidden = !words;
+  const words = page.watched ? alarm.words(page.watched, scene) : [];
+  if (byId("alarm-words").textContent !== `Closest approach: ${words.join(" · ")}`) {
+    const parts = words.map((one) => element("span", { textContent: one }));
+    byId("alarm-words").replaceChildren("Closest approach: ", ...parts.flatMap((one) => [" · ", one]).slice(1));
+  }
+  byId("alarm").hidden = !words.length;
+  const [state, kind] = alarm.state(page.watched, scene, page.connected);
+  byId("alarm-chip").textContent = state;
+  byId("alarm-chip").className = `chip ${kind}`;
 }
 
 function setAlarm() {
@@ -144,6 +150,7 @@ function setAlarm() {
   alarm.horizon = 60 * Number(byId("horizon").value);
   alarm.clear();
   page.watched = null;
+  redraw();
   watchApproaches(source === "live" ? scene.frames[scene.frames.length - 1] : scene.frames[page.index]);
   showPanels();
 }
@@ -283,6 +290,10 @@ function connectControls() {
   byId("measure").addEventListener("click", () => setMeasuring(!page.measuring));
   for (const id of ["limit", "horizon"]) byId(id).addEventListener("change", setAlarm);
   byId("sound").addEventListener("change", setSound);
+  byId("alarm-chip").addEventListener("click", () => {
+    byId("approach").open = true;
+    byId("limit").focus();
+  });
   byId("acknowledge").addEventListener("click", () => { alarm.raised.clear(); showPanels(); });
   byId("save-csv").addEventListener("click", () => save("csv", "text/csv", tracksAsCsv));
   byId("save-geojson").addEventListener("click", () => {
