@@ -186,6 +186,12 @@ def _rate(estimate: Sequence[float]) -> str:
     return f"{value} ({low}-{high})"
 
 
+def rules(result: Result) -> str:
+    """`score`, and `tsepm` with M/N rules and f1."""
+    names = [f"`{row['method']}` {row['point']}" for row in result.measures]
+    return curve(result, [name for name in names if " f2 " not in name])
+
+
 def short_curve(result: Result) -> str:
     """The points of the README."""
     return curve(result, ["`score` 1/h", "`score` 10/h", "`score` 100/h", "`tsepm` 5/8"])
@@ -230,6 +236,7 @@ def as_printed(result: Result) -> str:
 VIEWS: dict[str, Callable[[Result], str]] = {
     "": as_printed,
     "curve": curve,
+    "rules": rules,
     "short-curve": short_curve,
     "compared": compared,
     "with-peers": with_peers,

@@ -331,8 +331,7 @@ class SessionOptions(ParameterGroup):
     )
     max_scan_time: float = parameter(
         5.0,
-        "Maximum computing time of a scan; a safeguard in addition to the limits on "
-        "counts. Offline runs do not use it and are therefore reproducible",
+        "Maximum computing time of a scan, besides the limits on counts; not used offline",
         unit="s",
         positive=True,
         maximum=3600.0,

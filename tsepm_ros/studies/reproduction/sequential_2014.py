@@ -238,9 +238,9 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
 
 
 PUBLISHED: list[Cell] = [
+    "-",
+    "-",
     "published",
-    "-",
-    "-",
     "-",
     published.FOUR_OR_MORE,
     published.ALL_SIX,
