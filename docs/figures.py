@@ -29,7 +29,6 @@ from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.evaluation.result_files import Result, Row, goldens_digest, read_result
 from tsepm_ros.tools.terminal import markdown_table
-from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.whole_files import write_text
 
 DOCS = Path(__file__).resolve().parent
@@ -69,8 +68,8 @@ change while the node runs.
 DIAGNOSTICS_FIGURES = {
     "`tracks.published`, `tracks.withheld`, `tracks.fixed`": "held tracks now, by their state: "
     "docs/use_the_tracks.md; `tracks` is the number of published ones",
-    "`ended.REASON`": "published tracks that ended: "
-    + "; ".join(f"`{name}`, {sentence}" for name, sentence in ENDS.items()),
+    "`ended.REASON`": "published tracks that ended, by reason: "
+    "docs/how_it_decides.md#one-target-one-track",
     "`latency_ms`": "time from the callback to the publication of `tracks`",
     "`latency_all_ms`": "time from the callback to the end of publishing",
     "`waiting_ms`": "time that a scan waited for own-ship data before the callback",

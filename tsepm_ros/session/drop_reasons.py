@@ -117,8 +117,8 @@ NUMBERS = {
 _FAULTS = {
     "not_finite": "is nan or infinite",
     "not_positive": "is not a positive number",
-    "too_small": "is below the smallest accepted value",
-    "too_large": "is above the largest accepted value",
+    "too_small": "is below the limit",
+    "too_large": "is above the limit",
 }
 
 

@@ -133,7 +133,9 @@ def _table_i_parts() -> list[Part]:
             rows,
             reported=(),
         ),
-        "Tracks left, published and by reading:",
+        f"Disjoint pairs leave the published {AFTER_MERGING} tracks, the text's pairs chained to "
+        f"groups {chained()}, the package's groups (connected components), all states close, "
+        f"{len(groups)}.",
         Table(
             "split_merge_2016_left",
             {"reading": "", "tracks left": "d", "groups": ""},
@@ -151,6 +153,7 @@ def _table_i_parts() -> list[Part]:
                     "; ".join(", ".join(map(str, group)) for group in groups),
                 ],
             ],
+            reported=(),
         ),
         "Of the tracks that the text lets split, "
         + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
@@ -222,6 +225,7 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
                 "5 % to 95 % of the squares": "",
             },
             [*rows, *disc],
+            [*rows[:4], *disc],
         ),
         f"Targets found of {len(runs) * targets}: "
         + ", ".join(

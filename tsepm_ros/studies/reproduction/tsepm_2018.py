@@ -269,7 +269,7 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
         ours = {row.name: value.value for row, value in zip(TABLE_1, values, strict=True)}
         found: list[Cell] = [name, factors[name], _inside(values), _recommended(ours), _falls(ours)]
         readings.append(found)
-    shown = [row for row in readings if row[0] in ("published", *closest)]
+    shown = [row for row in readings if row[0] in ("published", *closest[::2], order[0])]
     columns = {
         "reading": "",
         "factor": ".2f",
@@ -297,8 +297,8 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
         f"track. Closest, within {MAX_RELATIVE_FACTOR - 1:.0%} of the smallest factor, of "
         f"{len(factors)} readings: "
         + "; ".join(f"*{name}* ({factors[name]:.2f})" for name in near)
-        + ". The closest is close by choice, too. Shown is the closest denominator of each scene "
-        "and threshold; P_F falls with M at each N in "
+        + ". The closest is close by choice, too. Shown are it, and of each scene the closest "
+        "denominator with Eq. 26 literal; P_F falls with M at each N in "
         f"{sum(row[-1] == readings[0][-1] for row in shown)} of {len(shown)} rows.",
         Table("tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[-1:]),
         "P_F(2) of the closest denominators, Eq. 26 literal:",
@@ -835,5 +835,5 @@ def _gate_parts() -> list[Part]:
         "into the gate of Eq. 4: roughly 1 below 75 m, 0.9 from 120 m on. Computed, and P_D by "
         "the closed form with it; its limit for equal axes is 1 - sqrt(1 - P) = "
         f"{1 - np.sqrt(1 - GATE_PROBABILITY):.3f}.",
-        Table("tsepm_2018_gate", columns, rows, hidden=["two scans"]),
+        Table("tsepm_2018_gate", columns, rows, rows[:-2], hidden=["two scans"]),
     ]
