@@ -81,6 +81,7 @@ def beside_a_track(offset) -> float:
     excess, own = MultiDetectionTest(SENSOR), np.array([0])
     for ping in range(40):
         scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
+        excess.update(scan, DENSITY)
         excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([7]))
     return excess.log_ratio
 

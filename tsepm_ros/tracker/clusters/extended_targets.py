@@ -37,8 +37,6 @@ WHOLE = 2.0
 """Extent of a plot over the half width of the boxes in which its detections were seen."""
 
 
-MOST_TRACKS = 200
-"""Held tracks that are compared, the first confirmed: bounds the time."""
 FURTHER_PLOTS = 1.0
 """Mean number of plots, beside its own, of a target with several detections a ping: a choice."""
 BESIDE = 32.0
@@ -166,15 +164,9 @@ class ExtendedTargets:
         """
         if not self._learns or not len(self._scan):
             return
-        ids = held.tracks.track_id
-        own = OwnDetections(own.track_id, self._row[own.row])
-        still = np.isin(own.track_id, ids) & self._counts[own.row]
-        own = OwnDetections(own.track_id[still], own.row[still])
-        apart = of_neighbours(len(self._scan), own, held, self.sensor)
-        rows = np.flatnonzero(self._counts & ~apart)
-        still = ~apart[own.row]
-        place = np.searchsorted(rows, own.row[still])
-        part = grouping.chosen(self._scan, rows)
+        ids, row, rows = held.tracks.track_id, self._row[own.row], np.flatnonzero(self._counts)
+        still = np.isin(own.track_id, ids) & self._counts[row]
+        part, place = grouping.chosen(self._scan, rows), np.searchsorted(rows, row[still])
         self._excess.update_tracks(part, density, own.track_id[still], place, ids)
         self._judge(self._scan)
 
@@ -248,25 +240,6 @@ class ExtendedTargets:
             f"{extent.along:.3g} m{beam} of each other are combined into one "
             f"plot{average}"
         )
-
-
-def of_neighbours(
-    number: int, own: OwnDetections, held: ConfirmedTracks, sensor: SensorModel
-) -> BoolArray:
-    """Which of a number of detections are those of tracks apart from an older one beside them.
-
-    Targets side by side, each with one detection, do not show that a target has several. Tracks
-    that lie and move together may be of one target, and their detections count.
-    """
-    found = np.zeros(number, bool)
-    order = {one: place for place, one in enumerate(held.tracks.track_id.tolist())}
-    rows = np.array([order[one] for one in own.track_id[:MOST_TRACKS].tolist()], np.int64)
-    place, reach = held.tracks.state[rows, 0::2], BESIDE * unit_of(sensor)
-    younger, older = np.nonzero(np.tril(squared_distances(place, place) <= reach**2, -1))
-    pair = rows[younger], rows[older]
-    apart = held.fits.move_apart(*pair) | held.fits.lie_apart(*pair)
-    found[own.row[younger[apart]]] = True
-    return found
 
 
 def further_plots(

@@ -11,18 +11,19 @@ likelihood ratio of Poisson counts is::
 
     L = N ln(N / (MARGIN E)) - (N - MARGIN E)        N > MARGIN E
 
-Targets have several detections once L is at least `LOG_RATIO` in some box, of one of two counts:
+Targets have several detections once L is at least `LOG_RATIO` in some box, of the sum of two
+counts:
 
-- beside every detection: of m detections in a box m - 2 count, each member's part being
-  (m - 2) / m. Two detections may be two targets;
-- beside those of confirmed tracks: one a ping may be a second target's and does not count, unless
-  it lies now on one side and now on the other. With m the mean offset over n pings, a the half
-  width of the box and R the variance of the offset of two detections::
+- beside the detections of confirmed tracks: one a ping may be a second target's and does not
+  count, unless it lies now on one side and now on the other. With m the mean offset over n pings, a
+  the half width of the box and R the variance of the offset of two detections::
 
     on one side   n m' R^-1 m > SIDE
     resolved      n a^2 / R >= RESOLVED  and  a^2 / R >= CLEAR,  along and across
 
-  What is resolved and not on one side counts whole. What is on one side does not count.
+  What is resolved and not on one side counts whole. What is on one side does not count;
+- beyond the largest box around these, beside every detection: of m detections in a box m - 2
+  count, each member's part being (m - 2) / m. Two detections may be two targets.
 
 The extent is that of the box of the largest L, with pairs that count (m - 1) / m of each member of
 a group, and a ratio of at most `LARGEST`: a box that is too small misses some, one that is too
@@ -43,6 +44,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.scan import Scan, wrap
@@ -118,6 +120,8 @@ class Beside:
         Of the box, m^2; 0 where it reaches the sensor.
     along, across : ndarray
         Half widths, m.
+    near : (n,) ndarray of bool
+        Detections in the largest box around some centre.
     """
 
     def __init__(self, scan: Scan, centre: IntArray, extents: list[ClusterExtent]) -> None:
@@ -134,6 +138,8 @@ class Beside:
         depth = np.abs(far) / self.along[:, row]
         width = np.abs(aside) / self.across[:, row]
         inside = (depth <= 1.0) & (width <= 1.0)
+        self.near = np.zeros(len(scan), bool)
+        self.near[centre] = self.near[other[inside[-1]]] = True
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
         self.number, *strips = (
@@ -175,19 +181,14 @@ class MultiDetectionTest:
         sizes = len(self._extents)
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
-        self._groups = self._of_tracks = Excess(np.zeros(sizes), np.zeros((3, sizes)))
+        self._more = self._before = Excess(np.zeros(sizes), np.zeros((3, sizes)))
         self._tracks: dict[int, Offsets] = {}
 
     @property
     def log_ratio(self) -> float:
         """The largest L."""
         prior = np.array([[0.0], [PRIOR], [PRIOR]])
-        return float(
-            max(
-                log_ratio(one.counted, (one.expected + prior).max(axis=0)).max()
-                for one in (self._groups, self._of_tracks)
-            )
-        )
+        return float(log_ratio(self._more.counted, (self._more.expected + prior).max(axis=0)).max())
 
     @property
     def extent(self) -> ClusterExtent:
@@ -210,27 +211,20 @@ class MultiDetectionTest:
         density : float
             Mean clutter density, 1/m^2.
         """
-        centre = np.argsort(scan.azimuth, kind="stable")
-        first = int(7919 * scan.stamp) % max(len(centre) - MOST_CENTRES + 1, 1)
-        centre = centre[first : first + MOST_CENTRES]
-        beside = Beside(scan, centre, self._extents)
-        mean, used = beside.area * density, beside.area > 0.0
+        beside = self._beside_each_other(scan)
         some = beside.number / (beside.number + 1.0)
-        group = used & (beside.number[-1] > 1.0)
-        expected = 0.5 * (group * mean).sum(axis=1)
+        group = (beside.area > 0.0) & (beside.number[-1] > 1.0)
+        expected = 0.5 * density * (group * beside.area).sum(axis=1)
         self._pairs = self._pairs.faded(_KEPT, (group * some).sum(axis=1), expected)
-        more = (mean + np.expm1(-mean)) / 3.0
-        strips = (used * beyond_one(beside.strips)).sum(axis=2)
-        self._groups = self._groups.faded(
-            _KEPT,
-            (used * beyond_one(beside.number)).sum(axis=1),
-            np.stack([more.sum(axis=1), *strips]),
-        )
+        self._before, groups = self._more, _beyond_two(beside, density)
+        self._more = self._before.faded(_KEPT, groups.counted, groups.expected)
 
     def update_tracks(
         self, scan: Scan, density: float, track_id: IntArray, own: IntArray, held: IntArray
     ) -> None:
-        """Count the detections of a ping beside those of tracks.
+        """Count what lies beside the detections of tracks instead, in the ping of `update`.
+
+        Beyond the largest box around these, detections count beside each other.
 
         Parameters
         ----------
@@ -263,11 +257,29 @@ class MultiDetectionTest:
             often &= MOST_LOOKS * least[:, row] >= RESOLVED
             self._tracks[one] = looks + 1, pings, offset, bool(often.any())
         used = beside.area > 0.0
-        self._of_tracks = self._of_tracks.faded(
+        rest = grouping.chosen(scan, np.flatnonzero(~beside.near))
+        groups = _beyond_two(self._beside_each_other(rest), density)
+        self._more = self._before.faded(
             _KEPT,
-            (used * found).sum(axis=1),
-            np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)]),
+            (used * found).sum(axis=1) + groups.counted,
+            np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)])
+            + groups.expected,
         )
+
+    def _beside_each_other(self, scan: Scan) -> Beside:
+        """What lies beside each detection of a scan, or of those in some sector."""
+        centre = np.argsort(scan.azimuth, kind="stable")
+        first = int(7919 * scan.stamp) % max(len(centre) - MOST_CENTRES + 1, 1)
+        return Beside(scan, centre[first : first + MOST_CENTRES], self._extents)
+
+
+def _beyond_two(beside: Beside, density: float) -> Excess:
+    """Detections of groups beyond two, by size of box, and those that clutter explains."""
+    used, mean = beside.area > 0.0, beside.area * density
+    more = (mean + np.expm1(-mean)) / 3.0
+    strips = (used * beyond_one(beside.strips)).sum(axis=2)
+    found = (used * beyond_one(beside.number)).sum(axis=1)
+    return Excess(found, np.stack([more.sum(axis=1), *strips]))
 
 
 def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:

@@ -211,16 +211,6 @@ class StraightFits(Rows):
         """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
         return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
 
-    def move_apart(self, one: IntArray, other: IntArray) -> BoolArray:
-        """Whether the velocities of rows (n,) differ from those of other rows (n,)."""
-        velocity, spread = self.state[:, 1::2], self.covariance[:, 1::2, 1::2]
-        return is_significant(velocity[one] - velocity[other], spread[one] + spread[other])
-
-    def lie_apart(self, one: IntArray, other: IntArray) -> BoolArray:
-        """Whether the positions of rows (n,) differ from those of other rows (n,)."""
-        place, spread = self.state[:, 0::2], self.covariance[:, 0::2, 0::2]
-        return is_significant(place[one] - place[other], spread[one] + spread[other])
-
     def stationary_probability(self, prior: SpeedPrior, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).
 
