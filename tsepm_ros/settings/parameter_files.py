@@ -108,7 +108,7 @@ def as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
 def as_page(nodes: Mapping[str, Groups]) -> str:
     """The documentation page of parameters: a section per node, a table per prefix.
 
-    A table that an earlier node has too is not repeated.
+    Rows that an earlier node has too are not repeated.
     """
     parts = [
         "# Parameters",
@@ -117,7 +117,7 @@ def as_page(nodes: Mapping[str, Groups]) -> str:
         "with a decimal point: 4.0, not 4. A parameter may change while the node runs and takes "
         "effect at the next scan, except those marked *fixed*. A row ends with the allowed values.",
     ]
-    tables: dict[str, str] = {}
+    first: dict[str, str] = {}
     for node, groups in nodes.items():
         parts.append(f"## `{node}`")
         for method in METHODS:
@@ -129,9 +129,12 @@ def as_page(nodes: Mapping[str, Groups]) -> str:
             if method in METHODS:
                 only = "" if method in NODE_METHODS else " They exist where it is chosen."
                 parts.append(f"Options of the method [`{method}`](methods/{method}.md).{only}")
-            rows = as_markdown(tuple(group for group in groups if group[0] == prefix)).rstrip()
-            first = tables.setdefault(rows, node)
-            parts.append(rows if first == node else f"Those of `{first}`.")
+            rows = as_markdown(tuple(group for group in groups if group[0] == prefix)).splitlines()
+            new = [row for row in rows[2:] if first.setdefault(row, node) == node]
+            if new:
+                parts.append("\n".join([*rows[:2], *new]))
+            if old := [row.split("|")[1].strip() for row in rows[2:] if row not in new]:
+                parts.append(f"As with `{first[rows[-1]]}`: {', '.join(old)}.")
     return "\n\n".join(parts) + "\n"
 
 

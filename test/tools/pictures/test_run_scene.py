@@ -146,7 +146,6 @@ def test_a_way_says_where_the_track_coasted_and_was_withheld():
     gap = [np.nan] * 3
     expected = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.1], gap, [8.0, 0.0, 0.0]]
     np.testing.assert_array_equal(scene.ways()[7], expected)
-    np.testing.assert_array_equal(scene.ways(2)[7], expected[:2])
     np.testing.assert_array_equal(scene.trails()[7], [[5.0, 0.0], [6.0, 0.0], [8.0, 0.0]])
 
 
