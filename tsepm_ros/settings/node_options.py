@@ -101,8 +101,7 @@ class PlaybackOptions(ParameterGroup):
     )
     settling_time: float = parameter(
         1.0,
-        "Delay from the last required subscription to the first scan, in which the subscriber's "
-        "side completes its discovery",
+        "Delay from the last required subscription to the first scan, for its discovery",
         unit="s",
         minimum=0.0,
         maximum=60.0,

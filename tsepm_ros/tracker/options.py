@@ -102,13 +102,13 @@ class CommonOptions(ParameterGroup):
     plot_features: bool = parameter(
         False,
         "Use intensity, range width and azimuth width, if measured: in clutter zones, and "
-        "where targets meet, a detection extends a track only if it resembles the track's "
-        "detections. Where held targets meet, each detection is assigned to one of them",
+        "where targets meet, a detection extends only a track whose detections it resembles, and "
+        "only one of the held tracks that meet",
     )
     encounter_time: float = parameter(
         60.0,
-        "Targets meet if their gates overlap at their closest approach, and this is at "
-        "most this time away, before or after; with plot_features",
+        "With plot_features: targets meet if their gates overlap at their closest approach, at "
+        "most this time away",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
