@@ -22,6 +22,9 @@ from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clusters import grouping
+from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 MANY = [
     pytest.param(spread, common, id=f"{spread:g}m-{'common' if common else 'independent'}")
@@ -98,6 +101,35 @@ def test_a_vessel_longer_than_a_plot_is_one(hull):
     assert all(run.held == 1 for run in runs)
     # A first start on its end may be lost.
     assert sum(len(run.starts) for run in runs) <= 4
+
+
+@pytest.mark.parametrize("convoy", [False, True])
+def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy):
+    """Two tracks 36 m apart: 5 detections a ping between them, or a boat with a track there."""
+    sensor = Swimmers().sensor
+    plots, rng = (
+        ExtendedTargets(sensor, CommonOptions(clutter_density="given")),
+        np.random.default_rng(1),
+    )
+    middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
+    for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
+        scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
+        plots.clusters_of(scan, sensor.clutter_density, lambda part: np.zeros(len(part), bool))
+    places = [100.0, 136.0, *[118.0] * convoy]
+    held = TrackArrays.of(
+        [
+            ConfirmedTrack(
+                track_id=number,
+                stamp=7.0,
+                state=np.array([x, 0.0, 0.0, 0.0]),
+                covariance=np.eye(4),
+                hits=((0, 0),),
+                evaluation=0.0,
+            )
+            for number, x in enumerate(places)
+        ]
+    )
+    assert plots.of_one_hull(held).tolist() == [False, not convoy, *[False] * convoy]
 
 
 def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():

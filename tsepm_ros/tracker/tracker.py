@@ -352,6 +352,8 @@ class Tracker:
         own, held = self.maintenance.nearest_detections, self.maintenance.held
         if self.method.most_tracks_true:
             self.plots.learn(own, held, self.clutter_density)
+        if self.plots.seen:
+            self.maintenance.end_duplicates(self.plots.of_one_hull(held.tracks))
         if self.plots.active and not active:
             self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
 

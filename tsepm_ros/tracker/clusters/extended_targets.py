@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -45,6 +46,8 @@ BESIDE = 32.0
 
 LONGEST_WAY = 48.0
 """Distance from a track within which a start may be of the same hull, m: as `BESIDE`."""
+ONE_HULL = math.log(1e3)
+"""L from which on a held track is of the hull of an older one: a choice."""
 RECENT = 8
 """Pings whose detections between two tracks count."""
 
@@ -189,7 +192,7 @@ class ExtendedTargets:
         if not self._learns or not len(new):
             return nothing
         both = held.joined(new)
-        filled = self._fill(both, number)
+        filled = self._fill(both, number, SUSPICION)
         if self.seen:
             before = new.stamp - new.age < self.since
             return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
@@ -200,24 +203,31 @@ class ExtendedTargets:
         near &= older & ~np.append(np.array(known, bool), nothing)
         return np.asarray(filled | near.any(axis=1))
 
-    def _fill(self, tracks: TrackArrays, first: int) -> BoolArray:
+    def of_one_hull(self, held: TrackArrays) -> BoolArray:
+        """Which held tracks (n,) are of an older one's target, since plots are made."""
+        return self._fill(held, 0, ONE_HULL)
+
+    def _fill(self, tracks: TrackArrays, first: int, least: float) -> BoolArray:
         """Whether detections fill the way from each track from a first one on to an older one.
 
-        To the nearest, as on a hull. Targets of their own have none in the middle third of it,
-        where that is longer than their errors. Both ends move as the older track.
+        To the nearest, as on a hull, with L at least as given. Targets of their own have none in
+        the middle third of it, where that is longer than their errors. Both ends move as the older
+        track.
         """
         place, velocity = (tracks.state[:, :2] + 1j * tracks.state[:, 2:]).T
         filled = np.zeros(len(tracks), bool)
         for row in range(max(first, 1), len(tracks)):
-            older = np.argmin(np.abs(place[:row] - place[row]))
-            way, now = place[older] - place[row], tracks.stamp[row]
+            apart, now = np.abs(place - place[row]), tracks.stamp[row]
+            apart[row] = np.inf
+            older = int(np.argmin(apart))
             shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
-            if shorter < abs(way) <= LONGEST_WAY * unit_of(self.sensor):
+            if older < row and shorter < apart[older] <= LONGEST_WAY * unit_of(self.sensor):
+                way = place[older] - place[row]
                 seen = [at @ (1.0, 1j) + velocity[older] * (now - t) for t, at, _ in self._recent]
                 off = (np.concatenate(seen) - place[row]) / way - 0.5
                 inside = np.maximum(np.abs(off.real), np.abs(off.imag)) <= 1.0 / 6.0
                 expected = PRIOR + sum(one for *_, one in self._recent) * abs(way) ** 2 / 9.0
-                filled[row] = log_ratio(float(inside.sum()), expected) >= SUSPICION
+                filled[row] = log_ratio(float(inside.sum()), expected) >= least
         return filled[first:]
 
     def _runs(self, scan: Scan) -> Clusters | None:

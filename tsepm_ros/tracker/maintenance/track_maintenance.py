@@ -455,7 +455,11 @@ class TrackMaintenance:
         See `merging.may_repeat_older`.
         """
         tracks = self.held.tracks
-        self._end(~merging.may_repeat_older(tracks, extent, sensor_position), "duplicate")
+        self.end_duplicates(merging.may_repeat_older(tracks, extent, sensor_position))
+
+    def end_duplicates(self, duplicate: BoolArray) -> None:
+        """End tracks (n,) that are of an older one's target."""
+        self._end(~duplicate, "duplicate")
 
     def _begin(
         self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
