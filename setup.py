@@ -79,11 +79,9 @@ setup(
         "bags": ["rosbags>=0.11"],
         "viewer": ["tornado>=6.2"],
         "bridge": ["pyproj>=3.4"],
-        "distributed": ["distributed>=2023.1"],
         "docs": ["mkdocs>=1.6,<2", "mkdocstrings[python]>=0.26"],
         "test": [
             "coverage>=7.10",
-            "distributed>=2023.1",
             "hypothesis>=6.98",
             "pynmea2>=1.19",
             "pyproj>=3.4",

@@ -26,12 +26,11 @@ from pathlib import Path
 
 from tsepm_ros import __version__
 from tsepm_ros.diagnostics.health import ENTRIES, Rule
-from tsepm_ros.session.drop_reasons import as_markdown
+from tsepm_ros.session.drop_reasons import DROP_REASONS
 from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.evaluation.result_files import Result, Row, goldens_digest, read_result
 from tsepm_ros.tools.terminal import markdown_table
-from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.whole_files import write_text
 
 DOCS = Path(__file__).resolve().parent
@@ -71,8 +70,8 @@ change while the node runs.
 DIAGNOSTICS_FIGURES = {
     "`tracks.published`, `tracks.withheld`, `tracks.fixed`": "held tracks now, by their state: "
     "docs/use_the_tracks.md; `tracks` is the number of published ones",
-    "`ended.REASON`": "published tracks that ended: "
-    + "; ".join(f"`{name}`, {sentence}" for name, sentence in ENDS.items()),
+    "`ended.REASON`": "published tracks that ended, by reason: "
+    "docs/how_it_decides.md#one-target-one-track",
     "`latency_ms`": "time from the callback to the publication of `tracks`",
     "`latency_all_ms`": "time from the callback to the end of publishing",
     "`waiting_ms`": "time that a scan waited for own-ship data before the callback",
@@ -106,21 +105,36 @@ def diagnostics_page() -> str:
     """The page of the diagnostics: conditions with remedies, and reasons for drops."""
     conditions = [
         f"### `{task}`\n\n"
-        + markdown_table(
-            ["level", "condition", "remedy"],
-            [_rule_row(rule) for alternatives in entry.rules for rule in alternatives],
-        )
+        + markdown_table(["level", "condition", "remedy"], _rule_rows(entry.rules))
         for task, entry in ENTRIES.items()
     ]
     figures = markdown_table(["figure", "meaning"], DIAGNOSTICS_FIGURES.items())
     parts = [DIAGNOSTICS_BEGIN, "\n\n".join(conditions), "", "## Figures", "", figures, ""]
-    return "\n".join([*parts, DIAGNOSTICS_END, as_markdown()]).rstrip("\n") + "\n"
+    return "\n".join([*parts, DIAGNOSTICS_END, _drop_reasons()]) + "\n"
 
 
-def _rule_row(rule: Rule) -> tuple[str, str, str]:
-    thresholds = ", ".join(f"`diagnostics.{name}`" for name in rule.thresholds)
-    told = rule.condition + (f" ({thresholds})" if thresholds else "")
-    return rule.level.name.lower(), told, rule.remedy
+def _drop_reasons() -> str:
+    """Reasons by entry; those that lose the same and have the same remedy share a row."""
+    tasks = list(dict.fromkeys(reason.task for reason in DROP_REASONS.values()))
+    causes: dict[tuple[str, str, str], list[str]] = {}
+    for name, reason in sorted(DROP_REASONS.items(), key=lambda row: tasks.index(row[1].task)):
+        alike = causes.setdefault((reason.task, reason.lost, reason.remedy), [])
+        alike.append(f"`{name}`: {reason.meaning}")
+    rows = [("<br>".join(told), lost, remedy) for (_, lost, remedy), told in causes.items()]
+    return markdown_table(["reason: cause", "lost", "remedy"], rows)
+
+
+def _rule_rows(rules: Sequence[Sequence[Rule]]) -> list[tuple[str, str, str]]:
+    """Conditions of a level with the same thresholds and remedy share a row."""
+    told: dict[tuple[str, str, str], list[str]] = {}
+    for rule in (rule for alternatives in rules for rule in alternatives):
+        thresholds = ", ".join(f"`diagnostics.{name}`" for name in rule.thresholds)
+        alike = (rule.level.name.lower(), thresholds and f" ({thresholds})", rule.remedy)
+        told.setdefault(alike, []).append(rule.condition)
+    return [
+        (level, f"{'<br>'.join(conditions)}{thresholds}", remedy)
+        for (level, thresholds, remedy), conditions in told.items()
+    ]
 
 
 FROM_CODE = {
@@ -173,6 +187,12 @@ def _rate(estimate: Sequence[float]) -> str:
     return f"{value} ({low}-{high})"
 
 
+def rules(result: Result) -> str:
+    """`score`, and `tsepm` with M/N rules and f1."""
+    names = [f"`{row['method']}` {row['point']}" for row in result.measures]
+    return curve(result, [name for name in names if not {"f2", "8/16", "3/3"} & set(name.split())])
+
+
 def short_curve(result: Result) -> str:
     """The points of the README."""
     return curve(result, ["`score` 1/h", "`score` 10/h", "`score` 100/h", "`tsepm` 5/8"])
@@ -217,6 +237,7 @@ def as_printed(result: Result) -> str:
 VIEWS: dict[str, Callable[[Result], str]] = {
     "": as_printed,
     "curve": curve,
+    "rules": rules,
     "short-curve": short_curve,
     "compared": compared,
     "with-peers": with_peers,

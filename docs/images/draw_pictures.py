@@ -7,14 +7,19 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from PIL import Image
 
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.tools.demo import target_rows
 from tsepm_ros.tools.evaluation.result_files import add_result, write_table
-from tsepm_ros.tools.pictures.plan_position import animate, save
+from tsepm_ros.tools.pictures.plan_position import draw, save
 from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
-from tsepm_ros.tools.terminal import named_progress, with_progress
+from tsepm_ros.tools.terminal import with_progress
 
 IMAGES = Path(__file__).parent
 SEED = 2
@@ -36,6 +41,23 @@ def scene_of(*arguments: str) -> RunScene:
     return scene
 
 
+def animate(scene: RunScene, path: Path) -> None:
+    """Draw a judged run as a GIF: the picture of the scans so far, each for half a second."""
+    frames, size = [], draw(scene).get_size_inches()
+    for number in with_progress(range(1, len(scene.scans) + 1), len(scene.scans), "frames"):
+        judged = [one for one in scene.judged if scene.start_scans[one.track.track_id] <= number]
+        figure = draw(replace(scene, scans=scene.scans[:number], judged=judged))
+        figure.set(size_inches=size, dpi=60)
+        figure.canvas.draw()
+        drawn = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy())
+        plt.close("all")
+        # By coverage of the colours, not by their number of pixels: a track has few.
+        palette = {"method": Image.Quantize.MAXCOVERAGE, "dither": Image.Dither.NONE}
+        frames.append(drawn.quantize(64, **palette))
+    times = [500] * (len(frames) - 1) + [2500]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0)
+
+
 def main() -> None:
     """Draw, and write the demo's table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -44,7 +66,7 @@ def main() -> None:
     options = parser.parse_args()
     demo = scene_of("four_targets", "--seed", str(SEED))
     save(demo, IMAGES / "demo.png")
-    animate(demo, IMAGES / "demo.gif", progress=named_progress("animation"))
+    animate(demo, IMAGES / "demo.gif")
     if options.recording:
         values = [part for value in RADAR for part in ("-p", value)]
         save(scene_of(options.recording, *values), IMAGES / "joyride.png")

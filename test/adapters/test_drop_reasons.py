@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.ping import ReadingOptions, good_detections
-from tsepm_ros.session.drop_reasons import DROP_REASONS, as_markdown, reason_of
+from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [
@@ -96,5 +96,8 @@ def test_a_reason_of_another_s_adapter_is_one_of_detections():
     assert (reason_of("my_own").task, reason_of("my_own").lost) == ("detections", "detection")
 
 
-def test_the_operating_page_has_the_table():
-    assert as_markdown() in (ROOT / "docs/diagnostics.md").read_text()
+def test_the_operating_page_has_every_reason_with_its_remedy():
+    page = (ROOT / "docs/diagnostics.md").read_text(encoding="utf-8")
+    for name, reason in DROP_REASONS.items():
+        assert f"`{name}`: {reason.meaning}" in page
+        assert f"| {reason.lost} | {reason.remedy} |" in page

@@ -266,7 +266,7 @@ def arguments(rng: np.random.Generator) -> list[str]:
         *usable,
         *("--scene", "name:=", "a:=b", "sensor.max_range:=1e9", "max_speed:=", "=", "-p", "--"),
         *("--runs", "0", "-1", "--seed", "x", "--workers", "0", "--method", "nonsense"),
-        *("--horizon", "--animation", "run.png", "missing/", "/dev/null", "--scans"),
+        *("--horizon", "run.png", "missing/", "/dev/null", "--scans"),
         *(token for token in TOKENS if "\x00" not in token and len(token) < 2000),
     ]
     # Without a command that simulates for long: a nonsense word is among them.

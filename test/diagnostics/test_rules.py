@@ -16,7 +16,7 @@ RULES = [rule for entry in ENTRIES.values() for some in entry.rules for rule in 
 
 
 def test_every_rule_has_a_condition_and_a_remedy_on_the_page():
-    assert all(f"| {rule.condition}" in PAGE and f"| {rule.remedy} |" in PAGE for rule in RULES)
+    assert all(rule.condition in PAGE and f"| {rule.remedy} |" in PAGE for rule in RULES)
 
 
 def test_the_page_names_every_threshold():

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from support.patience import WAIT, patient
 
@@ -46,30 +45,6 @@ def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
     done = demo(*arguments, "--picture", str(tmp_path / "demo.png"))
     assert done.returncode == 1
     assert "1 of 1 targets were not truly started" in done.stderr
-
-
-@pytest.mark.long
-def test_a_recording_is_reviewed_by_the_distance_from_its_targets(tmp_path):
-    """A target at 5 m/s along x, 3 km north of a sensor at rest, and an echo that stands still."""
-    rows, truth, own_ship = [], [], []
-    for k in range(10):
-        x, y = 60.0 * k, 3000.0
-        rows += [f"{12.0 * k},{np.hypot(x, y)},{np.arctan2(y, x)}", f"{12.0 * k},2000.0,-2.0"]
-        truth.append(f"{12.0 * k},{x},{y}")
-        own_ship.append(f"{12.0 * k},0.0,0.0,{np.pi / 2}")  # the sensor's x axis points east
-    files = {
-        "detections": ["time_s,range_m,azimuth_rad", *rows],
-        "target": ["time_s,east_m,north_m", *truth],
-        "own_ship": ["time_s,east_m,north_m,heading_rad", *own_ship],
-    }
-    for name, lines in files.items():
-        (tmp_path / f"{name}.csv").write_text("\n".join(lines))
-    picture = tmp_path / "demo.png"
-    done = demo("--recording", str(tmp_path), "--rate", "200", "--picture", str(picture))
-    assert done.returncode == 0, done.stderr
-    assert "1 track on a target, 1 elsewhere, in 10 pings, 2 held at the end" in done.stdout
-    assert "new tracks within 60 m of a target" in done.stdout
-    assert picture.read_bytes().startswith(PNG)
 
 
 def test_a_refused_parameter_fails_the_demo_at_once(tmp_path):

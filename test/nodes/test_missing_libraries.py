@@ -21,7 +21,7 @@ from msg_adapters import read_track_cloud
 
 ROOT = Path(__file__).parents[2]
 OPTIONAL = (
-    *("tqdm", "matplotlib", "PIL", "tornado", "rosbags", "rosbag2_py", "tf2_ros", "distributed"),
+    *("tqdm", "matplotlib", "PIL", "tornado", "rosbags", "rosbag2_py", "tf2_ros"),
     *("stonesoup", "autoware_perception_msgs", "marine_acoustic_msgs", "radar_msgs", "vision_msgs"),
 )
 """Modules without which the node works."""
@@ -103,7 +103,6 @@ RUN = ("run", "four_targets")
         ("tsepm", "tornado", ["watch"], "pip install tornado"),
         ("tsepm", "rclpy", ["watch"], "live topics need ROS 2"),
         ("tsepm", "rosbags rosbag2_py", ["run", BAG], "pip install rosbags"),
-        ("tsepm", "distributed", ["evaluate", "box", "--scheduler", "tcp://h:1"], "distributed"),
         ("tsepm_demo", "matplotlib", [], "No module named 'matplotlib'"),
         ("tsepm_demo", "rclpy", [], "No module named 'rclpy'"),
         ("track_viewer", "tornado", [], "pip install tornado"),

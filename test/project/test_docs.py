@@ -71,7 +71,6 @@ def test_the_page_of_parameters_is_up_to_date():
 
 def test_the_page_of_parameters_has_every_parameter():
     rows = re.findall(r"^\| `([\w.]+)` \|", as_page(NODES), re.MULTILINE)
-    assert len(rows) == len(ALL)
     assert set(rows) == NAMES
 
 

@@ -110,10 +110,6 @@ def test_the_suffix_is_kept_for_programs_that_go_by_it(tmp_path):
         temporary.touch()
 
 
-ELSEWHERE = ("compare_worker.py",)
-"""Modules that also run on other commits, and write to a temporary folder."""
-
-
 def in_place(path: Path) -> list[str]:
     """Calls that write a file in its place."""
     found = []
@@ -139,5 +135,5 @@ def test_no_module_writes_a_file_in_place(folder):
     assert {
         str(path.relative_to(ROOT)): calls
         for path in sorted((ROOT / folder).rglob("*.py"))
-        if path.name not in ELSEWHERE and (calls := in_place(path))
+        if (calls := in_place(path))
     } == {}

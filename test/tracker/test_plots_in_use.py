@@ -13,8 +13,6 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 import plots as benchmark
-from endings_harbour import RADAR, REVOLUTION, SCANS, boats
-from endings_scenes import pinged
 from plots_scenes import Pool, Swimmers, box
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
@@ -265,15 +263,28 @@ def test_tracks_of_one_target_become_one_when_plots_turn_on():
 
 @pytest.mark.parametrize("seed", [0, 3, 6])
 def test_two_boats_side_by_side_of_one_echo_stay_two(seed):
+    """12 m apart in front of a radar, on one course, and from the middle on apart."""
     rng = np.random.default_rng([seed, 38])
-    paths = boats("together", rng)
-    initiator = make_initiator("score", sensor=RADAR, max_speed=15.0)
-    for index in range(SCANS):
-        echoes = paths[:, index][rng.random(2) < 0.9]
-        initiator.process(pinged(REVOLUTION * index, echoes, 5.6, RADAR, rng))
+    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, max_range=600.0)
+    initiator = make_initiator("score", sensor=sensor, max_speed=15.0)
+    boats, course = np.array([[232.0, -320.0], [220.0, -320.0]]), np.full(2, 0.5 * np.pi)
+    for index in range(80):
+        course[0] -= 0.35 if index == 40 else 0.0
+        boats += 8.0 * np.stack([np.cos(course), np.sin(course)], axis=1)
+        x, y = boats[rng.random(2) < 0.9].T
+        clutter = rng.poisson(5.6)
+        range_ = np.append(
+            np.hypot(x, y) + sensor.range_std * rng.standard_normal(len(x)),
+            sensor.max_range * np.sqrt(rng.random(clutter)),
+        )
+        azimuth = np.append(
+            np.arctan2(y, x) + sensor.azimuth_std * rng.standard_normal(len(x)),
+            rng.uniform(-np.pi, np.pi, clutter),
+        )
+        initiator.process(Scan(1.7 * index, range_, azimuth))
         assert not initiator.plots.active
-    apart = np.hypot(*(paths[:, -1, None] - initiator.current.state[:, 0::2]).T)
-    assert (apart.min(axis=0) < 3.0 * RADAR.range_std).all()
+    apart = np.hypot(*(boats[:, None] - initiator.current.state[:, 0::2]).T)
+    assert (apart.min(axis=0) < 3.0 * sensor.range_std).all()
 
 
 def test_a_reset_and_other_options_start_over():

@@ -117,8 +117,8 @@ NUMBERS = {
 _FAULTS = {
     "not_finite": "is nan or infinite",
     "not_positive": "is not a positive number",
-    "too_small": "is below the smallest accepted value",
-    "too_large": "is above the largest accepted value",
+    "too_small": "is below the limit",
+    "too_large": "is above the limit",
 }
 
 
@@ -400,14 +400,3 @@ DROP_REASONS: Mapping[str, DropReason] = {
 def reason_of(name: str) -> DropReason:
     """Return the description of a reason; unknown reasons, of a user's adapter, are detections'."""
     return DROP_REASONS.get(name) or DropReason(DETECTIONS, "detection", "", "")
-
-
-def as_markdown() -> str:
-    """A table of all reasons for the documentation, in the order of the entries."""
-    tasks = (DETECTIONS, LAND, OWN_SHIP, TRACKER, INITIATION)
-    lines = ["| reason | lost | cause | remedy |", "|---|---|---|---|"]
-    lines += [
-        f"| `{name}` | {reason.lost} | {reason.meaning} | {reason.remedy} |"
-        for name, reason in sorted(DROP_REASONS.items(), key=lambda row: tasks.index(row[1].task))
-    ]
-    return "\n".join(lines) + "\n"

@@ -101,8 +101,7 @@ class PlaybackOptions(ParameterGroup):
     )
     settling_time: float = parameter(
         1.0,
-        "Delay from the last required subscription to the first scan, in which the subscriber's "
-        "side completes its discovery",
+        "Delay from the last required subscription to the first scan, for its discovery",
         unit="s",
         minimum=0.0,
         maximum=60.0,
@@ -331,8 +330,7 @@ class SessionOptions(ParameterGroup):
     )
     max_scan_time: float = parameter(
         5.0,
-        "Maximum computing time of a scan; a safeguard in addition to the limits on "
-        "counts. Offline runs do not use it and are therefore reproducible",
+        "Maximum computing time of a scan, besides the limits on counts; not used offline",
         unit="s",
         positive=True,
         maximum=3600.0,

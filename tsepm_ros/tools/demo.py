@@ -1,6 +1,4 @@
-"""A source of scans and the track initiator as two processes, evaluated and drawn.
-
-With a scenario the source is `sonar_simulator`, with a recording it is `scan_player`.
+"""The simulator and the track initiator as two processes, evaluated and drawn.
 
 The track messages do not contain the hits. The recorded messages are therefore processed offline
 by the same algorithm. The review checks that both give the same tracks, bit for bit.
@@ -9,7 +7,6 @@ by the same algorithm. The review checks that both give the same tracks, bit for
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import random
 import signal
@@ -32,7 +29,6 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import read_track_cloud, time_to_ns, track_states
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, signals_held
-from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
@@ -46,11 +42,8 @@ from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
     ScanView,
     headline,
-    position_at,
     target_name,
-    truth_paths,
 )
-from tsepm_ros.tools.replay.recording import Recording, read_recording
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
 from tsepm_ros.tools.terminal import progress_bar, text_table
 from tsepm_ros.tracker.tracks import ConfirmedTrack
@@ -194,54 +187,6 @@ def review_simulation(
     return text_table(header, rows), scene, failure
 
 
-def review_recording(
-    collector: TopicCollector,
-    recording: Recording,
-    parameters: Mapping[str, Value],
-    tolerance: float,
-) -> Review:
-    """Evaluate a recorded run by the distance of its starts from the recorded targets."""
-    results, tracks, scene, failure = replay(collector, "recording", parameters)
-    shift = results[0].stamp - recording.scans[0].time if results else 0.0
-    scene.truth = [path + np.array([shift, 0.0, 0.0]) for path in truth_paths(recording.targets)]
-    distances = [_distance(track, scene.truth) for track in tracks]
-    scene.elsewhere = {
-        track.track_id
-        for track, distance in zip(tracks, distances, strict=True)
-        if distance > tolerance
-    }
-    rows = [
-        [
-            str(track.track_id),
-            f"{track.stamp - results[0].stamp:.0f}",
-            str(scene.start_scans[track.track_id]),
-            f"{distance:.0f}",
-            f"{np.sqrt(np.trace(track.position_covariance)):.0f}",
-            f"{np.hypot(*track.velocity):.1f}",
-        ]
-        for track, distance in zip(tracks, distances, strict=True)
-        if distance <= tolerance
-    ]
-    header = ["track", "found after [s]", "pings", "distance [m]", "1 sigma [m]", "speed [m/s]"]
-    if recording.targets and not rows and not failure:
-        failure = "no recorded target was started"
-    table = f"new tracks within {tolerance:g} m of a target\n" + text_table(header, rows)
-    return table, scene, failure
-
-
-def _distance(track: ConfirmedTrack, truth: Sequence[FloatArray]) -> float:
-    """Distance from the nearest recorded target at the track's time, m; infinite if none."""
-    positions = (position_at(path, track.stamp) for path in truth)
-    return min(
-        (
-            float(np.hypot(*(track.position - position)))
-            for position in positions
-            if position is not None
-        ),
-        default=math.inf,
-    )
-
-
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
 
 
@@ -275,15 +220,11 @@ def _demonstrate(options: argparse.Namespace) -> int:
     try:
         options.parameter = {"own_ship_source": "odometry", **given_values(options.parameter)}
         make_groups(TRACK_INITIATOR, options.parameter)
-        scene: Scenario | Recording = (
-            read_recording(options.recording)
-            if options.recording
-            else load_scenario(options.scenario)
-        )
+        scenario = load_scenario(options.scenario)
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
-    scans = scene.scans if isinstance(scene, Scenario) else len(scene.scans)
+    scans = scenario.scans
     collector, codes = _run(options, scans)
     if any(codes) or collector.processed < scans:
         print(
@@ -292,11 +233,7 @@ def _demonstrate(options: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return 1
-    if isinstance(scene, Scenario):
-        review = review_simulation(collector, scene, options.seed, options.parameter)
-    else:
-        review = review_recording(collector, scene, options.parameter, options.tolerance)
-    table, drawn, failure = review
+    table, drawn, failure = review_simulation(collector, scenario, options.seed, options.parameter)
     save(drawn, options.picture)
     print(f"\n{headline(drawn)}\n\n{table}\n\npicture: {options.picture}")
     if failure:
@@ -307,13 +244,7 @@ def _demonstrate(options: argparse.Namespace) -> int:
 ARGUMENTS: Arguments = {
     "--scenario": {"default": "four_targets", "help": "shipped name or .yaml file"},
     "--seed": {"type": int, "default": 2, "help": "seed of the simulation"},
-    "--recording": {"help": "folder of a recording, in place of a scenario"},
     "--rate": {"type": float, "default": 60.0, "help": "speed relative to real time"},
-    "--tolerance": {
-        "type": float,
-        "default": 60.0,
-        "help": "maximum distance of a start from its recorded target, m",
-    },
     "--picture": {
         "type": Path,
         "default": Path("build/demo.png"),
@@ -335,8 +266,6 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
     source += [f"seed:={options.seed}"]
-    if options.recording:
-        source = ["scan_player", "-p", f"recording:={options.recording}"]
     source += ["-p", f"rate_factor:={options.rate}", "-p", "wait_for_subscribers:=2"]
     initiator = ["track_initiator"]
     for name, value in options.parameter.items():  # a file's section need not fit the namespace

@@ -42,8 +42,8 @@ class CommonOptions(ParameterGroup):
     limit_speed: str = parameter(
         "auto",
         "Limit the speed of new tracks. on: the state of a track that probably exceeds max_speed "
-        "is conditioned on a lower speed; off: the state as the method's source defines it; auto: "
-        "on with the method score, off with the other methods. Held tracks are limited in any case",
+        "is conditioned on a lower speed; off: as the method's source defines it; auto: on with "
+        "the method score alone. Held tracks are limited in any case",
         choices=("auto", "on", "off"),
     )
     max_detections: int = parameter(
@@ -67,29 +67,28 @@ class CommonOptions(ParameterGroup):
     )
     detection_probability: str = parameter(
         "auto",
-        "Detection probability. estimated: from the hits and misses of held tracks, "
-        "starting from sensor.detection_probability; given: sensor.detection_probability; auto: "
-        "estimated with the method score, given with the other methods, whose tracks may be false",
+        "estimated: from the hits and misses of held tracks, starting from "
+        "sensor.detection_probability; given: sensor.detection_probability; auto: estimated with "
+        "the method score alone",
         choices=("auto", "estimated", "given"),
     )
     clutter_density: str = parameter(
         "estimated",
-        "Clutter density. estimated: counted on a polar grid from scan to scan, starting "
-        "from sensor.clutter_density; given: sensor.clutter_density everywhere",
+        "estimated: counted on a polar grid from scan to scan, starting from "
+        "sensor.clutter_density; given: sensor.clutter_density everywhere",
         choices=("estimated", "given"),
     )
     intensity: str = parameter(
         "auto",
-        "Strengths of the detections, in any unit, as evidence with the method score: auto, where "
-        "detections carry an intensity; or off",
+        "Strengths of the detections, in any unit, as evidence with the method score. auto: where "
+        "detections carry an intensity; off: never",
         choices=("auto", "off"),
     )
     plots: str = parameter(
         "auto",
         "Combination of the detections of one target and ping into a plot. on: from the "
-        "first scan; off: never, for drivers that give one detection per target; auto: "
-        "once detections of one ping lie closer together than clutter does, or with a "
-        "target_extent from the first scan",
+        "first scan; off: never, for one detection per target; auto: with a target_extent, or "
+        "once detections of one ping lie closer together than clutter does",
         choices=("auto", "on", "off"),
     )
     target_extent: float = parameter(
@@ -103,22 +102,21 @@ class CommonOptions(ParameterGroup):
     plot_features: bool = parameter(
         False,
         "Use intensity, range width and azimuth width, if measured: in clutter zones, and "
-        "where targets meet, a detection extends a track only if it resembles the track's "
-        "detections. Where held targets meet, each detection is assigned to one of them",
+        "where targets meet, a detection extends only a track whose detections it resembles, and "
+        "only one of the held tracks that meet",
     )
     encounter_time: float = parameter(
         60.0,
-        "Targets meet if their gates overlap at their closest approach, and this is at "
-        "most this time away, before or after; with plot_features",
+        "With plot_features: targets meet if their gates overlap at their closest approach, at "
+        "most this time away",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
     tracked_timeout: float = parameter(
         60.0,
-        "Time without a message on tracked after which the downstream tracker is silent "
-        "and the node maintains its tracks; also the time after which a new track that "
-        "the tracker does not list ends",
+        "Time without a message on tracked after which the node maintains the downstream "
+        "tracker's tracks, and after which a new track that the tracker does not list ends",
         unit="s",
         positive=True,
         maximum=3600.0,
@@ -240,8 +238,7 @@ class ScoreOptions(ParameterGroup):
     estimator: str = parameter(
         "weighted",
         "Fit of a confirmed track. weighted: weighted least squares on positions; polar: "
-        "maximum likelihood of ranges and azimuths, slower, and equal within 2 % for "
-        "azimuth errors up to 3 degrees",
+        "maximum likelihood of ranges and azimuths, slower and hardly different",
         choices=ESTIMATORS[1:],
     )
     max_per_detection: int = parameter(

@@ -76,7 +76,6 @@ def test_a_command_runs_in_any_thread(capsys):
         (["run", "/nowhere.mcap"], "/nowhere.mcap is neither"),
         (["run", "four_target"], "four_targets"),
         (["run", "nowhere.yaml"], "nowhere.yaml"),
-        (["run", "box", "--animation", "a.mp4"], "a.mp4"),
         (["run", "box", "-p", "own_ship_source:=tf"], "own_ship_source tf"),
         (
             ["run", "box", "-p", "bearing_reference:=north", "-p", "own_ship_source:=none"],

@@ -181,7 +181,7 @@ def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, t
     assert "8 scans, 1 confirmed tracks; 84.0 s in" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("option", ["--out", "--html", "--picture", "--animation"])
+@pytest.mark.parametrize("option", ["--out", "--html", "--picture"])
 def test_a_folder_that_does_not_exist_is_named_and_not_made(capsys, recording, tmp_path, option):
     path = tmp_path / "tracsk" / "run.gif"
     with pytest.raises(SystemExit):

@@ -1,4 +1,4 @@
-"""Pictures and animations of `tsepm run`."""
+"""Pictures of `tsepm run`."""
 
 from __future__ import annotations
 
@@ -8,58 +8,6 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tools.commands.cli import main
-
-
-@pytest.mark.long
-def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
-    pytest.importorskip("matplotlib")
-    from PIL import Image
-
-    from tsepm_ros.tools.pictures.plan_position import FRAME_TIME, LAST_FRAME_TIME
-
-    picture, animation = tmp_path / "run.png", tmp_path / "run.gif"
-    assert main(["run", scenario, "--picture", str(picture), "--animation", str(animation)]) == 0
-    assert np.ptp(np.asarray(Image.open(picture))) > 100
-    with Image.open(animation) as frames:
-        shown = 0
-        for number in range(frames.n_frames):
-            frames.seek(number)
-            shown += frames.info["duration"]
-    assert shown == FRAME_TIME * 7 + LAST_FRAME_TIME, "ms"
-    assert animation.stat().st_size < 3e6
-
-
-@pytest.mark.long
-def test_an_animation_alone_makes_no_picture(scenario, tmp_path):
-    pytest.importorskip("matplotlib")
-    assert main(["run", scenario, "--animation", str(tmp_path / "run.gif")]) == 0
-    assert [path.name for path in tmp_path.glob("**/*.[pg]*")] == ["run.gif"]
-
-
-def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
-    pytest.importorskip("matplotlib")
-    from PIL import Image
-
-    from tsepm_ros.tools.pictures.plan_position import (
-        FRAME_TIME,
-        LAST_FRAME_TIME,
-        animate,
-        shown_scans,
-    )
-    from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
-    from tsepm_ros.tracker.tracks import TrackArrays
-
-    assert list(shown_scans(8, 3)) == [1, 4, 7]
-    assert list(shown_scans(8, 8)) == list(range(8))
-    nothing = TrackArrays.of([])
-    views = [ScanView(float(k), np.zeros((0, 2)), None, nothing, nothing) for k in range(8)]
-    assert animate(RunScene("run", views), tmp_path / "run.gif", max_frames=3) == 3
-    with Image.open(tmp_path / "run.gif") as frames:
-        shown = 0
-        for number in range(frames.n_frames):
-            frames.seek(number)
-            shown += frames.info["duration"]
-    assert shown == FRAME_TIME * 2 + LAST_FRAME_TIME
 
 
 def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(

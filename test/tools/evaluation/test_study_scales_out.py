@@ -1,12 +1,9 @@
-"""A study gives the same numbers whoever does it, also when a worker dies in the middle."""
+"""A study gives the same numbers by any number of processes."""
 
 from __future__ import annotations
 
 import dataclasses
 import multiprocessing
-import os
-import signal
-import sys
 
 import pytest
 from support.run_summaries import as_json
@@ -29,40 +26,6 @@ def scenario():
 @pytest.fixture(scope="module")
 def expected(scenario):
     return as_json(study(scenario, TSEPM, RUNS, SEED))
-
-
-@pytest.mark.long
-def test_a_dead_worker_costs_nothing_but_time(scenario, expected):
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address=None,
-        silence_logs=50,
-    ) as cluster:
-        victim = next(iter(cluster.workers.values())).pid
-        workers = Workers(scheduler=cluster.scheduler_address)
-        results = study(scenario, TSEPM, RUNS, SEED, workers)
-        found = [next(results)]
-        os.kill(victim, signal.SIGKILL)
-        found.extend(results)
-    assert as_json(found) == expected
-
-
-def test_a_scheduler_that_nobody_runs_is_said(scenario):
-    pytest.importorskip("distributed")
-    workers = Workers(scheduler="tcp://127.0.0.1:1", connect_time=0.5)
-    results = study(scenario, TSEPM, range(4), SEED, workers)
-    with pytest.raises(ValueError, match=r"127\.0\.0\.1:1 cannot be reached"):
-        next(results)
-
-
-def test_a_scheduler_without_its_package_is_said(scenario, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    results = study(scenario, TSEPM, range(4), SEED, Workers(scheduler="tcp://127.0.0.1:1"))
-    with pytest.raises(ValueError, match="needs the package distributed"):
-        next(results)
 
 
 @pytest.mark.long

@@ -146,7 +146,6 @@ def test_a_way_says_where_the_track_coasted_and_was_withheld():
     gap = [np.nan] * 3
     expected = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.1], gap, [8.0, 0.0, 0.0]]
     np.testing.assert_array_equal(scene.ways()[7], expected)
-    np.testing.assert_array_equal(scene.ways(2)[7], expected[:2])
     np.testing.assert_array_equal(scene.trails()[7], [[5.0, 0.0], [6.0, 0.0], [8.0, 0.0]])
 
 
@@ -178,9 +177,6 @@ def test_the_headline_has_the_result(outcomes):
 def test_the_headline_of_a_recording_counts_tracks():
     scans = [view(1, [track_at(1, 0.0)]), view(2, held=[track_at(1, 1.0)])]
     assert headline(RunScene("run", scans)) == "1 track in 2 pings, 1 held at the end"
-    assert headline(RunScene("run", scans, elsewhere={1})) == (
-        "no track on a target, 1 elsewhere, in 2 pings, 1 held at the end"
-    )
 
 
 def test_the_picture_of_a_judged_run_has_the_result_and_a_panel_for_each_target():
@@ -262,75 +258,15 @@ def test_the_legend_of_a_picture_names_only_what_is_drawn():
     tracks = [track_at(number, 10.0 * number, ((0, 0), (1, 1))) for number in range(13)]
     truth = [np.array([[0.0, 0.0, 0.0], [3.0, 9.0, 0.0]])]
     false = [Judged(tracks[0], Outcome.FALSE, -1, True, 1.0, 1.0, 1.0)]
-    elsewhere, judged_false = "track elsewhere", "false, misplaced or redundant track"
+    judged_false = "false, misplaced or redundant track"
     hits = "hits of a new track in order"
 
     empty = legend_of(RunScene("run"))
-    assert not empty & {elsewhere, judged_false, "fixed echo", "held to the end: its trail"}
+    assert not empty & {judged_false, "fixed echo", "held to the end: its trail"}
     some = [view(0), view(1, tracks[:2])]
-    assert {elsewhere, hits} <= legend_of(RunScene("run", some, truth, elsewhere={1}))
+    assert hits in legend_of(RunScene("run", some, truth))
     assert judged_false in legend_of(RunScene("run", some, truth, false))
     assert hits not in legend_of(RunScene("run", [view(0), view(1, tracks)])), "too many starts"
-
-
-@pytest.fixture
-def shown_frame():
-    """The layout of a run's animation after a scan."""
-    pytest.importorskip("matplotlib")
-    import matplotlib.pyplot as plt
-
-    from tsepm_ros.tools.pictures import plan_position
-    from tsepm_ros.tools.pictures.plan_marks import PlanLayout
-
-    def draw(scene: RunScene, index: int) -> PlanLayout:
-        layout = PlanLayout.of(scene)
-        plan_position._draw_frame(layout, scene, index, 60.0, confirmed_since=index)
-        plt.close(layout.figure)
-        return layout
-
-    return draw
-
-
-def test_a_frame_shows_a_target_while_its_truth_is_known(shown_frame):
-    truth = [np.array([[0.0, 29.0, 0.0], [2.0, 31.0, 0.0]])]
-    scene = RunScene("run", [view(number) for number in range(4)], truth)
-    places = [
-        [
-            line.get_xdata()[0]
-            for line in shown_frame(scene, n).plan.lines
-            if line.get_marker() == "D"
-        ]
-        for n in range(4)
-    ]
-    assert places == [[29.0], [30.0], [31.0], []]
-
-
-def test_a_panel_of_a_frame_shows_the_hits_of_starts_and_not_of_other_tracks(shown_frame):
-    track = replace(track_at(41, 30.0, ((0, 0), (1, 1))), stamp=1.0)
-    scans = [view(0), view(1, [track], [track, track_at(7, 20.0)])]
-    truth = [np.array([[0.0, 29.0, 0.0], [1.0, 30.0, 0.0]])]
-    judged = [Judged(track, Outcome.TRUE, 0, True, 1.0, 1.0, 1.0)]
-    layout = shown_frame(RunScene("run", scans, truth, judged), 1)
-    squares = [line.get_xydata() for line in layout.panels[0].lines if line.get_marker() == "s"]
-    assert [points.tolist() for points in squares] == [[[0.0, 0.0], [1.0, 1.0]]]
-    assert {"41", "7"} <= {text.get_text() for text in layout.panels[0].texts}
-
-
-@pytest.mark.parametrize(
-    ("stamp", "shown"), [(12.25, "12.2 s, ping 1"), (1.7e9, "2023-11-14 22:13:20 UTC, ping 1")]
-)
-def test_a_frame_has_a_date_where_its_stamp_is_one(shown_frame, stamp, shown):
-    layout = shown_frame(RunScene("run", [replace(view(0), stamp=stamp)]), 0)
-    assert layout.figure.get_suptitle().startswith(shown)
-
-
-def test_a_run_without_scans_is_not_animated(tmp_path):
-    pytest.importorskip("matplotlib")
-    from tsepm_ros.tools.pictures.plan_position import animate
-
-    with pytest.raises(ValueError, match="there is no scan to animate"):
-        animate(RunScene("run"), tmp_path / "run.gif")
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):

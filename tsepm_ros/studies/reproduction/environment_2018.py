@@ -161,10 +161,10 @@ def _encounter_parts() -> list[Part]:
         f"With azimuths and headings clockwise from north the targets are {start:.0f} m apart at "
         f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
         "counter-clockwise from the x axis and headings from north they only separate (closest "
-        f"{-float(separating[0]):.0f} s before). The text: t_c is at least 0 at first, gets "
-        "smaller, is below 0 when the targets separate, and then grows in size. Each line of the "
-        "table corrects one thing more in Eqs. 2, 8 and 9; the last is the usual formula. Of all "
-        f"{len(combinations)} combinations the text's description holds for: "
+        f"{-float(separating[0]):.0f} s before). The text's t_c is at least 0, gets smaller, is "
+        "below 0 when the targets separate, and then grows in size. Each line of the "
+        "table corrects one thing more in Eqs. 2, 8 and 9. Of all "
+        f"{len(combinations)} combinations this holds for: "
         f"{'; '.join(equations.name for equations in valid)}.",
         Table(
             "environment_2018_figure_4",
@@ -178,11 +178,6 @@ def _encounter_parts() -> list[Part]:
             },
             [_figure_4_row(name, times, values, time) for name, values in curves.items()],
         ),
-        "The equations have three errors besides the missing minus: Eq. 2 measures phi_r from the "
-        "x axis and Eq. 8 theta from the y axis; an arctangent without quadrant does not "
-        "distinguish approach from separation; and the argument of the bars in Eq. 9 is *negative* "
-        "during the approach. T_cpa is a time without a distance: it is small for two targets that "
-        "pass at any distance, so T_cpa alone does not measure density.",
         _figure_4(states, times, curves, time),
     ]
 
@@ -310,15 +305,12 @@ def _decision_parts(setting: Setting) -> list[Part]:
         "### Table 1: association of the plots",
         f"Published: J of plot 1 is {a1:g} with A and {b1:g} with B, of plot 2 {a2:g} and {b2:g}; "
         "plot 1 is said to be A's, plot 2 B's. By the smaller J of each plot alone it would be "
-        f"{alone}; that each track takes the plot of its smaller J, or the pair of the smallest J "
-        "of all first and each plot and track once, "
-        f"{'gives' if pairs else 'does not give'} the published decision ({a1:g} + {b2:g} is also "
-        f"the smaller sum). A threshold epsilon must then be at least {max(a1, b2):g}, and lets "
-        f"plot 1 ({b1:g}) pass for B's too.",
-        "The source prints neither the units nor the variances of the features, so the numbers "
-        "cannot be reproduced. Simulated instead: three independent Gaussian features, in units of "
-        "one plot's standard deviation, each with an offset between the targets; "
-        f"{trials} encounters with a plot of each target; J by Eqs. 10 and 11.",
+        f"{alone}; the smallest J of all first, each plot and track once, "
+        f"{'gives' if pairs else 'does not give'} the published decision.",
+        "The source prints neither units nor variances of the features. Simulated instead: three "
+        "independent Gaussian features, in units of one plot's standard deviation, each with an "
+        f"offset between the targets; {trials} encounters with a plot of each target; J by Eqs. 10 "
+        "and 11.",
         Table(
             "environment_2018_table_1",
             {
@@ -328,11 +320,8 @@ def _decision_parts(setting: Setting) -> list[Part]:
                 "encounters right, smallest J first": ".3f",
             },
             rows,
+            [row for row in rows if row[0] != "3, 3"],
             bounds=False,
         ),
-        "J falls with the square of the number of earlier plots (u' moves by 1/(n+1) of the "
-        "difference). With unequal histories the longer history attracts all plots, and no single "
-        "epsilon fits both. J also adds squares of different units.",
-        "Figs. 2, 5 and 6 (features of clutter and targets, plots in the gates, J over the scans) "
-        "are of recordings of a vessel traffic service that are not published: not tested.",
+        "With unequal histories the longer history attracts all plots.",
     ]

@@ -219,6 +219,8 @@ class Table:
         The rows that the report shows; all if not given, and no table if there are none.
     bounds : bool
         Whether the report shows the intervals, as the file does.
+    hidden : sequence of str, optional
+        Columns that the report leaves out.
     """
 
     name: str
@@ -226,15 +228,21 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     reported: Sequence[Sequence[Cell]] | None = None
     bounds: bool = True
+    hidden: Sequence[str] = ()
 
     def markdown(self) -> str:
         """The table in Markdown; empty without rows."""
         rows = self.rows if self.reported is None else self.reported
+        shown = [name for name in self.columns if name not in self.hidden]
         texts = [
-            [self._text(*cell) for cell in zip(row, self.columns.values(), strict=True)]
+            [
+                self._text(cell, self.columns[name])
+                for cell, name in zip(row, self.columns, strict=True)
+                if name in shown
+            ]
             for row in rows
         ]
-        return markdown_table(list(self.columns), texts) if texts else ""
+        return markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
         """Text of a cell, a dash for nan."""

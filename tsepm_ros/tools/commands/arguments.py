@@ -58,8 +58,8 @@ def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") 
 
 
 def workers_of(options: argparse.Namespace) -> Workers:
-    """Workers of the runs, from `add_runs` and the option `scheduler`, if the command has it."""
-    return Workers(processes=options.workers, scheduler=getattr(options, "scheduler", None))
+    """Workers of the runs, from `add_runs`."""
+    return Workers(processes=options.workers)
 
 
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:

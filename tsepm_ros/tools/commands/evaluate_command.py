@@ -50,7 +50,6 @@ ARGUMENTS: Arguments = {
         "help": "default: every method",
     },
     "--scans": {"type": positive, "help": "scans of a run; default as in the scenario"},
-    "--scheduler": {"help": "address of a dask.distributed scheduler for the runs"},
     "--horizon": {
         "type": positive,
         "action": "append",
@@ -151,7 +150,7 @@ def _announce(plan: Plan, workers: Workers) -> None:
 
 def _repeated(line: str) -> str:
     """A command line without what does not change its figures."""
-    return re.sub(r" --(?:result|out|workers|scheduler)[ =]\S+", "", line)
+    return re.sub(r" --(?:result|out|workers)[ =]\S+", "", line)
 
 
 def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: str) -> None:

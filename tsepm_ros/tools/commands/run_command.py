@@ -73,7 +73,7 @@ from tsepm_ros.tools.replay.track_files import (
     TrackWriter,
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.tools.terminal import named_progress, with_progress
+from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tools.viewer.live_frames import make_server
 from tsepm_ros.tools.viewer.page_frames import RecordedScene
 from tsepm_ros.tools.viewer.page_state import write_page
@@ -309,7 +309,7 @@ def _title(options: argparse.Namespace, session: Session) -> str:
 
 def needs_scene(options: argparse.Namespace) -> bool:
     """Whether the output that is asked for draws the scene."""
-    return bool(options.out or options.picture or options.animation or options.html)
+    return bool(options.out or options.picture or options.html)
 
 
 RUN_ARGUMENTS: Arguments = {
@@ -328,7 +328,6 @@ RUN_ARGUMENTS: Arguments = {
         "--origin=-33.9,151.2"
     },
     "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
-    "--animation": {"type": in_folder, "help": "plan-position animation, a .gif file"},
     "--html": {
         "type": in_folder,
         "help": "self-contained page with a time slider, such as run.html",
@@ -350,8 +349,6 @@ def run_recording(options: argparse.Namespace) -> None:
     ValueError
         If an argument is not allowed, or a recording cannot be read.
     """
-    if options.animation and options.animation.suffix != ".gif":
-        raise ValueError(f"--animation must be a .gif file; got {options.animation}")
     drawing = _drawing(options)
     with ExitStack() as stack:
         run = open_run(options, stack)
@@ -371,13 +368,11 @@ def run_recording(options: argparse.Namespace) -> None:
 
 def _drawing(options: argparse.Namespace) -> ModuleType | None:
     """The module that draws the pictures that are asked for, if any."""
-    named = options.picture or options.animation
     try:
-        return import_module(DRAWING) if named or options.out else None
+        return import_module(DRAWING) if options.picture or options.out else None
     except ImportError:
-        if named:
-            message = "pictures and animations need matplotlib, see the extra plot"
-            raise ValueError(message) from None
+        if options.picture:
+            raise ValueError("pictures need matplotlib, see the extra plot") from None
         print("no picture: it needs matplotlib, see the extra plot", file=sys.stderr)
         return None
 
@@ -489,10 +484,6 @@ def _draw(drawing: ModuleType, scene: RunScene, options: argparse.Namespace) -> 
         for path in with_progress([picture], 1, "picture", "file"):
             drawing.save(scene, path)
         print(f"picture: {picture}", file=sys.stderr)
-    if options.animation:
-        step = drawing.animate(scene, options.animation, progress=named_progress("animation"))
-        every = "" if step == 1 else f", a frame for every {step} scans"
-        print(f"animation: {options.animation}{every}", file=sys.stderr)
 
 
 OPTIONS = ("host", "port", "token", "origin")
@@ -513,7 +504,7 @@ def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="arguments of ROS for live topics, such as -r tracks/current:=/boat/tracks/current",
     )
-    parser.set_defaults(out=None, picture=None, animation=None, html=True)
+    parser.set_defaults(out=None, picture=None, html=True)
 
 
 def run_watch(options: argparse.Namespace) -> None:

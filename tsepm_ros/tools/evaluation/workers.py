@@ -1,4 +1,4 @@
-"""Execution of runs by processes of this machine or by a scheduler's workers."""
+"""Execution of runs by processes of this machine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -48,16 +48,9 @@ class Workers:
     ----------
     processes : int
         Number of processes on this machine; 1 means this process alone.
-    scheduler : str, optional
-        Address of a `dask.distributed` scheduler whose workers do the runs instead. It needs the
-        extra `distributed`.
-    connect_time : float
-        Time limit for the scheduler's answer, s.
     """
 
     processes: int = 1
-    scheduler: str | None = None
-    connect_time: float = 10.0
 
     def mapped(
         self, function: Callable[[Job], Result], jobs: Sequence[Job], chunk: int = 1
@@ -71,15 +64,8 @@ class Workers:
         jobs : sequence
         chunk : int, optional
             Jobs per message to a process.
-
-        Raises
-        ------
-        ValueError
-            If the scheduler cannot be reached.
         """
-        if self.scheduler is not None:
-            yield from self._distributed(function, jobs, self.scheduler)
-        elif self.processes == 1:
+        if self.processes == 1:
             yield from map(function, jobs)
         else:
             pool = ProcessPoolExecutor(self.processes, initializer=_attach_to_parent)
@@ -89,21 +75,3 @@ class Workers:
                 yield from results
             finally:
                 pool.shutdown(cancel_futures=True)
-
-    def _distributed(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: str
-    ) -> Iterator[Result]:
-        """Do the jobs by a scheduler's workers; the jobs of a lost worker are repeated."""
-        try:
-            from distributed import Client
-        except ImportError:
-            raise ValueError(
-                "a scheduler needs the package distributed, which is missing"
-            ) from None
-        try:
-            client = Client(scheduler, timeout=self.connect_time)
-        except OSError as error:
-            raise ValueError(f"scheduler {scheduler} cannot be reached: {error}") from None
-        with client:
-            for future in client.map(function, jobs, pure=False):
-                yield future.result()

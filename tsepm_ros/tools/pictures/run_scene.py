@@ -1,9 +1,9 @@
-"""Content of a plan-position picture or animation of a run, by scan."""
+"""Content of a plan-position picture of a run, by scan."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -80,15 +80,12 @@ class RunScene:
         Time (s), x and y (m) of each target.
     judged : list of Judged, optional
         Outcome of each start, if the origin of the detections is known.
-    elsewhere : set of int, optional
-        Ids of the starts far from every recorded target, if recorded targets are compared.
     """
 
     title: str
     scans: list[ScanView] = field(default_factory=list)
     truth: list[FloatArray] = field(default_factory=list)
     judged: list[Judged] | None = None
-    elsewhere: set[int] | None = None
 
     @property
     def starts(self) -> list[ConfirmedTrack]:
@@ -98,8 +95,7 @@ class RunScene:
     def starts_by(self, true: bool) -> list[ConfirmedTrack]:
         """True starts, or those with another outcome; starts without judgement count as true."""
         if self.judged is None:
-            elsewhere = self.elsewhere or set()
-            return [track for track in self.starts if (track.track_id not in elsewhere) is true]
+            return self.starts if true else []
         return [one.track for one in self.judged if (one.outcome is Outcome.TRUE) is true]
 
     @property
@@ -148,15 +144,15 @@ class RunScene:
         """Positions of each held track, (m, 2), by its id."""
         return {key: way[np.isfinite(way[:, 2]), :2] for key, way in self.ways().items()}
 
-    def ways(self, scans: int | None = None) -> dict[int, FloatArray]:
-        """Way of each held track by its id; of the first scans if given.
+    def ways(self) -> dict[int, FloatArray]:
+        """Way of each held track by its id.
 
         Each is an (m, 3) array: x and y (m), and the time since its target was detected (s). A row
         of nan stands for scans in which the track was withheld.
         """
         ways: dict[int, list[list[float]]] = {}
         before: set[int] = set()
-        for view in self.scans[:scans]:
+        for view in self.scans:
             points = np.column_stack([view.held.state[:, 0::2], view.held.time_since_hit])
             for track_id, point in zip(view.held.track_id.tolist(), points.tolist(), strict=True):
                 way = ways.setdefault(track_id, [])
@@ -174,7 +170,8 @@ class RunScene:
     @property
     def own_ship(self) -> FloatArray:
         """Path of the sensor, (m, 3): x, y (m) and heading (rad, nan if unknown)."""
-        return own_ship_path(self.scans)
+        path = [view.sensor for view in self.scans if view.sensor is not None]
+        return np.array(path).reshape(-1, 3)
 
 
 def headline(scene: RunScene) -> str:
@@ -182,10 +179,7 @@ def headline(scene: RunScene) -> str:
     pings = _pings(len(scene.scans))
     if scene.judged is None:
         held = f"{len(scene.scans[-1].held) if scene.scans else 0} held at the end"
-        if scene.elsewhere is None:
-            return f"{_tracks(len(scene.starts))} in {pings}, {held}"
-        near = len(scene.starts_by(true=True))
-        return f"{_tracks(near)} on a target, {len(scene.elsewhere)} elsewhere, in {pings}, {held}"
+        return f"{_tracks(len(scene.starts))} in {pings}, {held}"
     starts, start_scans = scene.true_starts, scene.start_scans
     if starts:
         last = max(start_scans[judgement.track.track_id] for judgement in starts.values())
@@ -212,11 +206,6 @@ def _tracks(number: int, kind: str = "") -> str:
 def target_name(index: int) -> str:
     """Name of a target in tables and pictures: A to Z, then by number. Tracks have numbers."""
     return chr(ord("A") + index) if index < 26 else f"T{index}"
-
-
-def own_ship_path(scans: Iterable[ScanView]) -> FloatArray:
-    """Positions of the sensor in some scans, with headings, (m, 3)."""
-    return np.array([view.sensor for view in scans if view.sensor is not None]).reshape(-1, 3)
 
 
 def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatArray]:
