@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import io
 import os
 import pty
 import struct
@@ -23,11 +22,6 @@ SHOW = (
 )
 
 
-def test_the_results_pass_unchanged(capsys):
-    assert list(with_progress(iter("abc"), 3)) == ["a", "b", "c"]
-    assert capsys.readouterr().err == ""
-
-
 def test_a_terminal_shows_the_work_and_a_pipe_does_not():
     main, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
@@ -40,19 +34,6 @@ def test_a_terminal_shows_the_work_and_a_pipe_does_not():
     os.close(main)
     piped = subprocess.run([sys.executable, "-c", SHOW], capture_output=True, check=True)
     assert piped.stderr == b""
-
-
-def test_a_line_is_written_at_once():
-    class File(io.StringIO):
-        flushed = False
-
-        def flush(self):
-            self.flushed = True
-
-    file = File()
-    write_line("a line", file)
-    assert file.getvalue() == "a line\n"
-    assert file.flushed
 
 
 COMMANDS = ("run", "design", "evaluate", "reproduce")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tsepm_ros.tracker.scan import Arc, arc_of
+from tsepm_ros.tracker.scan import arc_of
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,3 @@ def test_a_random_arc_is_as_narrow_as_any():
         widths = [np.mod(azimuths - first, 2 * np.pi).max() for first in azimuths]
         assert arc.width == pytest.approx(min(widths), abs=1e-9)
         assert (np.mod(azimuths - arc.start + 1e-9, 2 * np.pi) <= arc.width + 2e-9).all()
-
-
-def test_the_middle_of_an_arc():
-    assert Arc(1.0, 2.0).middle == 2.0

@@ -38,11 +38,6 @@ def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
     assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
 
 
-def test_nothing_is_in_common_with_nothing():
-    assert disjoint(np.zeros((0, 4), np.int64), np.zeros(0)).tolist() == []
-    assert disjoint(np.full((3, 2), NO_HIT), np.zeros(3)).tolist() == [0, 1, 2]
-
-
 PAIRS = Pairs(np.array([0, 0, 1, 1, 2]), np.array([0, 1, 0, 1, 1]), np.array([3.0, 5, 1, 1, 2]))
 
 

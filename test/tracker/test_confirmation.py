@@ -12,7 +12,7 @@ import pytest
 from support.builders import AS_GIVEN, scan_at
 from support.plain_score import at_max_speed, plain_starts, strong_groups
 from support.scenes import Scene, crowded_scene, random_scene
-from support.score_scenes import clutter, in_plain_loops, score
+from support.score_scenes import in_plain_loops, score
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.score import Score
@@ -163,20 +163,6 @@ def test_no_track_on_two_hits_however_strong():
     assert len(initiator.process(scan_at(0.0, first))) == 0
     assert len(initiator.process(scan_at(12.0, second))) == 0
     assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
-
-
-@pytest.mark.long
-def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
-    initiator = score(false_tracks_per_hour=1e5)
-    rng = np.random.default_rng(1)
-    found = [
-        track
-        for index in range(6)
-        for track in initiator.process(Scan(12.0 * index, *clutter(rng)))
-    ]
-    assert len(found) > 50
-    assert min(len(track.hits) for track in found) >= 3
-    assert all(np.isfinite(track.state).all() for track in found)
 
 
 def test_hits_at_one_time_make_no_track():

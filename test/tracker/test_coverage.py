@@ -196,18 +196,6 @@ def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn
     np.testing.assert_allclose(np.cos(found[1] - beam), 1.0, atol=1e-6)
 
 
-def test_a_ping_is_judged_by_range_as_before():
-    rng = np.random.default_rng(4)
-    for number in (1, 2, 3, 10, 100):
-        range_, azimuth = rng.uniform(1.0, 9000.0, number), rng.uniform(-3.0, 3.0, number)
-        pose = rng.normal(size=(number, 3))
-        scan = Scan(0.0, range_, azimuth, time_offset=range_ / 1500.0, sensor_pose=pose)
-        one, other = echo_poses_of(scan), PosesByRange.of(scan)
-        assert isinstance(one, PosesByRange)
-        assert np.array_equal(one.range, other.range)
-        assert np.array_equal(one.pose, other.pose)
-
-
 def test_a_part_of_a_sweep_sees_its_arc_only():
     initiator = make_initiator("score", sensor=SensorModel(max_range=1000.0))
     initiator.process(Scan(0.0, [500.0], [3.1], swept=[3.0, 1.0]))

@@ -23,13 +23,6 @@ def window() -> DetectionWindow:
     return window
 
 
-def test_ids_count_on_from_scan_to_scan():
-    window = DetectionWindow()
-    assert window.append(scan_of(3, 0)).tolist() == [0, 1, 2]
-    assert window.append(scan_of(0, 1)).tolist() == []
-    assert window.append(scan_of(2, 2)).tolist() == [3, 4]
-
-
 def test_ids_stay_the_same_when_old_scans_are_forgotten(window):
     before = window[np.array([4, 5, 8])]
     window.forget(2)
@@ -39,19 +32,6 @@ def test_ids_stay_the_same_when_old_scans_are_forgotten(window):
     assert after["scan"].tolist() == [2, 3, 3]
     assert len(window) == 6
     assert window.append(scan_of(1, 4)).tolist() == [9]
-
-
-def test_ids_count_on_where_everything_was_forgotten(window):
-    window.forget(100)
-    assert len(window) == 0
-    assert window.append(scan_of(2, 100)).tolist() == [9, 10]
-    assert window[np.array([10])]["index"].tolist() == [1]
-
-
-def test_an_array_of_ids_keeps_its_shape(window):
-    found = window[np.array([[0, 3], [2, 8]])]
-    assert found["scan"].tolist() == [[0, 2], [0, 3]]
-    assert found["index"].tolist() == [[0, 0], [2, 3]]
 
 
 def test_what_several_tracks_claim_is_one_of_theirs(window):

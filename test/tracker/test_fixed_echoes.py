@@ -43,13 +43,6 @@ def published_reflectors(seeds: range, pings: int, **kind) -> tuple[int, int, fl
     return published, 5 * len(seeds), listed / (5 * len(seeds))
 
 
-@pytest.mark.long
-def test_fixed_reflectors_are_listed_and_not_published():
-    published, number, listed = published_reflectors(range(1, 4), 40)
-    assert (published, number) == (0, 15)
-    assert listed == 1.0
-
-
 @pytest.mark.parametrize(
     "kind", [{"heading_std": 0.02, "position_std": 1.0}, {"speed": 1.0}], ids=["pose", "moving"]
 )

@@ -13,9 +13,7 @@ from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, reconfigured
 from support.patience import WAIT
 from support.scenes import random_scene
 
-import tsepm_ros
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -39,22 +37,6 @@ def test_the_methods_are_named():
     assert "tsepm" in available_methods()
     for method in available_methods():
         assert not make_initiator(method, sensor=SensorModel()).process(Scan(0.0, [], []))
-
-
-def test_the_defaults_are_the_paper_s():
-    made = make_initiator("tsepm", sensor=SensorModel())
-    assert made.options == TsepmOptions(
-        min_hits=5,
-        window=8,
-        gate_probability=0.9,
-        estimator="unweighted",
-        evaluation="normalized_distance",
-        pruning_probability=0.99,
-        pruning_reading="literal",
-        merging_probability=0.9,
-        merging="moments",
-    )
-    assert made.common.max_speed == 10.0
 
 
 def test_an_unknown_method_is_refused_and_the_known_are_named():
@@ -126,29 +108,6 @@ def test_totals_are_the_sums_of_the_scans():
     assert made.totals.pruned > 0
 
 
-def test_potential_tracks_are_counted_after_the_scan():
-    made = initiator(max_speed=1.0)
-    counts = []
-    for k, positions in enumerate([[HERE], [HERE, (-3000.0, 0.0)], [], [], []]):
-        made.process(scan_at(12.0 * k, positions))
-        counts.append(made.statistics.potential_tracks)
-    assert counts == [1, 2, 2, 1, 0]
-
-
-def test_track_ids_go_on_through_resets_and_scans_count_anew():
-    made = initiator()
-
-    def confirm(first: float):
-        return [made.process(scan_at(first + 12.0 * k, [HERE])) for k in range(3)][-1]
-
-    (one,) = confirm(1000.0)
-    made.reset()
-    assert made.totals == made.statistics == ScanStatistics()
-    (two,) = confirm(0.0)
-    assert (one.track_id, two.track_id) == (0, 1)
-    assert one.hits == two.hits == ((0, 0), (1, 0), (2, 0))
-
-
 def test_a_reset_initiator_works_as_a_new_one():
     made, scans = from_scene()
     expected = [made.process(scan) for scan in scans]
@@ -165,12 +124,6 @@ def test_an_initiator_is_shown_in_one_line():
     for k in range(3):
         made.process(scan_at(12.0 * k, [HERE]))
     assert repr(made) == "Tracker(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
-
-
-def test_the_package_shows_its_public_names_only():
-    assert dir(tsepm_ros) == sorted(tsepm_ros.__all__)
-    for name in dir(tsepm_ros):
-        assert hasattr(tsepm_ros, name)
 
 
 def test_track_ids_fit_32_bits():
@@ -273,29 +226,6 @@ def test_absurd_numbers_are_refused_by_name_or_processed(absurd, estimator):
             assert np.isfinite(track.state).all()
             assert np.isfinite(track.covariance).all()
     assert made.totals.scans == 4
-
-
-def test_empty_scans_count_as_scans():
-    made = initiator()
-    stamps = range(0, 72, 12)
-    positions = [[HERE], [], [], [HERE], [HERE], []]
-    tracks = [
-        made.process(scan_at(float(t), where)) for t, where in zip(stamps, positions, strict=True)
-    ]
-    assert [len(new) for new in tracks] == [0] * 6, "hits 0, 3 and 4 are within 5 scans, not 4"
-    assert made.totals.scans == 6
-    assert made.scan_index == 5
-
-
-def test_nothing_but_empty_scans_gives_nothing():
-    made = initiator()
-    for k in range(20):
-        assert not made.process(Scan(12.0 * k, [], []))
-    assert made.totals == ScanStatistics(scans=20)
-
-
-def test_before_the_first_scan_there_are_no_potential_tracks():
-    assert not initiator().potential_tracks()
 
 
 def test_potential_tracks_have_two_hits_and_more():

@@ -17,20 +17,9 @@ def paths(hit_count: np.ndarray, most: int) -> Paths:
     return Paths(hits, hit_count, np.zeros(len(hit_count), np.int64))
 
 
-def test_every_path_comes_once_with_those_of_as_many_hits():
-    several = paths(np.array([3, 2, 4, 2]), 5)
-    blocks = [(rows.tolist(), hits.shape) for rows, hits in several.of_equal_count()]
-    assert blocks == [([1, 3], (2, 2)), ([0], (1, 3)), ([2], (1, 4))]
-    assert all((hits != NO_HIT).all() for _, hits in several.of_equal_count())
-
-
 def test_blocks_are_bounded():
     many = paths(np.full(MAX_ROWS_TOGETHER + 5, 2), 2)
     assert [len(rows) for rows, _ in many.of_equal_count()] == [MAX_ROWS_TOGETHER, 5]
-
-
-def test_no_paths_are_no_blocks():
-    assert list(paths(np.zeros(0, np.int64), 3).of_equal_count()) == []
 
 
 @pytest.mark.parametrize("estimator", ["unweighted", "weighted"])

@@ -62,12 +62,6 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
     np.testing.assert_allclose(found.covariance[0], spread, atol=1e-8 * V_MAX**2)
 
 
-def test_of_the_velocity_prior_all_but_exp_minus_2_is_inside():
-    state, covariance = with_velocity(1, np.zeros(2), np.eye(2) * V_MAX**2 / 4.0)
-    found = log_speed_probability(state, covariance, V_MAX)
-    np.testing.assert_allclose(found, math.log(1.0 - math.exp(-2.0)), rtol=1e-9)
-
-
 def test_a_state_with_little_outside_stays_to_the_bit():
     # Far from the edge, and with a little less than MAX_OUTSIDE beyond it, in one dimension.
     for speed, sigma in ((3.0, 1.0), (8.9, 1.5)):

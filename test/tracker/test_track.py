@@ -38,19 +38,6 @@ def test_prediction_is_at_constant_velocity(step):
     assert (after.stamp, after.age) == (100.0 + step, 36.0 + step)
 
 
-def test_prediction_keeps_everything_else():
-    before, after = track(), track().predicted(130.0)
-    for name in ("track_id", "hits", "evaluation", "score", "scan_count"):
-        assert getattr(after, name) == getattr(before, name)
-
-
-def test_prediction_changes_nothing_in_place():
-    before = track()
-    before.predicted(200.0)
-    np.testing.assert_array_equal(before.state, track().state)
-    np.testing.assert_array_equal(before.covariance, track().covariance)
-
-
 def test_many_tracks_are_predicted_to_one_time_as_each_alone():
     tracks = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
     for one, alone in zip(TrackArrays.of(tracks).predicted(150.0), tracks, strict=True):
@@ -58,10 +45,6 @@ def test_many_tracks_are_predicted_to_one_time_as_each_alone():
         assert (one.track_id, one.stamp, one.age) == (alone.track_id, 150.0, expected.age)
         np.testing.assert_allclose(one.state, expected.state)
         np.testing.assert_allclose(one.covariance, expected.covariance)
-
-
-def test_no_tracks_are_predicted_to_none():
-    assert len(TrackArrays.of([]).predicted(150.0)) == 0
 
 
 def test_position_and_velocity_are_parts_of_the_state():

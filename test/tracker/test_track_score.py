@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
 
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.numerics.grouped import summed
@@ -31,20 +30,6 @@ def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
     children = clutter * cell * np.exp(increment[inside]).sum()
     missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
     assert children + missed == pytest.approx(1.0, abs=1e-3)
-
-
-def test_a_hit_adds_what_its_density_is_above_the_clutter():
-    innovation = np.array([[10.0, -20.0]])
-    density, distance = log_density(innovation, SPREAD[None])
-    exact = multivariate_normal(np.zeros(2), SPREAD)
-    np.testing.assert_allclose(density, exact.logpdf(innovation[0]))
-    np.testing.assert_allclose(distance, innovation[0] @ np.linalg.inv(SPREAD) @ innovation[0])
-    increment = hit_increment(density, 0.9, np.array([1e-6]))
-    np.testing.assert_allclose(increment, math.log(0.9 * exact.pdf(innovation[0]) / 1e-6))
-
-
-def test_nothing_is_missed_where_nothing_can_be_detected():
-    assert miss_increment(np.array([0.0]), 0.99).tolist() == [0.0]
 
 
 def test_a_miss_of_a_sure_target_stays_possible():

@@ -59,13 +59,6 @@ def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, mo
     assert not list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.long
-def test_the_scene_of_an_evaluation_can_be_changed(tmp_path):
-    one_point = ("-p", "false_tracks_per_hour:=300.0")
-    evaluated(tmp_path, "--scene", "sensor.clutter_density:=2.0e-6", *one_point)
-    assert "clutter 2e-06 /m^2" in (tmp_path / "evaluation.md").read_text()
-
-
 def test_what_will_be_done_and_how_long_is_said_before_the_first_run(
     capsys, monkeypatch, scenario, tmp_path
 ):

@@ -94,18 +94,6 @@ def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
     assert line.endswith(row["reason"])
 
 
-def test_held_tracks_are_written_scan_by_scan(recording, tmp_path):
-    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
-    with (tmp_path / "out" / "current.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["stamp"]) for row in rows] == [24.0 + 12.0 * k for k in range(6)]
-    assert len({row["track_id"] for row in rows}) == 1
-    for row in rows:
-        assert float(row["state_x"]) == pytest.approx(5.0 * float(row["stamp"]), abs=1.0)
-        assert float(row["cov_00"]) > 0.0
-    assert "reason" not in rows[0]
-
-
 def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
     rows = [f"{12.0 * k},{1000.0 + 100 * n},{10.0 * n - 45.0}" for k in range(8) for n in range(10)]
     (tmp_path / "detections.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
@@ -226,13 +214,6 @@ def test_the_time_of_a_run_is_that_of_its_stamps_not_of_the_recorder(capsys, tmp
     assert "10 scans, " in (printed := capsys.readouterr().out) and "; 36.0 s in" in printed
 
 
-def test_notes_of_a_recording_come_first(capsys, tmp_path):
-    rows = [f"{time},{100 + time},{0.1 * n}" for time in range(9) for n in range(4)]
-    (tmp_path / "run2.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
-    assert main(["run", str(tmp_path / "run2.csv")]) == 0
-    assert capsys.readouterr().err.startswith("note: time_s has steps of 1 s")
-
-
 def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, tmp_path):
     pytest.importorskip("rosbags")
     for folder in ("one", "other"):
@@ -330,12 +311,6 @@ def parameter_file(tmp_path):
 
 def starts(capsys) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
-
-
-def test_a_parameter_file_of_the_node_holds_for_a_recording(capsys, recording, parameter_file):
-    """The target is 3 km away."""
-    assert main(["run", recording, "--params-file", parameter_file]) == 0
-    assert not starts(capsys)
 
 
 def test_of_files_and_assignments_the_last_value_holds(capsys, recording, parameter_file):

@@ -29,13 +29,6 @@ def test_a_run_is_drawn_by_one_command(scenario, tmp_path):
     assert animation.stat().st_size < 3e6
 
 
-@pytest.mark.long
-def test_an_animation_alone_makes_no_picture(scenario, tmp_path):
-    pytest.importorskip("matplotlib")
-    assert main(["run", scenario, "--animation", str(tmp_path / "run.gif")]) == 0
-    assert [path.name for path in tmp_path.glob("**/*.[pg]*")] == ["run.gif"]
-
-
 def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
     pytest.importorskip("matplotlib")
     from PIL import Image

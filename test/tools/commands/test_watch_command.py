@@ -140,15 +140,3 @@ def test_without_ros_live_topics_are_refused(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "rclpy.node", None)
     monkeypatch.setitem(sys.modules, "diagnostic_msgs.msg", None)
     assert "live topics need ROS 2" in refused(capsys)
-
-
-def test_no_module_of_ros_is_imported(recording):
-    check = (
-        "import sys\n"
-        "from tsepm_ros.tools.commands.cli import main\n"
-        f"code = main(['run', {recording!r}, '--html', {recording + '/page.html'!r}])\n"
-        "assert code == 0\n"
-        "import tsepm_ros.tools.viewer.page_server\n"
-        "assert not [name for name in sys.modules if name.split('.')[0] == 'rclpy']\n"
-    )
-    subprocess.run([sys.executable, "-c", check], check=True, stdout=subprocess.DEVNULL)

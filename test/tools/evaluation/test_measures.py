@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from support.run_summaries import NOTHING, run_of, start
 
@@ -55,31 +54,6 @@ def test_errors_of_true_and_of_pure_starts():
     assert figures.pure_position_error.value == pytest.approx(math.sqrt((30**2 + 50**2) / 2))
     assert figures.pure_nees.value == 7.0
     assert figures.position_to_bound.value == pytest.approx(math.sqrt((30**2 + 50**2) / 1800))
-
-
-def test_errors_that_follow_their_bounds_are_at_the_bound():
-    # Exact Gaussian errors: sigma per axis for a bound of sqrt(2) sigma.
-    rng = np.random.default_rng(8)
-    sigma = rng.uniform(20.0, 60.0, 3000)
-    position = np.linalg.norm(rng.normal(0.0, sigma, (2, 3000)), axis=0)
-    velocity = np.linalg.norm(rng.normal(0.0, 1.5, (2, 3000)), axis=0)
-    runs = [
-        run_of(
-            start(
-                0,
-                position_error=float(position[k]),
-                position_bound=math.sqrt(2.0) * float(sigma[k]),
-                velocity_error=float(velocity[k]),
-                velocity_bound=math.sqrt(2.0),
-            )
-        )
-        for k in range(3000)
-    ]
-    figures = measures_of(SCENE, runs)
-    assert figures.position_to_bound.value == pytest.approx(1.0, abs=0.04)
-    assert figures.position_to_bound.low < 1.0 < figures.position_to_bound.high
-    assert figures.velocity_to_bound.value == pytest.approx(1.5, abs=0.06)
-    assert figures.velocity_to_bound.high - figures.velocity_to_bound.low < 0.12
 
 
 def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():

@@ -6,7 +6,6 @@ import pytest
 
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
-    printed,
     read_result,
     write_result,
     write_table,
@@ -38,15 +37,3 @@ def test_a_table_is_written_only_where_a_file_is_named(tmp_path, monkeypatch):
     write_table(path, "python a.py", table, seed=3, runs=7)
     expected = Result(command="python a.py", seed=3, runs=7, header=table[0], rows=table[1])
     assert read_result(path) == expected
-
-
-def test_rows_are_printed_at_once_as_a_markdown_table(capsys):
-    seen = []
-
-    def rows():
-        for row in (("name", "value"), ("a", "1"), ("b", "2")):
-            yield row
-            seen.append(capsys.readouterr().out)
-
-    assert printed(rows()) == (["name", "value"], [["a", "1"], ["b", "2"]])
-    assert seen == ["| name | value |\n|---|---|\n", "| a | 1 |\n", "| b | 2 |\n"]

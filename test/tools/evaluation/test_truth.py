@@ -103,13 +103,6 @@ def test_the_border_is_measured_from_where_the_sensor_is():
     assert near[0].outcome is MISPLACED
 
 
-def test_the_truth_is_taken_at_the_track_s_stamp():
-    late = track([0] * 5, stamp=1000.0)
-    early = ConfirmedTrack(0, 100.0, late.state, late.covariance, late.hits, 0.0)
-    assert outcomes(late) == [TRUE]
-    assert outcomes(early) == [MISPLACED]
-
-
 def test_errors_are_those_from_the_target():
     (one,) = judged(track([0] * 5, off=(30.0, -40.0)))
     assert one.position_error == pytest.approx(50.0)

@@ -76,12 +76,6 @@ def test_spaces_and_a_byte_order_mark_do_no_harm(tmp_path):
     assert scan.fields["range"].tolist() == [1.0]
 
 
-def test_the_file_of_detections_names_the_recording_too(write):
-    folder = write(detections=DETECTIONS)
-    assert len(read_recording(folder / "detections.csv").scans) == 2
-    assert len(read_recording(str(folder)).scans) == 2
-
-
 def test_scans_known_to_the_own_ship_only_were_empty(write):
     own_ship = "scan,time_s,east_m,north_m\n0,0,1,2\n1,12,3,4\n2,24,5,6\n3,36,7,8\n"
     recording = read_recording(write(detections=DETECTIONS, own_ship=own_ship))
@@ -190,10 +184,6 @@ def test_a_malformed_recording_is_refused_by_file_and_column_or_line(write, file
     with pytest.raises(ValueError) as refused:
         read_recording(write(**files))
     assert str(refused.value).startswith(sentence)
-
-
-def test_blank_lines_at_the_end_do_no_harm(write):
-    assert len(read_recording(write(detections=DETECTIONS + "\n\n")).scans) == 2
 
 
 def test_a_recording_without_rows_has_no_scans_and_says_so(write):

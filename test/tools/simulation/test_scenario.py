@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -12,7 +11,6 @@ from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenari
 from tsepm_ros.tools.simulation.scenario import (
     OwnShipMotion,
     TargetArea,
-    WaypointMotion,
     scenario_from,
 )
 
@@ -31,15 +29,6 @@ def test_the_box_is_the_paper_s_scene():
     assert (box.period, box.sensor.clutter_density) == (12.0, 1e-6)
     assert box.area == 6000.0**2
     assert box.duration == 15 * 12.0
-
-
-def test_a_file_loads_as_a_shipped_scenario_does(tmp_path):
-    path = tmp_path / "harbour.yaml"
-    path.write_text("period: 2\nscans: 3\nsensor: {max_range: 500}\nsound_speed: 1480.0\n")
-    scenario = load_scenario(str(path))
-    assert (scenario.name, scenario.period, scenario.scans) == ("harbour", 2, 3)
-    assert scenario.sensor.max_range == 500.0
-    assert scenario.sound_speed == 1480.0
 
 
 def test_degrees_are_read_where_a_key_says_so():
@@ -269,14 +258,6 @@ def test_a_closed_course_repeats_and_an_open_one_goes_straight_on():
     assert way.pose(1e4)[1] == pytest.approx(400.0)
 
 
-def test_a_platform_that_does_not_run_its_course_stays_at_its_begin():
-    motion = scenario_from(course(speed=0.0, closed=True)).own_ship
-    assert isinstance(motion, WaypointMotion)
-    for time in (-1.0, 0.0, 1e6):
-        assert motion.pose(time).tolist() == [0.0, 0.0, 0.0]
-    assert motion.rates(5.0).tolist() == [0.0, 0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     "one",
     [
@@ -298,11 +279,6 @@ def test_drawn_targets_stay_within_their_ranges_for_the_whole_run(one):
         assert (distance <= one.ranges[1] + 1e-9).all()
 
 
-def test_targets_that_cannot_stay_are_refused():
-    with pytest.raises(ValueError, match="targets: no target stays"):
-        TargetArea(1, (100.0, 101.0), (0.0, 6.0), 50.0).draw(np.random.default_rng(1), 60.0)
-
-
 def test_still_targets_are_drawn_with_equal_probability_per_area():
     # Radii squared are uniform: Kolmogorov-Smirnov on 2000 draws at 0.1 %, distance 0.044.
     one = TargetArea(2000, (1000.0, 3000.0), (0.0, 1.0), 0.0)
@@ -310,14 +286,6 @@ def test_still_targets_are_drawn_with_equal_probability_per_area():
     square = (np.square(states[:, 0]) + np.square(states[:, 2]) - 1e6) / 8e6
     gap = np.abs(np.sort(square) - (np.arange(2000) + 0.5) / 2000).max()
     assert gap < 0.044
-
-
-def test_values_of_a_scenario_can_be_changed():
-    changes = {"scans": 5, "sensor.clutter_density": 2e-6, "own_ship.speed": 3.0}
-    box, changed = load_scenario("box"), load_scenario("box", changes)
-    assert changed.scans == 5
-    assert changed.own_ship.speed == 3.0
-    assert changed.sensor == dataclasses.replace(box.sensor, clutter_density=2e-6)
 
 
 def test_deep_yaml_is_refused_with_a_sentence(tmp_path):
