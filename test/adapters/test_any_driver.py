@@ -146,16 +146,6 @@ def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
 
 
 @pytest.mark.usefixtures("_installed")
-@EVERY_TYPE
-def test_a_written_message_may_have_no_detections(type_name):
-    nothing = np.zeros(0)
-    message = write_detections(
-        type_name, header_at(START), scan_of(nothing, nothing), sound_speed=1500.0
-    )
-    assert len(read_detections(message)) == 0
-
-
-@pytest.mark.usefixtures("_installed")
 @pytest.mark.parametrize("name", ["SonarDetections", "SonarRanges"])
 def test_sonar_messages_cannot_be_written_without_a_sound_speed(name):
     with pytest.raises(ValueError, match="sound_speed"):

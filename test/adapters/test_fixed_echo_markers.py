@@ -9,11 +9,6 @@ from msg_adapters import fixed_echo_markers
 from msg_adapters.track_markers import MAX_LABELS
 
 
-def test_a_message_replaces_the_last(header, over_the_wire):
-    (marker,) = over_the_wire(fixed_echo_markers(header, [])).markers
-    assert (marker.action, marker.header) == (Marker.DELETEALL, header)
-
-
 def test_each_echo_has_a_cube_and_a_label_with_its_minutes(header, make_track, over_the_wire):
     echoes = [
         make_track(state=np.array([10.0, 0.0, -20.0, 0.0]), age=90.0),

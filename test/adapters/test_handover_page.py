@@ -78,12 +78,6 @@ def _each(names: str, offsets: str) -> list[str]:
     return given if len(given) > 1 else given * len(names.split(","))
 
 
-def test_an_empty_message_is_a_message(over_the_wire):
-    page = run_page()
-    report = tracker_report(over_the_wire(page["tracked"](STAMP, "odom", [])))
-    assert len(report.tracks) == 0
-
-
 def test_odometry_gives_the_same_state_and_loses_what_is_between(make_track, over_the_wire):
     track = make_track()
     message = over_the_wire(track_odometry(make_header(STAMP, "odom"), track))

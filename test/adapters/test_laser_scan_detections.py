@@ -144,12 +144,6 @@ def test_limits_that_are_no_numbers_leave_nothing_out():
     assert len(read_detections(fan([20.0, 3000.0], range_min=NAN, range_max=NAN))) == 2
 
 
-@pytest.mark.parametrize("ranges", [[], [INF, INF]], ids=["no_rays", "nothing_there"])
-def test_a_scan_without_detections_is_good(ranges):
-    found = read_detections(fan(ranges))
-    assert (len(found), found.dropped) == (0, {})
-
-
 def test_neighbouring_rays_on_one_hull_are_of_one_group():
     ranges = [20.0, 20.2, 20.4, 60.0, INF, 60.1, 60.2, -INF, 60.3]
     group = read_detections(fan(ranges, angle_increment=0.0125)).scan.group

@@ -166,15 +166,6 @@ def test_a_cloud_of_an_earlier_version_lacks_a_field(field, given):
     np.testing.assert_array_equal(getattr(track_arrays(records, 0.0), field), given)
 
 
-def test_without_tracks_the_cloud_is_empty_and_has_all_fields(header, over_the_wire):
-    cloud = over_the_wire(track_cloud(header, []))
-    assert [field.name for field in cloud.fields] == [name for name, _, _ in LAYOUT]
-    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 0, POINT_STEP, 0)
-    assert len(cloud.data) == 0
-    assert len(read_track_cloud(cloud)) == 0
-    assert track_covariances(read_track_cloud(cloud)).shape == (0, 4, 4)
-
-
 @pytest.mark.parametrize(
     ("count", "written"), [(65534, 65534), (65535, 65535), (65536, 65535), (10**6, 65535)]
 )
@@ -236,10 +227,3 @@ def test_a_report_in_a_ned_frame_is_read_in_east_and_north(header, make_track):
     header.frame_id = "/map_ned"
     report = tracker_report(track_cloud(header, [make_track(state=np.arange(4.0))]))
     assert (report.frame_id, report.tracks.state.tolist()) == ("map_ned", [[2.0, 3.0, 0.0, 1.0]])
-
-
-def test_truth_without_errors_can_be_written(header, make_track):
-    truth = make_track(covariance=np.zeros((4, 4)), hits=())
-    records = read_track_cloud(track_cloud(header, [truth]))
-    assert not track_covariances(records).any()
-    assert records["hit_count"][0] == 0

@@ -88,16 +88,6 @@ def test_states_and_ends_of_tracks_are_counted_by_name():
     }
 
 
-def test_before_the_first_scan_what_is_missing_is_said():
-    run = Run()
-    run.connections = Connections(subscribed=False)
-    assert run.said("detections", 0.0) == (Level.WARN, "no publisher of detections yet")
-    run.connections = Connections()
-    assert run.said("detections", 1.0) == (Level.WARN, "no scan yet")
-    run.set(own_ship_source="odometry")
-    assert run.said("own ship", 2.0) == (Level.WARN, "no own-ship data yet")
-
-
 def test_a_run_without_faults_is_ok_everywhere():
     run = Run()
     run.set(own_ship_source="odometry", own_ship_stamp=60.0, scan_stamp=60.0)
@@ -224,11 +214,6 @@ def test_a_limit_that_cut_is_a_warning_for_the_window():
     assert run.status("track initiation", 61.0).level == Level.OK
 
 
-def test_own_ship_data_is_not_needed_where_the_sensor_does_not_move():
-    run = Run()
-    assert run.said("own ship", 0.0) == (Level.OK, "not needed: the sensor does not move")
-
-
 def test_own_ship_data_that_is_published_and_not_used_is_a_warning_while_it_is():
     run = Run()
     run.connections = Connections(unused_own_ship="/boat/own_ship/odometry")
@@ -337,17 +322,6 @@ def test_a_few_detections_say_nothing_of_the_clutter_density():
     assert run.status("clutter", 228.0).level == Level.WARN
 
 
-def test_a_mismatch_of_qualities_is_an_error_while_it_stands():
-    run = Run()
-    run.connections = Connections(mismatches_heard={"/tracks": 2}, mismatches=["/tracks"])
-    status = run.status("quality of service", 0.0)
-    assert (status.level, status.values) == (Level.ERROR, {"mismatches./tracks": 2})
-    assert "/tracks" in status.message
-    run.connections = Connections(mismatches_heard={"/tracks": 2})
-    status = run.status("quality of service", 0.0)
-    assert (status.level, status.values) == (Level.OK, {"mismatches./tracks": 2})
-
-
 @pytest.mark.parametrize(
     ("unread", "readable", "said"),
     [
@@ -386,15 +360,6 @@ def test_what_does_not_fit_the_scans_is_a_warning(subject):
     run = Run()
     run.set(sensor_findings={subject: "set it"})
     assert run.said(SENSOR, 0.0) == (Level.WARN, "set it")
-
-
-def test_a_silent_tracker_is_a_warning_while_it_is_silent():
-    run = Run()
-    levels = []
-    for state in ("none", "alive", "silent", "alive"):
-        run.set(tracker=state)
-        levels.append(run.status("downstream tracker", 0.0).level)
-    assert levels == [Level.OK, Level.OK, Level.WARN, Level.OK]
 
 
 def test_the_worst_is_said_first_and_gives_the_level():

@@ -76,22 +76,6 @@ def test_best_effort_odometry_is_read(world):
     assert_same(boat.send(SENT), confirmed(SENT))
 
 
-def test_current_tracks_are_carried_in_the_fixed_frame(world):
-    boat = Boat(world, own_ship_source="odometry")
-    current = world.listen(PointCloud2, "tracks/current")
-    world.until_connected()
-    publish_poses(boat, MOVING, 0, 121)
-    for index in range(10):
-        time = 12.0 * index
-        distance, azimuth = seen_from(MOVING, time, *at(TARGET, time))
-        boat.driver.ping(Ping(START_NS + round(time * SECOND), [distance], [azimuth]))
-    world.until(lambda: len(current) == 10, "the current tracks")
-    assert current[-1].header.frame_id == "odom"
-    x, y = at(TARGET, 108.0)
-    places = [(point["x"], point["y"]) for point in points(current[-1])]
-    assert all(math.hypot(px - x, py - y) < 5.0 for px, py in places) and places
-
-
 def test_tracks_of_odometry_in_a_ned_frame_are_in_its_axes(world):
     """A ship that heads east: yaw 90 degrees from north, x ahead and z down."""
     boat = Boat(world, own_ship_source="odometry", publish_potential_tracks=True)

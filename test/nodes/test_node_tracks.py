@@ -106,13 +106,6 @@ def test_tracks_have_the_documented_layout(world):
     assert message.row_step == message.width * message.point_step == len(message.data)
 
 
-def test_fixed_frame_names_the_frame_of_the_tracks(world):
-    boat = Boat(world, fixed_frame="map", own_ship_source="odometry")
-    for index in range(5):
-        boat.driver.pose(START_NS + index * 12 * SECOND, 0, 0, 0, frame_id="map")
-    assert {message.header.frame_id for message in boat.send(pings(3))} == {"map"}
-
-
 def test_topics_follow_remapping_and_namespace(world):
     driver = world.add(Driver(world.context, cli_args=["--ros-args", "-r", "__ns:=/sonar"]))
     arguments = ["--ros-args", "-r", "__ns:=/boat", "-r", "detections:=/sonar/detections"]

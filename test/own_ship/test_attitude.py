@@ -77,11 +77,6 @@ def test_the_signs_are_those_of_rep_103(roll, pitch, azimuth, elevation, expecte
     assert math.remainder(turned[0] - azimuth, 2 * math.pi) == pytest.approx(0.0, abs=1e-14)
 
 
-def test_a_sensor_upside_down_has_port_to_starboard():
-    found, turned = levelled(np.ones(1), np.array([0.4]), None, np.array([math.pi]), np.zeros(1))
-    assert (found[0], turned[0]) == (pytest.approx(1.0), pytest.approx(-0.4))
-
-
 @pytest.mark.filterwarnings("error")
 def test_a_range_may_vanish_and_a_height_be_absurd():
     quarter = np.full(2, math.pi / 2)

@@ -159,13 +159,6 @@ def test_the_yaw_turns_the_short_way_across_pi(before, after, middle):
     assert math.remainder(pose[2] - middle, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_turning_round_and_round_is_followed():
-    samples = [(float(k), 0.0, 0.0, math.remainder(0.5 * k, 2 * math.pi)) for k in range(40)]
-    times = np.linspace(0, 39, 200)
-    found = history(*samples).poses(times)[:, 2]
-    np.testing.assert_allclose(np.exp(1j * found), np.exp(0.5j * times), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("first", "last", "expected"),
     [

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from support.builders import assert_same_tracks
 from support.sessions import (
-    RULE,
     NotedSession,
     failing_at,
     held,
@@ -37,30 +36,6 @@ def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
     results = play(one, [48, 60, 72])
     assert (held(results[0]), results[0].ended) == ([], {track.track_id: "cleared"})
     assert len(results[2].new) == 1
-
-
-def test_thresholds_changed_between_scans_keep_the_potential_tracks():
-    one = session()
-    play(one, [0, 12])
-    changed = dataclasses.replace(RULE, pruning_probability=0.999)
-    assert one.configure(settings(rule=changed))
-    (result,) = play(one, [24])
-    assert len(result.new) == 1
-
-
-def test_another_number_of_hits_starts_over():
-    one = session()
-    play(one, [0, 12])
-    assert not one.configure(settings(rule=TsepmOptions(min_hits=2, window=4)))
-    assert [len(result.new) for result in play(one, [24, 36])] == [0, 1]
-
-
-def test_a_shorter_window_ends_the_tracks_that_are_over_it():
-    one = session(rule=TsepmOptions(min_hits=3, window=8))
-    play(one, [0, 12])
-    play_empty(one, [24, 36])
-    assert one.configure(settings(rule=TsepmOptions(min_hits=3, window=4)))
-    assert [len(result.new) for result in play(one, [48, 60, 72])] == [0, 0, 1]
 
 
 def test_changed_times_and_limits_count_at_the_next_scan():

@@ -12,38 +12,6 @@ AHEAD = LandMask(np.ones((10, 10)), 10.0, (2950.0, -50.0, 0.0))
 ASTERN = LandMask(np.ones((10, 10)), 10.0, (-2950.0, -50.0, 0.0))
 
 
-def test_a_chart_that_comes_before_the_frame_is_known_is_used_from_the_first_scan():
-    one = session()
-    one.add_land(AHEAD, "sonar")
-    results = play(one, [0, 12, 24, 36])
-    assert [result.statistics.on_land for result in results] == [1] * 4
-    assert sum(len(result.new) for result in results) == 0
-    assert one.dropped == {"on_land": 4}
-    assert one.heard == ["land"]  # that there is a chart; what is left out is expected
-    assert one.figures().land_area == AHEAD.area
-
-
-def test_a_chart_that_comes_after_the_first_scan_is_known_before_the_next():
-    one = session()
-    play(one, [0])
-    one.add_land(AHEAD, "sonar")
-    assert one.figures().land_area == AHEAD.area
-    (result,) = play(one, [12.0])
-    assert result.statistics.on_land == 1
-
-
-def test_a_later_chart_replaces_the_former_and_an_empty_one_removes_it():
-    one = session()
-    counts = []
-    for chart in (AHEAD, ASTERN, AHEAD, None, None):
-        one.add_land(chart, "sonar")
-        (result,) = play(one, [12.0 * len(counts)])
-        counts.append(result.statistics.on_land)
-    assert counts == [1, 0, 1, 0, 0]
-    assert one.heard == ["land"] * 4
-    assert one.figures().land_area == 0.0
-
-
 def test_a_chart_in_another_frame_is_refused_and_the_former_stays():
     one = session()
     one.add_land(AHEAD, "sonar")

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
-import pytest
 from support.sessions import (
     arrived,
     held,
     moving,
-    ping,
     play,
     sail,
 )
@@ -18,27 +14,6 @@ from support.sessions import (
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tracker.options import CommonOptions
-
-
-def test_scans_are_placed_where_the_ship_was_at_their_time():
-    one = moving()
-    sail(one, 0.0, 100.0)
-    one.add_scan(ping(30.0), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [60.0, 10.0, 0.5])
-    assert result.frame_id == "odom"
-
-
-@pytest.mark.parametrize("offset", [None, [1.0, 5.0]], ids=["at once", "echoes"])
-def test_scans_with_range_rates_have_the_velocity_of_the_ship_at_their_times(offset):
-    one = moving()
-    sail(one, 0.0, 100.0)
-    rates = {"range_rate": [1.0, -1.0]}
-    scan = Scan(30.0, [1500.0, 7500.0], [-0.5, 0.5], time_offset=offset, features=rates)
-    one.add_scan(arrived(scan), 0.0)
-    (result,) = one.process(0.0)
-    expected = [2.0, 0.0] if offset is None else [[2.0, 0.0]] * 2
-    np.testing.assert_allclose(result.scan.sensor_velocity, expected, atol=1e-9)
 
 
 def test_echoes_are_placed_with_the_poses_of_their_sending_and_arrival():
@@ -64,38 +39,6 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
     sail(one, 40.0, 60.0)
     (result,) = play(one, [48])
     assert held(result) == [track.track_id for track in confirmed]
-
-
-def test_the_pose_covariance_goes_with_the_scan():
-    one = moving()
-    covariance = np.diag([4.0, 9.0, 0.01])
-    for stamp in (0.0, 10.0):
-        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, covariance, frame_id="odom"))
-    one.add_scan(ping(5.0), 0.0)
-    one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
-    by_bow, by_north = one.process(0.0)
-    np.testing.assert_array_equal(by_bow.scan.sensor_pose_covariance, covariance)
-    np.testing.assert_array_equal(by_north.scan.sensor_pose_covariance, np.diag([4.0, 9.0, 0.0]))
-
-
-def test_north_referenced_scans_do_not_turn_with_the_ship():
-    one = moving()
-    sail(one, 0.0, 10.0)
-    one.add_scan(dataclasses.replace(ping(5.0), north_referenced=True), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [10.0, 10.0, 0.0])
-
-
-def test_a_ship_without_a_heading_places_only_north_referenced_scans():
-    one = moving()
-    for stamp in (0.0, 10.0):
-        one.add_own_ship(
-            PoseSample(stamp, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6]), frame_id="odom")
-        )
-    one.add_scan(ping(5.0), 0.0)
-    one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
-    assert [result.stamp for result in one.process(0.0)] == [6.0]
-    assert one.dropped == {"heading_unknown": 1}
 
 
 def test_a_negative_time_offset_is_placed_where_poses_are_known():

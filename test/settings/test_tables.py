@@ -11,7 +11,7 @@ from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.parameter_files import as_markdown, as_yaml
+from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import (
     NODES,
     TRACK_INITIATOR,
@@ -25,12 +25,6 @@ from tsepm_ros.tracker.options import CommonOptions
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 METHOD_NAMES = f"one of {', '.join(METHODS)}"
 CONFIG = Path(__file__).parents[2] / "config"
-
-
-@EVERY_NODE
-def test_no_name_comes_twice(node):
-    names = [row.name for row in full_table(NODES[node])]
-    assert len(names) == len(set(names)) > 0
 
 
 @EVERY_NODE
@@ -52,29 +46,11 @@ def test_the_groups_made_from_the_yaml_are_the_defaults(node):
 
 
 @EVERY_NODE
-def test_yaml_says_what_each_parameter_is(node):
-    text = as_yaml(node, NODES[node])
-    for row in full_table(NODES[node]):
-        assert f"# {row.description}" in text
-
-
-@EVERY_NODE
 def test_the_shipped_parameter_file_is_up_to_date(node):
     path = CONFIG / f"{node}.yaml"
     if not path.exists():
         pytest.skip("only in the source tree")
     assert path.read_text(encoding="utf-8") == as_yaml(node, NODES[node])
-
-
-@EVERY_NODE
-def test_the_markdown_table_has_a_row_per_parameter(node):
-    lines = as_markdown(NODES[node]).splitlines()
-    rows = list(full_table(NODES[node]))
-    assert len(lines) == len(rows) + 2
-    assert {line.count("|") for line in lines} == {4}
-    for line, row in zip(lines[2:], rows, strict=True):
-        assert line.startswith(f"| `{row.name}` |")
-        assert row.description in line
 
 
 def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():

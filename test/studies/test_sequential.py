@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
+from support.builders import FIXED_RANGE_ERROR, scan_at
 
-from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros import make_initiator
 from tsepm_ros.tracker.measurement import convert
 
 
@@ -22,12 +22,6 @@ def confirmed_at(seen: str, **options) -> list[int]:
         where = [(3000.0, 5.0 * 12.0 * k)] if one == "1" else []
         found += [k + 1] * len(made.process(scan_at(12.0 * k, where)))
     return found
-
-
-def test_the_defaults_are_the_article_s():
-    options = initiator().options
-    assert (options.min_hits, options.window, options.gate_sigmas) == (6, 10, 2.0)
-    assert (options.estimator, options.matching) == ("least_squares", "oldest")
 
 
 @pytest.mark.parametrize(
@@ -81,76 +75,3 @@ def test_the_margin_may_be_of_the_position_s_error():
         made = initiator(min_hits=2, gate_error=error)
         made.process(scan)
         assert len(made.process(scan_at(12.0, [(3000.0, 120.0 + 2.0 * sigma - 1.0)]))) == found
-
-
-def test_a_matched_detection_starts_nothing_and_the_others_do():
-    made = initiator()
-    made.process(scan_at(0.0, [(3000.0, 0.0)]))
-    made.process(scan_at(12.0, [(3000.0, 10.0), (3000.0, 30.0)]))
-    assert made.statistics.started == 1
-    assert made.statistics.potential_tracks == 2
-    (track,) = made.potential_tracks()
-    assert track.hits == ((0, 0), (1, 0))
-
-
-@pytest.mark.parametrize(
-    ("matching", "lengths"),
-    [("nearest", {1: 2}), ("oldest", {0: 2}), ("shared", {0: 2, 1: 2})],
-)
-def test_who_gets_a_detection_that_two_tracks_match(matching, lengths):
-    # Gates of 10 m/s and 60 m: the second detection is outside the first's, the third in both.
-    made = initiator(matching=matching)
-    for k, x in enumerate((3000.0, 3200.0, 3190.0)):
-        made.process(scan_at(12.0 * k, [(x, 0.0)]))
-    assert {track.hits[0][0]: len(track.hits) for track in made.potential_tracks()} == lengths
-    assert made.statistics.started == 0
-
-
-def test_the_oldest_track_takes_what_is_nearest_to_it_and_leaves_the_rest():
-    made = initiator(matching="oldest")
-    for k, places in enumerate(([3000.0], [3200.0], [3190.0, 3150.0])):
-        made.process(scan_at(12.0 * k, [(x, 0.0) for x in places]))
-    found = sorted(track.hits for track in made.potential_tracks())
-    assert found == [((0, 0), (2, 1)), ((1, 0), (2, 0))]
-
-
-def test_tracks_that_share_a_detection_are_put_out_once_and_end():
-    made = initiator(min_hits=3, matching="shared")
-    tracks = []
-    for k, places in enumerate(([3000.0, 3100.0], [3050.0], [3050.0])):
-        tracks += made.process(scan_at(12.0 * k, [(x, 0.0) for x in places]))
-    assert len(tracks) == 1
-    assert made.statistics.raw_confirmations == 2
-    assert made.statistics.merged == 1
-    assert made.statistics.potential_tracks == 0
-
-
-def test_the_nearest_pair_of_all_is_matched_first():
-    made = initiator(min_hits=2, matching="nearest")
-    made.process(scan_at(0.0, [(3000.0, 0.0), (3000.0, 60.0)]))
-    # 40 m from the first and 20 m from the second; 70 m from the first, 130 m from the second.
-    tracks = made.process(scan_at(12.0, [(3000.0, 40.0), (3000.0, -70.0)]))
-    assert [track.hits for track in tracks] == [((0, 0), (1, 1)), ((0, 1), (1, 0))]
-
-
-def test_the_time_between_the_detections_counts_not_the_scans():
-    made = initiator(min_hits=2)
-    made.process(scan_at(0.0, [(3000.0, 0.0)]))
-    assert len(made.process(scan_at(40.0, [(3000.0, 400.0)]))) == 1
-
-
-def test_a_moving_sensor_is_taken_out():
-    made = make_initiator("sequential", sensor=SensorModel(range_std=1.0, range_std_fraction=0.0))
-    tracks = []
-    for k in range(6):
-        own = np.array([4.0 * 12.0 * k, 0.0])
-        scan = scan_at(12.0 * k, [np.array([6000.0, 60.0 * k]) - own], sensor_pose=[*own, 0.0])
-        tracks += made.process(scan)
-    np.testing.assert_allclose(tracks[0].state, [6000.0, 0.0, 300.0, 5.0], atol=1.0)
-
-
-def test_another_number_of_hits_starts_over():
-    made = initiator()
-    made.process(scan_at(0.0, [(3000.0, 0.0)]))
-    assert not reconfigured(made, made.sensor, made.common, initiator(min_hits=5).options)
-    assert not made.potential_tracks()

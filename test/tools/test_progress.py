@@ -9,14 +9,10 @@ import struct
 import subprocess
 import sys
 import termios
-from pathlib import Path
-
-import pytest
 
 from tsepm_ros.tools import terminal
 from tsepm_ros.tools.terminal import progress_bar, with_progress, write_line
 
-ROOT = Path(__file__).parents[2]
 SHOW = (
     "from tsepm_ros.tools.terminal import with_progress; print(*with_progress(range(3), 3, 'work'))"
 )
@@ -34,17 +30,6 @@ def test_a_terminal_shows_the_work_and_a_pipe_does_not():
     os.close(main)
     piped = subprocess.run([sys.executable, "-c", SHOW], capture_output=True, check=True)
     assert piped.stderr == b""
-
-
-COMMANDS = ("run", "design", "evaluate", "reproduce")
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_long_command_shows_its_progress(command):
-    name = "reproduction/report" if command == "reproduce" else f"{command}_command"
-    (path,) = ROOT.glob(f"tsepm_ros/**/{name}.py")
-    source = path.read_text("utf-8")
-    assert "from tsepm_ros.tools.terminal import" in source
 
 
 def test_without_the_library_of_the_bars_the_work_is_done_without_them(monkeypatch, capsys):

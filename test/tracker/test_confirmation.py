@@ -165,15 +165,6 @@ def test_no_track_on_two_hits_however_strong():
     assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
 
 
-def test_hits_at_one_time_make_no_track():
-    # Echoes whose times, as given, are all the same tell no velocity.
-    initiator = score(SensorModel(range_std=1.0, range_std_fraction=0.0), false_tracks_per_hour=1e6)
-    for k in range(6):
-        scan = Scan(float(k), [1000.0], [0.0], time_offset=[-k * (1 - 1e-9)])
-        assert len(initiator.process(scan)) == 0
-        assert np.isfinite(initiator.potential_tracks().state).all()
-
-
 @pytest.mark.parametrize("estimator", ["weighted", "polar"])
 def test_state_and_covariance_are_those_of_the_hits_alone(estimator):
     # No clutter: one hypothesis, and the velocity prior must not be in what is published.

@@ -25,10 +25,6 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 """Quadrature over a standard normal variable."""
 
 
-def rotation(angle: float) -> np.ndarray:
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-
-
 def moments(range_: float, azimuth: float, range_std: float, azimuth_std: float):
     """Exact mean and covariance of the converted measurement, by quadrature."""
     r, a = np.meshgrid(range_ + range_std * NODES, azimuth + azimuth_std * NODES, indexing="ij")
@@ -76,39 +72,6 @@ def test_a_tiny_azimuth_error_costs_no_digits():
     assert covariance[1, 1] == pytest.approx(range_**2 * s**2, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("azimuth", "sign_x", "sign_y"),
-    [(45, 1, 1), (135, -1, 1), (-135, -1, -1), (-45, 1, -1)],
-    ids=["first quarter", "second quarter", "third quarter", "fourth quarter"],
-)
-def test_azimuth_counts_counter_clockwise_from_x_in_every_quarter(azimuth, sign_x, sign_y):
-    one = convert(Scan(0.0, [1000.0], [math.radians(azimuth)]), SENSOR, 0)[0]
-    expected = 1000.0 * math.exp(SENSOR.azimuth_std**2 / 2) / math.sqrt(2)
-    np.testing.assert_allclose(one["position"], [sign_x * expected, sign_y * expected])
-    # The ellipse lies across the line of sight: it leans the other way.
-    assert np.sign(one["covariance"][0, 1]) == -sign_x * sign_y
-
-
-@pytest.mark.parametrize("yaw", [0.4, 2.0, -3.0, 11.0])
-def test_the_sensor_yaw_turns_position_and_covariance(yaw):
-    still = convert(Scan(0.0, [3000.0], [0.5]), SENSOR, 0)[0]
-    turned = convert(Scan(0.0, [3000.0], [0.5], sensor_pose=(100.0, -50.0, yaw)), SENSOR, 0)[0]
-    expected = np.array([100.0, -50.0]) + rotation(yaw) @ still["position"]
-    np.testing.assert_allclose(turned["position"], expected, rtol=1e-12)
-    expected = rotation(yaw) @ still["covariance"] @ rotation(yaw).T
-    np.testing.assert_allclose(turned["covariance"], expected, rtol=1e-9)
-
-
-def test_a_detection_s_own_deviations_replace_the_sensor_s():
-    scan = Scan(0.0, [2000.0, 2000.0], [0.0, 0.0], range_std=[5.0, 50.0], azimuth_std=[0.001, 0.05])
-    for one, range_std, azimuth_std in zip(
-        convert(scan, SENSOR, 0), [5.0, 50.0], [0.001, 0.05], strict=True
-    ):
-        expected = position_covariance(2000.0, 0.0, range_std**2, azimuth_std)
-        np.testing.assert_allclose(one["covariance"], expected, rtol=1e-12)
-        assert one["position"][0] == pytest.approx(2000.0 * math.exp(azimuth_std**2 / 2))
-
-
 def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     # 200 000 draws: each entry of the whitened covariance within 5 standard errors, sqrt(2 / n),
     # and 1e-3 for what the first order leaves out (yaw variance of 1e-4).
@@ -125,42 +88,11 @@ def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     assert difference < 5 * math.sqrt(2 / n) + 1e-3
 
 
-def test_pose_and_measurement_errors_add_up():
-    pose_covariance = np.diag([25.0, 16.0, 1e-4])
-    pose = (500.0, 100.0, 0.8)
-    sure = convert(Scan(0.0, [3000.0], [0.2], sensor_pose=pose), SENSOR, 0)[0]
-    scan = Scan(0.0, [3000.0], [0.2], sensor_pose=pose, sensor_pose_covariance=pose_covariance)
-    unsure = convert(scan, SENSOR, 0)[0]
-    added = pose_error_covariance(sure["position"] - pose[:2], pose_covariance)
-    np.testing.assert_allclose(unsure["covariance"], sure["covariance"] + added, rtol=1e-12)
-    assert unsure["major_sigma"] == pytest.approx(
-        math.sqrt(np.linalg.eigvalsh(unsure["covariance"])[1])
-    )
-
-
 def test_covariance_at_the_sensor_is_that_of_any_direction():
     hits = convert(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
     expected = position_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
     found = covariance_at(hits, np.zeros((1, 2)), SENSOR)
     np.testing.assert_allclose(found, expected[None], rtol=1e-12)
-
-
-def test_covariance_at_keeps_own_deviations_and_pose_errors():
-    pose_covariance = np.diag([25.0, 16.0, 1e-4])
-    scan = Scan(
-        0.0,
-        [3000.0],
-        [0.2],
-        range_std=[7.0],
-        azimuth_std=[0.03],
-        sensor_pose_covariance=pose_covariance,
-    )
-    there = np.array([[0.0, 1500.0]])
-    expected = position_covariance(1500.0, math.pi / 2, 49.0, 0.03) + pose_error_covariance(
-        there[0], pose_covariance
-    )
-    at = covariance_at(convert(scan, SENSOR, 0), there, SENSOR)
-    np.testing.assert_allclose(at[0], expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("range_", [1e-3, 5.0, 60.0, 300.0, 3000.0])
@@ -180,14 +112,6 @@ def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
         assert math.sqrt(across @ covariance @ across) >= 8.0 * (1.0 - 1e-9)
     if range_ > 1000.0:  # the azimuth error is the larger
         np.testing.assert_array_equal(hits["covariance"], convert(scan, sensor, 0)["covariance"])
-
-
-def test_detections_know_where_and_when_they_come_from():
-    scan = Scan(100.0, [1000.0, 2000.0], [0.0, 1.0], time_offset=[0.7, 1.4])
-    found = convert(scan, SENSOR, 7)
-    assert found["scan"].tolist() == [7, 7]
-    assert found["index"].tolist() == [0, 1]
-    assert found["time"].tolist() == [100.7, 101.4]
 
 
 def test_what_was_measured_comes_back_from_a_detection():

@@ -9,26 +9,7 @@ import pytest
 from scipy import stats
 from support.builders import detections
 
-from tsepm_ros import SensorModel
-from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
-from tsepm_ros.tracker.initial_state import fit
-
-SENSOR = SensorModel()
-
-
-def test_f1_by_hand():
-    # x = 0, 1, 0 at times -2, -1, 0 and unit errors. The line is x = 1/3: misfits -1/3, 2/3, -1/3.
-    # Its variance is 1/3 in the middle and 1/3 + 1/2 at the ends, plus 1 for the hit (Eq. 21):
-    # f = (1/9) / (11/6) at the ends and (4/9) / (4/3) = 1/3 in the middle.
-    hits = detections([[[0.0, 7.0], [1.0, 7.0], [0.0, 7.0]]], [[0.0, 1.0, 2.0]])
-    fitted = fit(hits, 2.0, SENSOR, "unweighted")
-    assert normalized_distance(hits, fitted) == pytest.approx([1 / 3])
-
-
-def test_f2_by_hand():
-    # Steps of 5 and 13 m: 2 lambda pi (25 + 169).
-    hits = detections([[[0.0, 0.0], [3.0, 4.0], [8.0, 16.0]]], [[0.0, 1.0, 2.0]])
-    assert clutter_statistic(hits["position"], 1e-3) == pytest.approx([2e-3 * math.pi * 194.0])
+from tsepm_ros.tracker.evaluation import clutter_statistic
 
 
 def test_f2_counts_each_area_with_the_density_at_its_hit():

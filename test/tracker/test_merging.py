@@ -108,37 +108,6 @@ def test_the_block_size_does_not_change_the_groups(monkeypatch, block, spread):
     assert 1 < len(expected) < len(scene[0]) or spread < 1
 
 
-TABLE_I = """
-    1.4 2.7 3.6 4.2 5.1;  1.2 2.9 3.6 4.2 5.1;  1.4 2.9 3.6 4.2 5.1;  1.4 2.7 3.6 4.2 5.6
-    1.2 2.9 3.6 4.2 5.6;  1.4 2.9 3.6 4.2 5.6;  1.2 2.8 3.5 5.2 7.1;  1.1 3.3 5.5 6.3 8.5
-    1.3 3.3 5.5 6.3 8.5;  2.1 3.5 5.2 7.1 8.6;  1.1 3.4 5.5 6.3 8.5;  2.4 3.5 5.2 7.1 8.6
-    1.5 2.3 4.4 5.9 8.10
-"""
-"""The thirteen confirmed tracks of Split-merge 2016, Table I, as scan.detection."""
-
-OVERLAPPING = {
-    *((1, 2), (1, 3), (1, 4), (1, 6), (2, 3), (2, 5), (2, 6), (3, 4), (3, 5), (3, 6)),
-    *((4, 5), (4, 6), (5, 6), (7, 10), (7, 12), (8, 9), (8, 11), (9, 11), (10, 12)),
-}
-"""Its pairs with three hits or more in common, counted by hand; 1-5 and 2-4 have two."""
-
-
-PAIRS = list(itertools.combinations(range(1, 14), 2))
-
-
-def table_i() -> np.ndarray:
-    tracks = TABLE_I.replace(";", "\n").strip().splitlines()
-    hits = [[tuple(map(int, hit.split("."))) for hit in track.split()] for track in tracks]
-    hits = [track for track in hits if track]
-    return np.array([[100 * scan + index for scan, index in track] for track in hits])
-
-
-@pytest.mark.parametrize("pair", PAIRS, ids=str)
-def test_split_merge_2016_table_i_overlaps_where_most_hits_are_shared(pair):
-    rows = table_i()[[pair[0] - 1, pair[1] - 1]]
-    assert (together(rows) == [[0, 1]]) == (pair in OVERLAPPING)
-
-
 def test_moments_by_hand():
     # f_1 of 1 and 3: p = 1/4 and 3/4 (Eq. 31).
     states = np.array([[0.0, 4.0, 8.0, -4.0], [4.0, 8.0, 0.0, 0.0]])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
 from support.builders import scan_at
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tracker.evaluation import LOG_GAIN
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=6000.0)
 
@@ -19,10 +17,6 @@ def first_score(speed: float, **options) -> float:
         for track in initiator.process(scan_at(12.0 * k, [(3000.0 + 12.0 * speed * k, 500.0)])):
             return float(track.score)
     return 0.0
-
-
-def test_a_velocity_that_is_surely_inside_gains_what_the_prior_has_outside():
-    assert pytest.approx(0.1454, abs=1e-4) == LOG_GAIN
 
 
 def test_what_is_faster_than_the_maximum_does_not_start():

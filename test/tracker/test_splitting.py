@@ -33,13 +33,6 @@ def brute_force(last_hits, found, max_speed, probability) -> list[list[int]]:
     ]
 
 
-@pytest.mark.parametrize(
-    ("probability", "factor"), [(0.9, 2.146), (0.99, 3.035), (0.999999, 5.257)]
-)
-def test_the_gate_factor_is_eq_5(probability, factor):
-    assert gate_factor(probability) == pytest.approx(factor, abs=5e-4)
-
-
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("origin", [0.0, 5e6], ids=["local", "map coordinates"])
 def test_gates_hold_what_a_look_at_every_pair_finds(seed, origin):

@@ -12,7 +12,6 @@ from support.builders import AS_GIVEN
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
-from tsepm_ros import Scan
 from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker import evaluation, pruning, splitting
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
@@ -115,20 +114,3 @@ def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_tha
     kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 3)
     assert (kept.tolist(), cut) == ([2, 1, 5], 2)
     assert pruning.prune(scores[:0], newest[:0], 0.0, 2, 3)[0].tolist() == []
-
-
-@pytest.mark.parametrize("limit", [1, 50])
-def test_limits_hold_and_are_counted(limit):
-    initiator = score(max_potential_tracks=limit)
-    for scan in sea(np.random.default_rng(1), 6, [(3000.0, 4.0, 2000.0, -3.0)]):
-        initiator.process(scan)
-        assert initiator.statistics.potential_tracks <= limit
-    assert initiator.totals.cut_potential_tracks > 0
-
-
-def test_many_detections_in_one_place_do_not_end_anything():
-    initiator = score()
-    n = 3000
-    for k in range(3):
-        initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
-    assert initiator.statistics.potential_tracks <= 250_000

@@ -58,16 +58,6 @@ def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
     assert len(line) < 900
 
 
-def test_a_run_that_drops_every_scan_fails_with_the_remedy(capsys, recording, tmp_path):
-    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n500.0,0.0,0.0\n600.0,0.0,0.0\n")
-    assert main(["run", recording]) == 1
-    error = capsys.readouterr().err
-    assert "dropped: 8 own_ship_stale" in error
-    last = error.splitlines()[-1]
-    assert last.startswith("failed: every scan was dropped, 8 as own_ship_stale")
-    assert "Compare the clocks of sonar and navigation" in last
-
-
 def test_a_run_that_drops_one_scan_of_many_does_not_fail(capsys, recording, tmp_path):
     path = tmp_path / "detections.csv"
     path.write_text("scan," + path.read_text().replace("\n", "\n0,", 1))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -53,26 +51,6 @@ def test_a_long_run_is_animated_in_steps_that_end_with_the_last_scan(tmp_path):
             frames.seek(number)
             shown += frames.info["duration"]
     assert shown == FRAME_TIME * 2 + LAST_FRAME_TIME
-
-
-def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
-    capsys, recording, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.plan_position", None)
-    assert main(["run", recording, "--picture", str(tmp_path / "a.png")]) == 2
-    captured = capsys.readouterr()
-    assert "need matplotlib" in captured.err
-    assert captured.out == ""
-
-
-def test_without_matplotlib_a_folder_has_no_picture_and_a_sentence(
-    capsys, recording, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.plan_position", None)
-    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
-    assert "no picture: it needs matplotlib" in capsys.readouterr().err
-    assert (tmp_path / "out" / "tracks.csv").exists()
-    assert not list((tmp_path / "out").glob("*.png"))
 
 
 def test_the_truth_of_a_bag_is_drawn(tmp_path):

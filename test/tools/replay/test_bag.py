@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import re
 import sqlite3
-import sys
 from itertools import pairwise
 
 import numpy as np
@@ -236,13 +235,6 @@ def test_a_bag_that_ros_cannot_read_is_refused_by_name(tmp_path, monkeypatch):
     (tmp_path / "metadata.yaml").write_text("rosbag2: [")
     with pytest.raises(ValueError, match=r"the bag .* cannot be read"):
         Bag(tmp_path)
-
-
-def test_without_rosbags_a_bag_is_refused_with_what_to_install(tmp_path, monkeypatch):
-    path = write_bag(tmp_path / "bag", simulated())
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(ValueError, match="pip install rosbags"):
-        Bag(path)
 
 
 # Topics

@@ -108,75 +108,48 @@ HEADER = "time_s,range_m,bearing_rad\n"
 @pytest.mark.parametrize(
     ("files", "sentence"),
     [
-        pytest.param({"detections": ""}, "detections.csv has no column 'time_s'", id="empty file"),
-        pytest.param(
+        ({"detections": ""}, "detections.csv has no column 'time_s'"),
+        (
             {"detections": "time_s,bearing_rad\n0,1\n"},
             "detections.csv has no column 'range_m'; it has",
-            id="no range",
         ),
-        pytest.param(
+        (
             {"detections": "time_s,range_m\n0,1\n"},
             "detections.csv must have one of the columns azimuth_rad and bearing_rad",
-            id="no angle",
         ),
-        pytest.param(
+        (
             {"detections": "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n"},
             "detections.csv must have one of the columns azimuth_rad and bearing_rad",
-            id="two angles",
         ),
-        pytest.param(
+        (
             {"detections": HEADER + "0,1,2\n0,far,2\n"},
             "detections.csv, line 3: expected 3 numbers, got ['0', 'far', '2']",
-            id="a word",
         ),
-        pytest.param(
-            {"detections": HEADER + "0,1,2\n0,,2\n"}, "detections.csv, line 3", id="an empty cell"
-        ),
-        pytest.param(
-            {"detections": HEADER + "0,1\n"}, "detections.csv, line 2", id="a cell too few"
-        ),
-        pytest.param(
-            {"detections": HEADER + "0,1,2,3\n"}, "detections.csv, line 2", id="a cell too many"
-        ),
-        pytest.param(
-            {"detections": HEADER + "nan,1,2\n"},
-            "detections.csv, line 2: time_s must",
-            id="no time",
-        ),
-        pytest.param(
+        ({"detections": HEADER + "0,1,2\n0,,2\n"}, "detections.csv, line 3"),
+        ({"detections": HEADER + "0,1\n"}, "detections.csv, line 2"),
+        ({"detections": HEADER + "0,1,2,3\n"}, "detections.csv, line 2"),
+        ({"detections": HEADER + "nan,1,2\n"}, "detections.csv, line 2: time_s must"),
+        (
             {"detections": DETECTIONS, "own_ship": "time_s,east_m\n0,1\n"},
             "own_ship.csv has no column 'north_m'",
-            id="own ship without north",
         ),
-        pytest.param(
+        (
             {"detections": DETECTIONS, "target": "time_s,east_m,north_m\n0,1,x\n"},
             "target.csv, line 2",
-            id="a word in the truth",
         ),
-        pytest.param(
-            {"detections": HEADER + "0,1,2\n7\n"},
-            "detections.csv, line 3",
-            id="a single cell",
-        ),
-        pytest.param(
-            {"detections": "scan," + HEADER + "nan,0,1,2\n"},
-            "detections.csv, line 2: scan must",
-            id="no scan number",
-        ),
-        pytest.param(
+        ({"detections": HEADER + "0,1,2\n7\n"}, "detections.csv, line 3"),
+        ({"detections": "scan," + HEADER + "nan,0,1,2\n"}, "detections.csv, line 2: scan must"),
+        (
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m\n0,nan,1\n"},
             "own_ship.csv, line 2: east_m must",
-            id="own ship nowhere",
         ),
-        pytest.param(
+        (
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m,roll_rad\n0,1,1,nan\n"},
             "own_ship.csv, line 2: roll_rad must",
-            id="roll not known",
         ),
-        pytest.param(
+        (
             {"detections": DETECTIONS, "target": "target,time_s,east_m,north_m\nnan,0,1,1\n"},
             "target.csv, line 2: target must",
-            id="no target number",
         ),
     ],
 )

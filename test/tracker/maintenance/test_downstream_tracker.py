@@ -45,20 +45,6 @@ def test_the_tracker_s_state_replaces_the_held_and_what_it_alone_has_joins(strai
     )
 
 
-def test_what_the_tracker_listed_and_lists_no_more_ends_once():
-    hold = holding(1, 2)
-    follow_tracker(hold, 0.0, 1, 2, 7)
-    step(hold, 12.0)
-    follow_tracker(hold, 12.0, 2)
-    step(hold, 24.0)
-    assert (list(hold.ended), ids(hold)) == ([1, 7], [2])
-    follow_tracker(hold, 24.0)
-    step(hold, 36.0)
-    assert (list(hold.ended), ids(hold)) == ([2], [])
-    step(hold, 48.0)
-    assert list(hold.ended) == []
-
-
 def test_a_track_that_the_tracker_has_not_listed_ends_when_it_had_time_to():
     hold = holding(1)
     for stamp in (10.0, 20.0, 30.0, 60.0):
@@ -105,20 +91,6 @@ def test_what_is_tracked_is_not_ended_as_a_repetition(straight):
     assert ids(hold) == [1, 7]
     step(hold, 100.0)
     assert (hold.tracker, ids(hold)) == (ExternalTracker.SILENT, [1])
-
-
-def test_a_silent_tracker_s_tracks_are_held_for_their_time_from_what_it_said_last():
-    hold = holding(hold_time=100.0)
-    follow_tracker(hold, 0.0, 1)
-    assert hold.tracker is ExternalTracker.ALIVE
-    step(hold, 60.0)
-    assert hold.tracker is ExternalTracker.ALIVE
-    step(hold, 61.0)
-    assert (hold.tracker, ids(hold)) == (ExternalTracker.SILENT, [1])
-    step(hold, 100.0)
-    assert ids(hold) == [1]
-    step(hold, 100.1)
-    assert list(hold.ended) == [1]
 
 
 def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
