@@ -134,10 +134,9 @@ def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
     )
     found = read_detections(message)
     assert len(found) == 2
-    places = {
-        "PointCloud2": set(features),
-        "RadarScan": {"intensity", "range_rate"},
-    }.get(type_name.rpartition("/")[2], set())
+    places = {"PointCloud2": set(features), "RadarScan": {"intensity", "range_rate"}}.get(
+        type_name.rpartition("/")[2], set()
+    )
     for name, values in features.items():
         if name in places:
             np.testing.assert_allclose(found.scan.features[name], values, rtol=1e-6)

@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 from std_msgs.msg import String
 
-from msg_adapters import (
-    MessageError,
-    message_class,
-    ping,
-    read_detections,
-    supported_types,
-)
+from msg_adapters import MessageError, message_class, ping, read_detections, supported_types
 from msg_adapters.ping import good_detections
 from msg_adapters.stamps import time_to_ns
 

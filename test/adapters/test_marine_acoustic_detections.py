@@ -95,12 +95,7 @@ def test_an_unknown_sound_speed_is_the_parameter_s_and_said(unknown):
 def test_one_value_holds_for_every_beam():
     found = read_detections(
         travel_times(
-            [2.0, 4.0],
-            [0.5],
-            tx_angles=[0.0],
-            tx_delays=[0.25],
-            intensities=[7.0],
-            flags=flags(0),
+            [2.0, 4.0], [0.5], tx_angles=[0.0], tx_delays=[0.25], intensities=[7.0], flags=flags(0)
         )
     )
     np.testing.assert_array_equal(found.scan.azimuth, [-0.5, -0.5])

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 from support.raw_cloud import DATATYPES, raw_cloud
 
-from msg_adapters import (
-    PlacedDetections,
-    placed_detections_cloud,
-    read_placed_detections,
-)
+from msg_adapters import PlacedDetections, placed_detections_cloud, read_placed_detections
 from tsepm_ros.tracker.scan import FEATURES
 
 LAYOUT = [

@@ -7,13 +7,7 @@ import math
 import pytest
 from builtin_interfaces.msg import Time
 
-from msg_adapters import (
-    MessageError,
-    ns_to_seconds,
-    ns_to_time,
-    seconds_to_ns,
-    time_to_ns,
-)
+from msg_adapters import MessageError, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
 
 
 @pytest.mark.parametrize(

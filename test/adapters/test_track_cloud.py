@@ -129,10 +129,7 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
     np.testing.assert_array_equal(track_states(records), [track.state for track in tracks])
     np.testing.assert_array_equal(track_covariances(records), [t.covariance for t in tracks])
     np.testing.assert_array_equal(records["hit_count"], [len(track.hits) for track in tracks])
-    for name in (
-        *("track_id", "evaluation", "score", "scan_count", "age"),
-        *EARLIER,
-    ):
+    for name in (*("track_id", "evaluation", "score", "scan_count", "age"), *EARLIER):
         np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
     np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
     np.testing.assert_array_equal(records["y"], [np.float32(track.state[2]) for track in tracks])

@@ -21,14 +21,7 @@ import numpy as np
 from campaign import Tried
 from invariants import require
 from sensor_msgs.msg import PointCloud2
-from support.bag_files import (
-    PARAMETERS,
-    POINTS,
-    STORAGES,
-    STORE,
-    simulated,
-    write_bag,
-)
+from support.bag_files import PARAMETERS, POINTS, STORAGES, STORE, simulated, write_bag
 from support.ros_domains import own_domain
 from support.ros_world import RELIABLE, World
 

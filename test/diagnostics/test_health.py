@@ -174,8 +174,7 @@ def test_a_drop_warns_for_the_window_and_is_counted_for_good():
 
 
 @pytest.mark.parametrize(
-    ("dropped", "taken", "level"),
-    [(10, 90, Level.OK), (11, 89, Level.WARN), (100, 0, Level.ERROR)],
+    ("dropped", "taken", "level"), [(10, 90, Level.OK), (11, 89, Level.WARN), (100, 0, Level.ERROR)]
 )
 def test_single_detections_are_judged_by_their_share(dropped, taken, level):
     run = Run(max_dropped_share=0.1)

@@ -11,16 +11,7 @@ from sensor_msgs.msg import PointCloud2
 from support.boat import Boat
 from support.expectation import as_scan, assert_same, confirmed, initiator
 from support.ros_world import BEST_EFFORT, LATCHED
-from support.ship import (
-    MOVING,
-    SECOND,
-    TARGET,
-    TURNING,
-    Ship,
-    at,
-    publish_poses,
-    seen_from,
-)
+from support.ship import MOVING, SECOND, TARGET, TURNING, Ship, at, publish_poses, seen_from
 from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
 
 SENT = pings(12)

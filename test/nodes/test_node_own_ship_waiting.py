@@ -9,11 +9,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support.boat import Boat
 from support.expectation import assert_same, assert_stamps, confirmed
-from support.ship import (
-    SECOND,
-    Ship,
-    publish_poses,
-)
+from support.ship import SECOND, Ship, publish_poses
 from support.sonar_driver import START_NS, pings, stamp_ns
 
 SENT = pings(12)

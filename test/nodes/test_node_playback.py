@@ -12,15 +12,7 @@ from rclpy.qos import ReliabilityPolicy
 from support.boat import Boat
 from support.patience import WAIT
 from support.ros_world import World
-from support.show import (
-    DETECTIONS,
-    OWN_SHIP,
-    SECOND,
-    TARGET,
-    Show,
-    write_recording,
-    write_scenario,
-)
+from support.show import DETECTIONS, OWN_SHIP, SECOND, TARGET, Show, write_recording, write_scenario
 from support.sonar_driver import stamp_ns
 
 from tsepm_ros.tools.players.scan_player import ScanPlayer

@@ -15,14 +15,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2, PointField
 from support.boat import named
 from support.expectation import STATE
-from support.show import (
-    DETECTIONS,
-    OWN_SHIP,
-    SECOND,
-    TARGET,
-    Show,
-    write_recording,
-)
+from support.show import DETECTIONS, OWN_SHIP, SECOND, TARGET, Show, write_recording
 from support.sonar_driver import points, stamp_ns
 
 from tsepm_ros.nodes.node_parameters import ParameterError

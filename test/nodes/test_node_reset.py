@@ -5,10 +5,7 @@ from __future__ import annotations
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from support.boat import Boat
-from support.expectation import (
-    assert_same,
-    confirmed,
-)
+from support.expectation import assert_same, confirmed
 from support.markers import shown_markers
 from support.ros_world import LATCHED
 from support.sonar_driver import pings, points

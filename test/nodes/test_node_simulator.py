@@ -12,11 +12,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from support.boat import Boat, named
 from support.expectation import STATE
 from support.ros_world import World
-from support.show import (
-    SECOND,
-    Show,
-    write_scenario,
-)
+from support.show import SECOND, Show, write_scenario
 from support.sonar_driver import START_NS, Ping, points, stamp_ns
 
 from tsepm_ros.nodes.node_parameters import ParameterError
@@ -147,11 +143,7 @@ def test_the_simulator_and_the_initiator_work_together_in_simulated_time(world, 
     given = {"own_ship_source": "odometry", "use_sim_time": True, "tsepm.min_hits": 4}
     world.make(TrackInitiator, named({**given, "sensor.range_std": 5.0}))
     show = Show(
-        world,
-        SonarSimulator,
-        scenario=scenario,
-        publish_clock=True,
-        wait_for_subscribers=3,
+        world, SonarSimulator, scenario=scenario, publish_clock=True, wait_for_subscribers=3
     )
     world.until(lambda: world.observer.count_subscribers("/detections") == 2, "the initiator")
     world.until_connected()

@@ -31,11 +31,7 @@ TWO = ((10.0, 0.0, 100.0, 0.0), (20.0, 50.0, 80.0, 1.0))
 
 @pytest.mark.parametrize(
     ("time", "expected"),
-    [
-        (10.0, (0.0, 100.0, 0.0)),
-        (12.5, (12.5, 95.0, 0.25)),
-        (20.0, (50.0, 80.0, 1.0)),
-    ],
+    [(10.0, (0.0, 100.0, 0.0)), (12.5, (12.5, 95.0, 0.25)), (20.0, (50.0, 80.0, 1.0))],
 )
 def test_poses_in_between_are_interpolated(time, expected):
     np.testing.assert_allclose(history(*TWO).poses([time]), [expected])

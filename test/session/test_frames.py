@@ -5,13 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from support.sessions import (
-    moving,
-    ping,
-    play,
-    sail,
-    session,
-)
+from support.sessions import moving, ping, play, sail, session
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample

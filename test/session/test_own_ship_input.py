@@ -8,14 +8,7 @@ from collections import Counter, deque
 
 import numpy as np
 import pytest
-from support.sessions import (
-    arrived,
-    moving,
-    ping,
-    play,
-    sail,
-    settings,
-)
+from support.sessions import arrived, moving, ping, play, sail, settings
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample

@@ -1,18 +1,14 @@
-"""Scans put in the fixed frame, or lost alone."""
+"""Scans put in the fixed frame, or lost alone, and the own ship's pose that pictures show."""
 
 from __future__ import annotations
 
 import numpy as np
-from support.sessions import (
-    arrived,
-    held,
-    moving,
-    play,
-    sail,
-)
+import pytest
+from support.sessions import arrived, held, moving, play, sail
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.session.result import vessel_pose
 from tsepm_ros.tracker.options import CommonOptions
 
 
@@ -48,3 +44,22 @@ def test_a_negative_time_offset_is_placed_where_poses_are_known():
     one.add_scan(arrived(scan), 0.0)
     (result,) = one.process(0.0)
     np.testing.assert_allclose(result.scan.sensor_pose, [[34.0, 10.0, 0.5]], atol=1e-9)
+
+
+POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
+
+
+@pytest.mark.parametrize(("offsets", "row"), [([2.0, 1.0], 1), ([1.0, 2.0], 0), (None, 0)])
+def test_the_pose_is_that_of_the_nearest_echo(offsets, row):
+    scan = Scan(0.0, [100.0, 200.0], [0.0, 0.1], time_offset=offsets, sensor_pose=POSES)
+    np.testing.assert_allclose(vessel_pose(scan, 0.2), POSES[row] - [0.0, 0.0, 0.2])
+
+
+def test_a_heading_that_nothing_gives_is_unknown():
+    pose = vessel_pose(Scan(0.0, [100.0], [0.0], sensor_pose=POSES[0]), None)
+    assert pose[:2].tolist() == [10.0, 20.0] and np.isnan(pose[2])
+
+
+def test_a_scan_without_detections_has_the_poses_of_none():
+    empty = Scan(0.0, [], [], sensor_pose=np.zeros((0, 3)))
+    assert vessel_pose(empty, 0.0) is None

@@ -225,13 +225,6 @@ def test_a_single_stamp_far_back_is_dropped(stamp, reason):
     assert reasons == [reason]
 
 
-def test_a_clock_that_is_reset_begins_a_scan_and_loses_nothing():
-    first, second = [message(n) for n in range(50)], [message(n, start=5.0) for n in range(50, 120)]
-    scans, reasons = fed(assembly(), [*first, *second])
-    assert contents(scans) == numbers((0, 36), (36, 50), (50, 86), (86, 120))
-    assert reasons == []
-
-
 def test_a_clock_set_back_a_little_begins_anew_after_half_a_turn():
     first = [message(n) for n in range(50)]
     second = [message(n, start=90.03) for n in range(50, 150)]

@@ -40,12 +40,6 @@ def test_yaml_reads_back_as_the_defaults_with_their_types(node):
 
 
 @EVERY_NODE
-def test_the_groups_made_from_the_yaml_are_the_defaults(node):
-    values = yaml.safe_load(as_yaml(node, NODES[node]))["/**"]["ros__parameters"]
-    assert make_groups(NODES[node], values) == make_groups(NODES[node], {})
-
-
-@EVERY_NODE
 def test_the_shipped_parameter_file_is_up_to_date(node):
     path = CONFIG / f"{node}.yaml"
     if not path.exists():
@@ -153,18 +147,6 @@ def test_bearings_from_north_at_rest_need_a_sensor_that_looks_all_round():
     with pytest.raises(ValueError, match=r"own_ship_source must not be none if bearing_reference"):
         make_groups(TRACK_INITIATOR, sector)
     make_groups(TRACK_INITIATOR, {**sector, "own_ship_source": "odometry"})
-
-
-def test_settings_have_every_group():
-    made = make_groups(
-        TRACK_INITIATOR, {"method": "tsepm", "tsepm.window": 9, "sensor.max_range": 5e3}
-    )
-    settings = settings_from(made)
-    assert settings.window == 9
-    assert settings.sensor.max_range == 5e3
-    initiator = settings.make_initiator()
-    assert initiator.options.window == 9
-    assert initiator.sensor == settings.sensor
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -303,9 +303,7 @@ def begun(
     return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted, hit_variance=error)
 
 
-def mixture(
-    parts: Sequence[tuple[float, np.ndarray, np.ndarray]],
-) -> tuple[np.ndarray, np.ndarray]:
+def mixture(parts: Sequence[tuple[float, np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of Gaussians with weights."""
     mean = sum(weight * state for weight, state, _ in parts)
     return mean, sum(

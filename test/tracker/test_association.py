@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tracker import assignment
-from tsepm_ros.tracker.assignment import (
-    BLOCK,
-    disjoint,
-    within,
-)
+from tsepm_ros.tracker.assignment import BLOCK, disjoint, within
 from tsepm_ros.tracker.initial_state import NO_HIT
 
 

@@ -17,11 +17,7 @@ from support.score_scenes import in_plain_loops, score
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation
-from tsepm_ros.tracker.confirmation import (
-    TARGET_BIRTH_RATE,
-    existence,
-    min_purity_probability,
-)
+from tsepm_ros.tracker.confirmation import TARGET_BIRTH_RATE, existence, min_purity_probability
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import Tree
 from tsepm_ros.tracker.initial_state import fit

@@ -12,13 +12,7 @@ from support.builders import fit_matrix
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tracker import initial_state
-from tsepm_ros.tracker.initial_state import (
-    ESTIMATORS,
-    fit,
-    positions_at,
-    unweighted,
-    weighted,
-)
+from tsepm_ros.tracker.initial_state import ESTIMATORS, fit, positions_at, unweighted, weighted
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))

@@ -75,11 +75,7 @@ def test_tiny_limits_hold_and_cuts_are_counted_and_output_is_valid(potential, ra
 def test_cut_confirmations_are_exactly_the_ones_beyond_the_limit():
     def raw_in_last_scan(limit: int):
         initiator = make_initiator(
-            "tsepm",
-            sensor=FIXED_RANGE_ERROR,
-            min_hits=2,
-            window=2,
-            max_raw_confirmations=limit,
+            "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=limit
         )
         initiator.process(scan_at(0.0, [(2000.0, 0.0), (2001.0, 0.0)]))
         initiator.process(scan_at(12.0, [(2000.0, 10.0 * k) for k in range(5)]))
@@ -186,12 +182,7 @@ def test_a_time_limit_cuts_what_it_must_counts_it_and_the_output_is_valid():
     assert statistics.raw_confirmations == 12**5
     assert statistics.cut_confirmations > 0
     assert statistics.raw_confirmations == sum(
-        (
-            statistics.cut_confirmations,
-            statistics.pruned,
-            statistics.merged,
-            statistics.confirmed,
-        )
+        (statistics.cut_confirmations, statistics.pruned, statistics.merged, statistics.confirmed)
     )
     for track in tracks:
         assert np.linalg.eigvalsh(track.covariance).min() > 0
@@ -274,11 +265,7 @@ def test_cutting_what_cannot_pass_changes_no_output():
 
 @pytest.mark.parametrize(
     ("changed", "density"),
-    [
-        ({"evaluation": "normalized_distance"}, 1e-5),
-        ({"clutter_test_size": 0.6}, 1e-5),
-        ({}, 1e-6),
-    ],
+    [({"evaluation": "normalized_distance"}, 1e-5), ({"clutter_test_size": 0.6}, 1e-5), ({}, 1e-6)],
     ids=["evaluation", "test size", "density"],
 )
 def test_what_was_cut_under_another_threshold_starts_over(changed, density):

@@ -9,10 +9,7 @@ from scipy import stats
 from support.builders import FIXED_RANGE_ERROR, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.tracker.pruning import (
-    clutter_threshold,
-    distance_threshold,
-)
+from tsepm_ros.tracker.pruning import clutter_threshold, distance_threshold
 
 HERE = (2000.0, 0.0)
 FAR = (-2000.0, 0.0)

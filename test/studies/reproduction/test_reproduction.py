@@ -29,9 +29,7 @@ from tsepm_ros.studies.reproduction.report import (
 from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.evaluation.simulated_run import (
-    SimulatedScene,
-)
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel

@@ -9,10 +9,7 @@ import pytest
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.commands import design_command as design_report
 from tsepm_ros.tools.design.prediction import Case, TargetStatistics
-from tsepm_ros.tools.design.search import (
-    Candidate,
-    remedies,
-)
+from tsepm_ros.tools.design.search import Candidate, remedies
 from tsepm_ros.tools.evaluation.intervals import Estimate
 
 UNKNOWN = Estimate.unknown()

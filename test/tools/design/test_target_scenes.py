@@ -9,12 +9,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.design import prediction as scenes_module
-from tsepm_ros.tools.design.prediction import (
-    MIN_TARGETS,
-    Case,
-    target_scenes,
-    target_statistics,
-)
+from tsepm_ros.tools.design.prediction import MIN_TARGETS, Case, target_scenes, target_statistics
 from tsepm_ros.tools.design.search import known_within
 from tsepm_ros.tools.evaluation.workers import Workers
 

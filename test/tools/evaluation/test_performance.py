@@ -13,12 +13,7 @@ import pytest
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tools.evaluation.measures import HEADINGS
-from tsepm_ros.tools.evaluation.performance import (
-    Plan,
-    evaluate,
-    markdown,
-    write_csv,
-)
+from tsepm_ros.tools.evaluation.performance import Plan, evaluate, markdown, write_csv
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario

@@ -9,12 +9,7 @@ import pytest
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.tools.evaluation.measures import (
-    RunSummary,
-    measures_of,
-    start_bound,
-    summarise,
-)
+from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of, start_bound, summarise
 from tsepm_ros.tools.evaluation.performance import run
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
 from tsepm_ros.tools.simulation import Scenario, load_scenario
@@ -27,8 +22,7 @@ MANY = {
     "modified_hough": {"min_hits": 3, "window": 4, "gate_sigmas": 2.0},
 }
 MOVING = load_scenario(
-    "box",
-    {"scans": 8, "sound_speed": 1500.0, "own_ship.speed": 8.0, "own_ship.turn_rate": 0.01},
+    "box", {"scans": 8, "sound_speed": 1500.0, "own_ship.speed": 8.0, "own_ship.turn_rate": 0.01}
 )
 
 

@@ -1,15 +1,21 @@
-"""Studies: the same scene gives the design's figures."""
+"""Studies: the design's figures, and the same numbers whoever does them."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import multiprocessing
+import os
+import signal
 
 import numpy as np
 import pytest
+from support.run_summaries import as_json
 
 from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of
 from tsepm_ros.tools.evaluation.performance import study
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box", {"scans": 8})
@@ -40,3 +46,48 @@ def test_false_tracks_in_the_box_scene_are_the_design_s(box):
     error = np.std(false, ddof=1) * math.sqrt(1 / RUNS + 1 / 500)
     assert error < 0.8
     assert abs(np.mean(false) - 21.6) < 3.3 * error
+
+
+FEW_RUNS = range(24)
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return dataclasses.replace(load_scenario("box"), scans=8)
+
+
+@pytest.fixture(scope="module")
+def expected(scenario):
+    return as_json(study(scenario, TSEPM, FEW_RUNS, SEED))
+
+
+@pytest.mark.long
+def test_a_dead_worker_costs_nothing_but_time(scenario, expected):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=50
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+        workers = Workers(scheduler=cluster.scheduler_address)
+        results = study(scenario, TSEPM, FEW_RUNS, SEED, workers)
+        found = [next(results)]
+        os.kill(victim, signal.SIGKILL)
+        found.extend(results)
+    assert as_json(found) == expected
+
+
+def test_a_scheduler_that_nobody_runs_is_said(scenario):
+    pytest.importorskip("distributed")
+    workers = Workers(scheduler="tcp://127.0.0.1:1", connect_time=0.5)
+    results = study(scenario, TSEPM, range(4), SEED, workers)
+    with pytest.raises(ValueError, match=r"127\.0\.0\.1:1 cannot be reached"):
+        next(results)
+
+
+@pytest.mark.long
+def test_workers_end_with_the_study_that_is_closed_early(scenario, expected):
+    results = study(scenario, TSEPM, FEW_RUNS, SEED, Workers(processes=2))
+    assert as_json([next(results)]) == expected[:1]
+    results.close()
+    assert multiprocessing.active_children() == []

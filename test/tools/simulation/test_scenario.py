@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.tools.simulation.scenario import (
-    OwnShipMotion,
-    TargetArea,
-    scenario_from,
-)
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea, scenario_from
 
 
 def test_the_shipped_scenarios_load_and_run():

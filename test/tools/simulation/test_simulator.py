@@ -51,11 +51,7 @@ def test_the_same_seed_gives_the_same_scans_to_the_bit(name):
 
 
 CLUTTER_SENSOR = SensorModel(
-    min_range=2000.0,
-    max_range=6000.0,
-    azimuth_min=2.0,
-    azimuth_max=4.5,
-    clutter_density=5e-7,
+    min_range=2000.0, max_range=6000.0, azimuth_min=2.0, azimuth_max=4.5, clutter_density=5e-7
 )
 
 

@@ -15,11 +15,7 @@ from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
-from tsepm_ros.tracker.maintenance.stationary import (
-    SpeedPrior,
-    stands_still,
-    statuses,
-)
+from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
 from tsepm_ros.tracker.tracks import TrackArrays
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, step, tracks
+from support.held import CLUTTER, MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, step, tracks
 
-from tsepm_ros import Scan
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
 
@@ -82,3 +82,43 @@ def test_no_held_speed_is_above_the_maximum_however_detections_jump():
     assert max(speeds) > 8.0, "detections go by at 9.5 m/s"
     assert max(speeds) <= MAX_SPEED
     np.testing.assert_array_less(0.0, np.linalg.eigvalsh(hold.current.covariance))
+
+
+@pytest.mark.long
+def test_covariances_stay_positive_definite_and_numbers_finite():
+    hold = holding(1, 2, 3)
+    rng = np.random.default_rng(2)
+    for scan in range(1, 1000):
+        time = 0.1 * scan
+        points = [*rng.uniform([0, 0], [8000, 4000], (rng.integers(0, 20), 2))]
+        points += [[2000.0 + 5.0 * time, 1000.0 * k] for k in (1, 2, 3)]
+        explained = step(hold, time, detections(points, time), P_D)
+        assert np.isfinite(explained).all()
+        assert np.linalg.eigvalsh(hold.held.tracks.covariance).min() > 0
+        np.testing.assert_array_equal(
+            hold.held.tracks.covariance, np.swapaxes(hold.held.tracks.covariance, 1, 2)
+        )
+    assert ids(hold) == [1, 2, 3]
+    assert np.isfinite(hold.held.existence).all()
+
+
+def test_a_fast_target_seen_exactly_is_not_lost_by_the_time_of_its_echo():
+    sensor = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-3)
+    hold = TrackMaintenance(120.0)
+    hold.add(tracks(1), 0.9)
+    for scan in range(1, 20):
+        stamp, lag = 12.0 * scan, 3.3
+        found = convert(
+            Scan(
+                stamp,
+                [math.hypot(2000.0 + 5.0 * (stamp + lag), 1000.0)],
+                [math.atan2(1000.0, 2000.0 + 5.0 * (stamp + lag))],
+                time_offset=[lag],
+            ),
+            sensor,
+            scan,
+        )
+        hold.step(stamp, found, np.full(1, CLUTTER), lambda x: np.full(len(x), P_D), sensor, 20.0)
+        assert hold.held.existence[0] > 0.9
+    (track,) = hold.current
+    assert np.hypot(*(track.position - [2000.0 + 5.0 * stamp, 1000.0])) < 5.0
