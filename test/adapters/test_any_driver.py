@@ -1,7 +1,5 @@
 """Every supported type: from messages to confirmed tracks, written and read back, and spoilt."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Messages of every supported type as the library rosbags reads them from a bag."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

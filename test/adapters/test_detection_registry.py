@@ -1,7 +1,5 @@
 """The registry of input types."""
 
-from __future__ import annotations
-
 import pickle
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Detections written as PointCloud2: read again to the bit, and shown by viewers."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

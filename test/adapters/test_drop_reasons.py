@@ -1,7 +1,5 @@
 """Every reason that is counted is described, and no other; health as diagnostic_msgs."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the page on the hand-over says of messages."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

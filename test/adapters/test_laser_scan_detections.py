@@ -1,7 +1,5 @@
 """Detections in LaserScan, as its definition and REP-117 have them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Detections in marine_acoustic_msgs, on stand-ins with the fields of its files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

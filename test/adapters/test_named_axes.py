@@ -3,8 +3,6 @@
 Positions are worked out on the chart, in east and north; SciPy gives the rotations.
 """
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

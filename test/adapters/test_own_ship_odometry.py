@@ -1,7 +1,5 @@
 """The own ship's odometry, in and out."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The layout of placed detections, byte by byte, and its inverse."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

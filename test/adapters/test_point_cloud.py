@@ -1,7 +1,5 @@
 """Reading and writing PointCloud2 in every layout that the format allows."""
 
-from __future__ import annotations
-
 import math
 import struct
 

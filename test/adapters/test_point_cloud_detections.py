@@ -1,7 +1,5 @@
 """Detections in PointCloud2: every form, every bad one, and the times of echoes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

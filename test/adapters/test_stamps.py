@@ -1,7 +1,5 @@
 """Time messages, nanoseconds and seconds."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """A recording of a vessel that rolls and pitches gives what its messages give."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

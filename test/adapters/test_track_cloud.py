@@ -1,7 +1,5 @@
 """The layout of the track cloud, byte by byte, and its inverse."""
 
-from __future__ import annotations
-
 import math
 import struct
 

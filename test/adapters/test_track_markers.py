@@ -1,7 +1,5 @@
 """Tracks, potential tracks and fixed echoes as markers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

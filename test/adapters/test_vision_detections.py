@@ -1,7 +1,5 @@
 """Detections in vision_msgs/Detection3DArray, on stand-ins with the fields of its files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How the benchmark of ends counts: a target's tracks until the last of them is out."""
 
-from __future__ import annotations
-
 import math
 
 import endings

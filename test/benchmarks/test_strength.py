@@ -1,7 +1,5 @@
 """Benchmarks of strengths and of the detector: how they compare and count."""
 
-from __future__ import annotations
-
 import detector
 import numpy as np
 import pytest

@@ -7,8 +7,6 @@ the nodes and compares theirs.
     python test/campaigns/replays.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import functools
 import sys
 import tempfile

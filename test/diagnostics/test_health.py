@@ -1,7 +1,5 @@
 """Levels, sentences and figures of every task, from what a session counted."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

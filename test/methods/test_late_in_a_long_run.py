@@ -1,7 +1,5 @@
 """A scan after months means the same as soon after the start; `score` with another window."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

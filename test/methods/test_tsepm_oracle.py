@@ -1,7 +1,5 @@
 """The published method equals its plain-loop version, track for track."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Bad input: counted, named, and without effect on what comes after it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace

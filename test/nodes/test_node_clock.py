@@ -1,7 +1,5 @@
 """The node by a simulated clock."""
 
-from __future__ import annotations
-
 import pytest
 from rosgraph_msgs.msg import Clock
 from support.boat import Boat

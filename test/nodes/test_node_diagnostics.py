@@ -1,7 +1,5 @@
 """Diagnostics of the node: what is missing, what was done, and what comes late or no more."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

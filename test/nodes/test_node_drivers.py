@@ -1,7 +1,5 @@
 """Drivers of other types than PointCloud2: found, read, or refused by name."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any

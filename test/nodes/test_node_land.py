@@ -1,7 +1,5 @@
 """The chart on `land`, from its topic to what is left out."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What the node learned is kept over a restart."""
 
-from __future__ import annotations
-
 import json
 import os
 

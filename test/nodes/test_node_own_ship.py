@@ -1,7 +1,5 @@
 """A sonar on a moving ship: scans are placed by odometry, and odometry that is bad is dropped."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scans that wait for odometry: in time, late, stale, missing, and after a restart."""
 
-from __future__ import annotations
-
 from time import sleep
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Parameter files, overrides and their tools: in namespaces, under other names, and back again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Parameters: declared from their table, refused with a sentence, changed while running."""
 
-from __future__ import annotations
-
 from array import array
 from typing import Any
 

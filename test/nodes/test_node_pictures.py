@@ -1,7 +1,5 @@
 """What a viewer shows: tracks, potential tracks, and detections where they were placed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Simulator and player alike: when they publish, and that none of it is lost."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from functools import partial

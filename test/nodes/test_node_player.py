@@ -1,7 +1,5 @@
 """The player of CSV recordings: what it publishes, and the recordings that it refuses."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The service that makes the node start over."""
 
-from __future__ import annotations
-
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from support.boat import Boat

@@ -1,7 +1,5 @@
 """The simulator: what it publishes, and the scenarios that it refuses."""
 
-from __future__ import annotations
-
 import math
 import time
 

@@ -1,7 +1,5 @@
 """Finding the driver: its type, its reliability, and what is said where they do not fit."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

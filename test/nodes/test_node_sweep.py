@@ -1,7 +1,5 @@
 """Sweeps in parts through the node: the same tracks as of whole turns, and as offline."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

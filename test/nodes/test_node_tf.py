@@ -1,7 +1,5 @@
 """The node with poses from tf: in time, late or never."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Pings of a driver in, tracks out."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Log lines of confirmed tracks, of their ends, of facts and of drops: never a flood."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """Pairs within discs, against all distances, and the share of a Gaussian in a disc."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of rows: parts, joined tables, and tables with other columns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Levelling, against SciPy's rotations."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

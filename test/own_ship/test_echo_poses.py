@@ -1,7 +1,5 @@
 """Poses for echoes that were received on the move."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

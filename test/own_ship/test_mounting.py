@@ -1,7 +1,5 @@
 """Poses and covariances of a sensor that is mounted somewhere on its vessel."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the sensor was: interpolation, rates, attitude, and coverage."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Placing scans of a sensor that rolls, pitches and is mounted somewhere on its vessel."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

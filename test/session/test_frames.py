@@ -1,7 +1,5 @@
 """Frames that are given, that arrive first, and that do not fit."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

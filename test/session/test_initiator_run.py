@@ -1,7 +1,5 @@
 """The initiator in a session: the same tracks, changed options and methods, failures, limits."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Half of the last scans, or of their detections, lost: said once, with cause and remedy."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

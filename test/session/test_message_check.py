@@ -1,7 +1,5 @@
 """Questions about messages: what a driver sends when it means something else."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Own-ship data: waited for, late, far back, missing, and begun anew."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import Counter, deque

@@ -1,7 +1,5 @@
 """Reports of a downstream tracker and charts, from their arrival to the scan that uses them."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

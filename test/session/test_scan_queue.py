@@ -1,7 +1,5 @@
 """The order of scans: stamps that repeat, come late, go back or jump ahead, and too many."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """Scans put in the fixed frame, or lost alone, and the own ship's pose that pictures show."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.sessions import arrived, held, moving, play, sail

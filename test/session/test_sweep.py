@@ -1,7 +1,5 @@
 """Sweeps in parts in a session: a message per beam gives the tracks of a message per turn."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Messages of a turning beam become scans: where each ends, and what happens to odd messages."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

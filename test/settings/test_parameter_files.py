@@ -1,7 +1,5 @@
 """Parameter files: which fit a node, what in them has no value, and those shipped."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Parameter tables: types, bounds, and the sentences that refuse."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

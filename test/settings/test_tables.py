@@ -1,7 +1,5 @@
 """The nodes' parameter tables, as YAML, as text and as groups."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

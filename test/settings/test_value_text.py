@@ -1,7 +1,5 @@
 """Values of parameters as text, in YAML and on the command line."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

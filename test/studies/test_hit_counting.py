@@ -1,7 +1,5 @@
 """The improved sequential method and the logic method, on scenes by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

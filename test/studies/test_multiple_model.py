@@ -1,7 +1,5 @@
 """The multiple-model start: cells, filters, weights."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal

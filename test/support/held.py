@@ -1,7 +1,5 @@
 """Held tracks in tests: a few tracks 1 km apart, and the steps that maintain them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from support.builders import FIXED_RANGE_ERROR, detections

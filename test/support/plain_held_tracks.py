@@ -6,8 +6,6 @@ with modes: Musicki, Suvorova 2008) and targets that compete for detections (Mus
 2008). Detections are converted by `plain_tsepm`. Every constant stands here again.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence

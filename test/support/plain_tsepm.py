@@ -11,8 +11,6 @@ Units are metres, seconds and radians. Azimuth is counter-clockwise from the sen
 a state is ``[x, vx, y, vy]`` in the fixed frame.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

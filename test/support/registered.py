@@ -1,7 +1,5 @@
 """Scans registered by a session, on a boat that rolls, pitches and turns."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from support.sessions import NotedSession

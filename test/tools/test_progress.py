@@ -1,7 +1,5 @@
 """Progress is shown on a terminal and nowhere else."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

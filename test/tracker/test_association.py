@@ -1,7 +1,5 @@
 """Choosing rows that share nothing, the best first."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

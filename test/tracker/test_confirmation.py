@@ -1,7 +1,5 @@
 """Which evidence starts a track, with which hits and state."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Polar to Cartesian: without bias, with the right covariance, in the fixed frame."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

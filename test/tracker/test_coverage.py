@@ -1,7 +1,5 @@
 """The sensor's coverage: of a sector that turns with the ship, and whatever the order of echoes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

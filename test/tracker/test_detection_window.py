@@ -1,7 +1,5 @@
 """The window of recent detections, whose ids never change, and paths through it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.builders import detections

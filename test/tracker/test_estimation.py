@@ -1,7 +1,5 @@
 """The fits: against general solvers, far from the origin, and consistent."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

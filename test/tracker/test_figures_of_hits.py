@@ -1,7 +1,5 @@
 """How well the hits of new tracks fit their states, and what clutter gives of f_2."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

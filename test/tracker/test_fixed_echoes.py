@@ -1,7 +1,5 @@
 """With min_speed: fixed reflectors are not published, swimmers are, and soon."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

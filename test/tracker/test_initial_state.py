@@ -1,7 +1,5 @@
 """The three estimators of 2014."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.builders import detections, whitened

@@ -1,7 +1,5 @@
 """What every initiator keeps to: options, counts, ids, and scans that are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Prediction and update of many states, against the textbook's matrices; modes of motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Limits: what is kept, what is counted, and that the initiator stays alive."""
 
-from __future__ import annotations
-
 import math
 import signal
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Merging: which tracks, and into what."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

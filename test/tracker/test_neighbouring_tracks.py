@@ -1,7 +1,5 @@
 """Detections of tracks beside older ones: they do not show that targets have several detections."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tsepm_ros import SensorModel

@@ -1,7 +1,5 @@
 """Strengths along the paths of the tree, and what they do to the starts."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Plots: groups as in plain loops, and centroids whose errors are what is said of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The M/N rule at its borders, and the thresholds of the evaluations."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Range rates: against general solvers, the Cramer-Rao bound, and what clutter makes of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Arcs of azimuths, and neighbouring rays: of one object up to a slope and the noise of ranges."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scans: what is taken, and that everything else is refused by its field's name."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Azimuth is a circle: where a turn begins, a sector points or a part looks does not matter."""
 
-from __future__ import annotations
-
 import functools
 import math
 

@@ -1,7 +1,5 @@
 """The sensor model: errors, coverage, and what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """States given a speed of at most v_max: against sums over the disc, and samples."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

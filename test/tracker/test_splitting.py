@@ -1,7 +1,5 @@
 """Gates and splitting: who may extend whom."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The threshold keeps the wanted false-track rate, by the scans as they come."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

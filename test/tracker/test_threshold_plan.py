@@ -1,7 +1,5 @@
 """What is predicted of a threshold; that it comes true is tested with the method."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Confirmed tracks carried in time."""
 
-from __future__ import annotations
-
 import sys
 from datetime import UTC, datetime, timedelta
 

@@ -1,7 +1,5 @@
 """Log-likelihood ratios of tracks: their increments and sums, and the chain of seen and faded."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """The tree of hypotheses, against plain loops, and its limits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields
 

@@ -1,7 +1,5 @@
 """Reproductions: what the closed forms give, what Table I merges to, and the command."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import itertools

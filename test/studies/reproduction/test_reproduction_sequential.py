@@ -1,7 +1,5 @@
 """Sequential 2014: its scene, the readings of its matching, and what its figures allow."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import math

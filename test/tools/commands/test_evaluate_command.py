@@ -1,7 +1,5 @@
 """The command `tsepm evaluate`."""
 
-from __future__ import annotations
-
 import re
 import sys
 

@@ -1,7 +1,5 @@
 """The command `tsepm init`."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from collections.abc import Iterator

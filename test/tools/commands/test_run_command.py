@@ -1,7 +1,5 @@
 """The command `tsepm run`: recordings, scenarios and bags; tracks with latitude and longitude."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Pictures and animations of `tsepm run`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

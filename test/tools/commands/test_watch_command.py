@@ -1,7 +1,5 @@
 """`tsepm watch` of a recording, and the page that `tsepm run` writes."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

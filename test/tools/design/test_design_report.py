@@ -1,7 +1,5 @@
 """Sentences and tables of a design: what is given, found, undecided and not simulated."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

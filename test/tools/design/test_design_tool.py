@@ -1,7 +1,5 @@
 """What `tsepm design` predicts, against what the methods then do."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

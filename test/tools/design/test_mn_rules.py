@@ -1,7 +1,5 @@
 """The M/N rule's closed forms against the published table, and its chains against simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

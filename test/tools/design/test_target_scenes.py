@@ -1,7 +1,5 @@
 """Scenes of several targets each, and when their simulation ends."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

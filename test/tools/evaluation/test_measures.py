@@ -1,7 +1,5 @@
 """The figures of runs, by hand, and the GOSPA metric, against every assignment that there is."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

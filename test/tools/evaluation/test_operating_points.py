@@ -1,7 +1,5 @@
 """The sweeps of the methods."""
 
-from __future__ import annotations
-
 import pytest
 
 from tsepm_ros.methods.registry import available_methods, method_class

@@ -1,7 +1,5 @@
 """Evaluations: interrupted ones go on, and the tables say what was found."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

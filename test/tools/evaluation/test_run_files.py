@@ -1,7 +1,5 @@
 """Files of runs, found again only by what they belong to, and result files."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

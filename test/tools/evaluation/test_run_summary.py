@@ -1,7 +1,5 @@
 """What is kept of a run, and what it would have been with fewer scans."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Studies: the design's figures, and the same numbers whoever does them."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import multiprocessing

@@ -1,7 +1,5 @@
 """Judging confirmed tracks: each is exactly one of true, redundant, misplaced and false."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

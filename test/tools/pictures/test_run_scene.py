@@ -1,7 +1,5 @@
 """What pictures show of a run, and the files that it leaves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

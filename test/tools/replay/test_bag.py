@@ -1,7 +1,5 @@
 """Bags: what is read, found and refused, and that a run of one is repeatable to the bit."""
 
-from __future__ import annotations
-
 import copy
 import re
 import sqlite3

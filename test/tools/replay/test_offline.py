@@ -1,7 +1,5 @@
 """Recordings through a session, without ROS."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Recorded detections: what is read, what is refused, and the joyride."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

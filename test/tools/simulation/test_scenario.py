@@ -1,7 +1,5 @@
 """Scenarios: what can be simulated, and files that are refused by their keys."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

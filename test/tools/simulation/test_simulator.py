@@ -1,7 +1,5 @@
 """Simulated scans: repeatable, and with the statistics that the scenario says."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

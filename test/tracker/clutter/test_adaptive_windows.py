@@ -1,7 +1,5 @@
 """Bounds of the density by windows, against loops over windows and cells."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The predictive density of clutter: closed forms, loops, and lumpy and even seas."""
 
-from __future__ import annotations
-
 import math
 from copy import deepcopy
 

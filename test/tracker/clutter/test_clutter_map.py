@@ -1,7 +1,5 @@
 """The clutter density, estimated on a grid that adapts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

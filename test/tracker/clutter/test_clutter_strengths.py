@@ -1,7 +1,5 @@
 """Strengths of clutter, learned from scan to scan: units, gain, texture, targets and restarts."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import deque
 from functools import partial

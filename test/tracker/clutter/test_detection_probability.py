@@ -1,7 +1,5 @@
 """Detection probability, estimated from the tracks held."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

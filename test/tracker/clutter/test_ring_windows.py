@@ -1,7 +1,5 @@
 """Clutter that lies on rings, and the cells of the polar grid."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The likelihood ratio of strengths along a path."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

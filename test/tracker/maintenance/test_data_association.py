@@ -1,7 +1,5 @@
 """Whether a target exists, and which detection is its: integrated data association."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """What a downstream tracker lists replaces what is held, as long as it is heard."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

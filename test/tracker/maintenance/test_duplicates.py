@@ -1,7 +1,5 @@
 """Tracks that repeat an older one end, and no others."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Every end of a track has its reason; a track that is found again goes on under its id."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whether targets stand still: the prior of speeds, and the fits that are judged by it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

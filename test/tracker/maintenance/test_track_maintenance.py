@@ -1,7 +1,5 @@
 """Confirmed tracks are carried, updated by their own detections, and ended."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
