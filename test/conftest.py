@@ -1,7 +1,5 @@
 """What all tests share: an end to each that hangs, signals of processes, and the time of parts."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

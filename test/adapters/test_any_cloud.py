@@ -1,7 +1,5 @@
 """Clouds of any layout and content: read as finite detections, or refused under a known name."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import ClassVar

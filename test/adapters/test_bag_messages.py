@@ -1,7 +1,5 @@
 """Messages of every supported type as the library rosbags reads them from a bag."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 
@@ -23,55 +21,14 @@ from support.bag_files import Entry, write_bag
 from support.driver_messages import MAKERS, echoes_of
 
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.tools.replay.bag import Bag
-
-DEFINITIONS = {
-    "marine_acoustic_msgs/msg/PingInfo": """float64 frequency
-        float64 sound_speed
-        float32[] tx_beamwidths
-        float32[] rx_beamwidths""",
-    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag",
-    "marine_acoustic_msgs/msg/SonarDetections": """std_msgs/Header header
-        PingInfo ping_info
-        DetectionFlag[] flags
-        float32[] two_way_travel_times
-        float32[] tx_delays
-        float32[] intensities
-        float32[] tx_angles
-        float32[] rx_angles""",
-    "marine_acoustic_msgs/msg/SonarRanges": """std_msgs/Header header
-        PingInfo ping_info
-        DetectionFlag[] flags
-        float32[] transmit_delays
-        float32[] intensities
-        geometry_msgs/Vector3[] beam_unit_vec
-        float32[] ranges""",
-    "radar_msgs/msg/RadarReturn": """float32 range
-        float32 azimuth
-        float32 elevation
-        float32 doppler_velocity
-        float32 amplitude""",
-    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns",
-    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
-    "vision_msgs/msg/ObjectHypothesisWithPose": """ObjectHypothesis hypothesis
-        geometry_msgs/PoseWithCovariance pose""",
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
-    "vision_msgs/msg/Detection3D": """std_msgs/Header header
-        ObjectHypothesisWithPose[] results
-        BoundingBox3D bbox
-        string id""",
-    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
-}
+from tsepm_ros.tools.replay.bag import LAYOUTS, Bag
 
 
 @pytest.fixture(scope="module")
 def store():
     made = get_typestore(Stores.ROS2_JAZZY)
-    types: dict[str, Any] = {}
-    for name, text in DEFINITIONS.items():
-        lines = "\n".join(line.strip() for line in text.splitlines()) + "\n"
-        types.update(get_types_from_msg(lines, name))
-    made.register(types)
+    for name, text in LAYOUTS.items():
+        made.register(get_types_from_msg(text, name))
     return made
 
 

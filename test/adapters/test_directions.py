@@ -4,8 +4,6 @@ What is expected is worked out on the chart: ahead, starboard, astern and port o
 heads east, north, west and south; tilted ones by SciPy's rotations.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the page on the hand-over says of messages."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -76,12 +74,6 @@ def _each(names: str, offsets: str) -> list[str]:
     """The offset of each name in a row of the page's table."""
     given = offsets.split(",")
     return given if len(given) > 1 else given * len(names.split(","))
-
-
-def test_an_empty_message_is_a_message(over_the_wire):
-    page = run_page()
-    report = tracker_report(over_the_wire(page["tracked"](STAMP, "odom", [])))
-    assert len(report.tracks) == 0
 
 
 def test_odometry_gives_the_same_state_and_loses_what_is_between(make_track, over_the_wire):

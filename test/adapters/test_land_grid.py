@@ -1,7 +1,5 @@
 """Charts from nav_msgs/OccupancyGrid."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Detections in LaserScan, as its definition and REP-117 have them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -142,12 +140,6 @@ def test_a_bad_fan_is_counted_by_ray(name, value, reason):
 
 def test_limits_that_are_no_numbers_leave_nothing_out():
     assert len(read_detections(fan([20.0, 3000.0], range_min=NAN, range_max=NAN))) == 2
-
-
-@pytest.mark.parametrize("ranges", [[], [INF, INF]], ids=["no_rays", "nothing_there"])
-def test_a_scan_without_detections_is_good(ranges):
-    found = read_detections(fan(ranges))
-    assert (len(found), found.dropped) == (0, {})
 
 
 def test_neighbouring_rays_on_one_hull_are_of_one_group():

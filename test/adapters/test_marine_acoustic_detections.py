@@ -1,7 +1,5 @@
 """Detections in marine_acoustic_msgs, on stand-ins with the fields of its files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -38,24 +36,6 @@ def ranges(distances, vectors, **more):
 
 def flags(*values):
     return [DetectionFlag(flag=value) for value in values]
-
-
-def test_starboard_is_positive_in_the_message_and_negative_here():
-    found = read_detections(travel_times([2.0, 2.0, 4.0], [0.5, -0.5, 0.0]))
-    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id, found.sensor_scan.axes) == (
-        STAMP,
-        "sonar",
-        "sonar",
-    )
-    np.testing.assert_allclose(found.scan.range, [1500.0, 1500.0, 3000.0])
-    np.testing.assert_allclose(found.scan.azimuth, [-0.5, 0.5, 0.0], atol=1e-15)
-    assert (found.scan.features, found.dropped, found.assumptions) == ({}, {}, ())
-
-
-def test_echoes_are_valid_half_of_the_travel_time_after_their_transmit():
-    found = read_detections(travel_times([2.0, 4.0], [0.0, 0.0], tx_delays=[0.25, 0.5]))
-    np.testing.assert_array_equal(found.scan.time_offset, [1.25, 2.5])
-    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.25, 0.5])
 
 
 @pytest.mark.parametrize("elevation", [0.0, 0.3, -0.7])
@@ -113,12 +93,7 @@ def test_an_unknown_sound_speed_is_the_parameter_s_and_said(unknown):
 def test_one_value_holds_for_every_beam():
     found = read_detections(
         travel_times(
-            [2.0, 4.0],
-            [0.5],
-            tx_angles=[0.0],
-            tx_delays=[0.25],
-            intensities=[7.0],
-            flags=flags(0),
+            [2.0, 4.0], [0.5], tx_angles=[0.0], tx_delays=[0.25], intensities=[7.0], flags=flags(0)
         )
     )
     np.testing.assert_array_equal(found.scan.azimuth, [-0.5, -0.5])
@@ -144,19 +119,19 @@ def test_flagged_beams_are_dropped(bad):
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        pytest.param({"time": NAN}, "range_not_finite", id="time_nan"),
-        pytest.param({"time": INF}, "range_not_finite", id="time_infinite"),
-        pytest.param({"time": 0.0}, "range_not_positive", id="time_zero"),
-        pytest.param({"time": -1.0}, "range_not_positive", id="time_negative"),
-        pytest.param({"time": 3e38}, "range_too_large", id="time_huge"),
-        pytest.param({"rx": NAN}, "direction_undefined", id="rx_nan"),
-        pytest.param({"rx": INF}, "direction_undefined", id="rx_infinite"),
-        pytest.param({"rx": 2.0}, "direction_undefined", id="rx_beyond_abeam"),
-        pytest.param({"tx": -2.0}, "direction_undefined", id="tx_beyond_down"),
-        pytest.param({"tx": 1.0, "rx": 1.0}, "direction_undefined", id="cones_apart"),
-        pytest.param({"tx": math.pi / 2, "rx": 0.0}, "range_too_small", id="straight_up"),
-        pytest.param({"delay": NAN}, "time_offset_not_finite", id="delay_nan"),
-        pytest.param({"delay": 1e7}, "time_offset_too_large", id="delay_huge"),
+        ({"time": NAN}, "range_not_finite"),
+        ({"time": INF}, "range_not_finite"),
+        ({"time": 0.0}, "range_not_positive"),
+        ({"time": -1.0}, "range_not_positive"),
+        ({"time": 3e38}, "range_too_large"),
+        ({"rx": NAN}, "direction_undefined"),
+        ({"rx": INF}, "direction_undefined"),
+        ({"rx": 2.0}, "direction_undefined"),
+        ({"tx": -2.0}, "direction_undefined"),
+        ({"tx": 1.0, "rx": 1.0}, "direction_undefined"),
+        ({"tx": math.pi / 2, "rx": 0.0}, "range_too_small"),
+        ({"delay": NAN}, "time_offset_not_finite"),
+        ({"delay": 1e7}, "time_offset_too_large"),
     ],
 )
 @pytest.mark.filterwarnings("error")

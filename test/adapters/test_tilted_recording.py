@@ -1,7 +1,5 @@
 """A recording of a vessel that rolls and pitches gives what its messages give."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -103,12 +101,3 @@ def test_a_recording_with_elevation_roll_and_pitch_gives_what_the_messages_give(
         rates = one.features["range_rate"], other.features["range_rate"]
         np.testing.assert_allclose(*rates, rtol=1e-9)
         assert 0 < np.isfinite(rates[0]).sum() < DETECTIONS, "some are too steep"
-
-
-@pytest.mark.parametrize("name", ["elevation_rad", "roll_rad", "pitch_rad"])
-def test_each_of_these_columns_moves_the_detections(tmp_path, columns, name):
-    times = np.arange(-1.0, 40.0, 0.25)
-    whole = recorded(tmp_path, columns, times)
-    less = recorded(tmp_path, columns, times, without=(name,))
-    for one, other in zip(whole, less, strict=True):
-        assert np.abs(one.range - other.range).max() > 20.0

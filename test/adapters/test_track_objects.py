@@ -1,7 +1,5 @@
 """Tracks in messages of other stacks, on stand-ins with the fields of their files."""
 
-from __future__ import annotations
-
 import math
 import uuid
 

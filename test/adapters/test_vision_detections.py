@@ -1,7 +1,5 @@
 """Detections in vision_msgs/Detection3DArray, on stand-ins with the fields of its files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -116,20 +114,14 @@ def test_a_detection_may_have_a_time_of_its_own():
 @pytest.mark.parametrize(
     ("bad", "reason"),
     [
-        pytest.param(detection((NAN, 1.0)), "range_not_finite", id="nan"),
-        pytest.param(detection((INF, 1.0)), "range_not_finite", id="infinite"),
-        pytest.param(detection((1.7e308, 1.7e308)), "range_not_finite", id="overflow"),
-        pytest.param(detection((1e9, 0.0)), "range_too_large", id="far"),
-        pytest.param(detection((0.0, 0.0, 5.0)), "range_not_positive", id="above"),
-        pytest.param(detection(), "no_position", id="empty"),
-        pytest.param(
-            detection((1.0, 1.0), header=Header(frame_id="other")), "other_frame", id="frame"
-        ),
-        pytest.param(
-            detection((1.0, 1.0), header=make_header(1, "sonar")),
-            "time_offset_too_large",
-            id="time",
-        ),
+        (detection((NAN, 1.0)), "range_not_finite"),
+        (detection((INF, 1.0)), "range_not_finite"),
+        (detection((1.7e308, 1.7e308)), "range_not_finite"),
+        (detection((1e9, 0.0)), "range_too_large"),
+        (detection((0.0, 0.0, 5.0)), "range_not_positive"),
+        (detection(), "no_position"),
+        (detection((1.0, 1.0), header=Header(frame_id="other")), "other_frame"),
+        (detection((1.0, 1.0), header=make_header(1, "sonar")), "time_offset_too_large"),
     ],
 )
 @pytest.mark.filterwarnings("error")

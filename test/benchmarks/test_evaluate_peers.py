@@ -1,7 +1,5 @@
 """Contenders as methods of an evaluation; their packages are not needed for this."""
 
-from __future__ import annotations
-
 import sys
 
 import evaluate_peers as peers

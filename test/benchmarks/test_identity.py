@@ -1,7 +1,5 @@
 """Held tracks stay with their targets, on the recordings in a harbour and in how it is judged."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import identity

@@ -1,7 +1,5 @@
 """The contender JIPDA: marginals against brute force, and the tracks of plain scenes."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

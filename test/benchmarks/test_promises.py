@@ -1,7 +1,5 @@
 """What measures the promises of the default method: its figures, on small scenes and by hand."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from dataclasses import replace

@@ -8,8 +8,6 @@ only memory is judged (--busy). This campaign is one case: an interrupted call b
     python test/campaigns/endurance.py [--scans 300000] [--method score]
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -10,8 +10,6 @@ limits, in a folder of its own, and writes to no other.
     python test/campaigns/files.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

@@ -1,7 +1,5 @@
 """What holds after every message, whatever it was."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 

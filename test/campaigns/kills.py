@@ -8,8 +8,6 @@ results of an undisturbed call, and no temporary file is left.
     python test/campaigns/kills.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import re

@@ -9,8 +9,6 @@ by a message that was accepted.
     python test/campaigns/messages.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import copy
 import functools
 import resource

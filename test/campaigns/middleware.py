@@ -15,8 +15,6 @@ confirms its target, at the same ping as alone where only refused messages came 
     python test/campaigns/middleware.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import signal

@@ -1,7 +1,5 @@
 """Structured mutation of messages: some of their values become values that no driver means."""
 
-from __future__ import annotations
-
 import array
 import copy
 from collections.abc import Callable, Iterator

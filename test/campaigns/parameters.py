@@ -9,8 +9,6 @@ values of no type: each call is answered.
     python test/campaigns/parameters.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import resource

@@ -7,8 +7,6 @@ memory. Before that moment the signal's own end is right.
     python test/campaigns/processes.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -7,8 +7,6 @@ the nodes and compares theirs.
     python test/campaigns/replays.py [--seed 1] [--seconds 60]
 """
 
-from __future__ import annotations
-
 import functools
 import sys
 import tempfile
@@ -21,14 +19,7 @@ import numpy as np
 from campaign import Tried
 from invariants import require
 from sensor_msgs.msg import PointCloud2
-from support.bag_files import (
-    PARAMETERS,
-    POINTS,
-    STORAGES,
-    STORE,
-    simulated,
-    write_bag,
-)
+from support.bag_files import PARAMETERS, POINTS, STORAGES, STORE, simulated, write_bag
 from support.ros_domains import own_domain
 from support.ros_world import RELIABLE, World
 

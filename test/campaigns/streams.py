@@ -1,7 +1,5 @@
 """Good streams of messages: what a driver, an own ship, a tracker and a chart send."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import math

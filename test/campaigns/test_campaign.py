@@ -1,7 +1,5 @@
 """The campaigns' harness finds, counts, resumes and repeats; what it requires can fail."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 

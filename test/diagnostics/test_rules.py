@@ -1,7 +1,5 @@
 """The rules of health, and the page that says what to do where one is broken."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tsepm_ros.diagnostics.health import ENTRIES

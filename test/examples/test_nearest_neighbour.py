@@ -1,7 +1,5 @@
 """The filter of the example tracker, against the package's own and against the truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from nearest_neighbour import GATE, NearestNeighbourTracker, Target

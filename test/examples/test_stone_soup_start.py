@@ -1,7 +1,5 @@
 """What the page on the hand-over says of Stone Soup, where that is installed."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 

@@ -7,8 +7,6 @@
 that causes it, or it is an error.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -1,7 +1,5 @@
 """Tracks, held tracks and counts of short scenes are those that are stored."""
 
-from __future__ import annotations
-
 import pytest
 from golden_outputs import SCENES, compared, differences, output, stored
 

@@ -1,7 +1,5 @@
 """The jump over the threshold that is planned without clutter, against targets in clutter."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What every method keeps to, whatever it does, and what adding one takes."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Covariances stay positive definite at the ends of the errors' and times' ranges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """One target, one start: what is held starts no other, and what is beside it does."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

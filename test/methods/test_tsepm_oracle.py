@@ -1,7 +1,5 @@
 """The published method equals its plain-loop version, track for track."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -36,11 +34,7 @@ def compare(scene: Scene) -> int:
     """Compare one scene; returns the number of tracks compared."""
     expected, counts = run_plain(scene)
     initiator = make_initiator(
-        "tsepm",
-        sensor=SensorModel(**scene.sensor),
-        limit_speed="off",
-        **AS_GIVEN,
-        **scene.options,
+        "tsepm", sensor=SensorModel(**scene.sensor), limit_speed="off", **AS_GIVEN, **scene.options
     )
     return compare_scans(initiator, scene.as_scans(), expected, counts)
 

@@ -1,7 +1,5 @@
 """What the node tests share: a machine-local network, own domains, nodes and processes."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import tempfile

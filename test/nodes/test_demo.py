@@ -1,7 +1,5 @@
 """The demonstration: two processes, a table, a picture and an honest exit code."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The page of topics says what the nodes have."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The commands `tsepm health` and `tsepm record` beside running nodes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

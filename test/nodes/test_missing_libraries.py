@@ -1,7 +1,5 @@
 """The node needs few libraries; what needs more says in one sentence what is missing."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

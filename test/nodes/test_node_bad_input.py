@@ -1,10 +1,8 @@
 """Bad input: counted, named, and without effect on what comes after it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,15 +46,6 @@ def with_optional(ping: Ping, names: Iterable[str]) -> dict[str, np.ndarray]:
     return columns
 
 
-@dataclass
-class Unusable:
-    """A message that cannot be used: how to make it of a good one, and what it counts as."""
-
-    spoil: Callable[[PointCloud2], object]
-    reason: str
-    said: str = ""
-
-
 def rename(old: str, new: str) -> Callable[[PointCloud2], None]:
     def spoil(bad: PointCloud2) -> None:
         next(field for field in bad.fields if field.name == old).name = new
@@ -86,62 +75,65 @@ def shorten(bad: PointCloud2) -> None:
 
 LARGEST = 2**32 - 1
 UNUSABLE = {
-    "no_azimuth": Unusable(rename("azimuth", "phi"), "missing_field", "azimuth"),
-    "no_range": Unusable(rename("range", "r"), "missing_field", "range"),
-    "no_fields": Unusable(resize(fields=[]), "missing_field", "no fields"),
-    "azimuth_as_integer": Unusable(
-        setting(1, datatype=PointField.INT32), "wrong_datatype", "azimuth"
-    ),
-    "unknown_datatype": Unusable(setting(0, datatype=99), "wrong_datatype", "range"),
-    "counted_field": Unusable(setting(0, count=2), "wrong_count", "range"),
-    "offset_beyond_the_point": Unusable(setting(1, offset=6), "bad_offset", "azimuth"),
-    "huge_offset": Unusable(setting(1, offset=LARGEST), "bad_offset", "azimuth"),
-    "two_ranges": Unusable(rename("azimuth", "range"), "missing_field", "azimuth"),
-    "short_data": Unusable(shorten, "short_data", "height * row_step"),
-    "no_data": Unusable(resize(data=b""), "short_data", "0 bytes"),
-    "short_rows": Unusable(resize(row_step=8), "bad_row_step", "row_step"),
-    "no_point_step": Unusable(resize(point_step=0), "bad_offset", "point_step"),
-    "huge_width": Unusable(resize(width=LARGEST), "bad_row_step", "row_step"),
-    "huge_height": Unusable(resize(height=LARGEST), "short_data", "data"),
-    "other_frame": Unusable(
-        lambda bad: setattr(bad.header, "frame_id", "elsewhere"), "unknown_frame", "'elsewhere'"
-    ),
-    "no_frame": Unusable(
-        lambda bad: setattr(bad.header, "frame_id", ""), "empty_frame", "frame_id"
-    ),
+    "no_azimuth": (rename("azimuth", "phi"), "missing_field"),
+    "no_range": (rename("range", "r"), "missing_field"),
+    "no_fields": (resize(fields=[]), "missing_field"),
+    "azimuth_as_integer": (setting(1, datatype=PointField.INT32), "wrong_datatype"),
+    "unknown_datatype": (setting(0, datatype=99), "wrong_datatype"),
+    "counted_field": (setting(0, count=2), "wrong_count"),
+    "offset_beyond_the_point": (setting(1, offset=6), "bad_offset"),
+    "huge_offset": (setting(1, offset=LARGEST), "bad_offset"),
+    "two_ranges": (rename("azimuth", "range"), "missing_field"),
+    "short_data": (shorten, "short_data"),
+    "no_data": (resize(data=b""), "short_data"),
+    "short_rows": (resize(row_step=8), "bad_row_step"),
+    "no_point_step": (resize(point_step=0), "bad_offset"),
+    "huge_width": (resize(width=LARGEST), "bad_row_step"),
+    "huge_height": (resize(height=LARGEST), "short_data"),
+    "other_frame": (lambda bad: setattr(bad.header, "frame_id", "elsewhere"), "unknown_frame"),
+    "no_frame": (lambda bad: setattr(bad.header, "frame_id", ""), "empty_frame"),
 }
+"""How a good message is spoilt, and what it then counts as."""
 
 
-@pytest.mark.parametrize("name", UNUSABLE)
-def test_an_unusable_message_is_dropped_counted_and_named(world, name):
-    case = UNUSABLE[name]
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("no_azimuth", "azimuth"),
+        ("short_data", "height * row_step"),
+        ("other_frame", "'elsewhere'"),
+        ("no_frame", "frame_id"),
+    ],
+)
+def test_an_unusable_message_is_dropped_counted_and_named(world, name, said):
+    spoil, reason = UNUSABLE[name]
     boat = Boat(world)
     received = boat.send(SENT[:WHEN])
     bad = message(replace(SENT[WHEN], stamp_ns=between(SENT)))
-    case.spoil(bad)
+    spoil(bad)
     boat.driver.publisher.publish(bad)
     boat.driver.publisher.publish(bad)
     received += boat.send(SENT[WHEN:])
-    assert world.dropped() == {case.reason: 2}
-    line = world.until_logged(case.reason, case.said, level=WARN)
+    assert world.dropped() == {reason: 2}
+    line = world.until_logged(reason, said, level=WARN)
     assert "\n" not in line
-    assert len([one for one in world.logged(WARN) if case.reason in one]) == 1, "throttled"
+    assert len([one for one in world.logged(WARN) if reason in one]) == 1, "throttled"
     status = world.status("detections")
-    assert (status.level, status.message) == (b"\x01", f"dropped: 2 {case.reason}")
+    assert (status.level, status.message) == (b"\x01", f"dropped: 2 {reason}")
     assert_same(received, confirmed(SENT))
     assert_stamps(received, SENT)
 
 
 @pytest.mark.parametrize("name", ["no_azimuth", "short_data"])
 def test_an_unusable_first_message_does_no_harm(world, name):
-    case = UNUSABLE[name]
+    spoil, reason = UNUSABLE[name]
     boat = Boat(world)
     bad = message(replace(SENT[0], stamp_ns=START_NS - SECOND))
     bad.header.frame_id = "elsewhere"
-    case.spoil(bad)
+    spoil(bad)
     boat.driver.publisher.publish(bad)
     assert_same(boat.send(SENT), confirmed(SENT))
-    assert world.dropped() == {case.reason: 1}
+    assert world.dropped() == {reason: 1}
 
 
 def crowd(stamp_ns: int, number: int) -> Ping:
@@ -188,12 +180,12 @@ def test_a_finite_but_absurd_value_costs_no_track_of_others(world, name):
 def test_drops_add_up_by_reason(world):
     boat = Boat(world)
     received = boat.send(SENT[:WHEN])
-    for case in UNUSABLE.values():
+    for spoil, _reason in UNUSABLE.values():
         bad = message(replace(SENT[WHEN], stamp_ns=between(SENT)))
-        case.spoil(bad)
+        spoil(bad)
         boat.driver.publisher.publish(bad)
     received += boat.send(SENT[WHEN:])
-    assert world.dropped() == Counter(case.reason for case in UNUSABLE.values())
+    assert world.dropped() == Counter(reason for _spoil, reason in UNUSABLE.values())
     assert_same(received, confirmed(SENT))
 
 

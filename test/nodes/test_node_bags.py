@@ -1,7 +1,5 @@
 """Bags through the nodes: played as recorded, and the same tracks as offline, bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry

@@ -1,14 +1,9 @@
 """The node by a simulated clock."""
 
-from __future__ import annotations
-
 import pytest
 from rosgraph_msgs.msg import Clock
 from support.boat import Boat
-from support.expectation import (
-    assert_same,
-    confirmed,
-)
+from support.expectation import assert_same, confirmed
 from support.ros_world import WARN
 from support.ship import Ship, publish_poses
 from support.sonar_driver import pings, stamp_ns

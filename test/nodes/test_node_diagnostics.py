@@ -1,12 +1,8 @@
 """Diagnostics of the node: what is missing, what was done, and what comes late or no more."""
 
-from __future__ import annotations
-
 import time
 
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
 from support.ros_world import WARN as LOG_WARN
@@ -126,16 +122,3 @@ def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     assert int(figures["split"]) >= int(figures["started"]) > 0
     assert int(figures["evaluated"]) >= int(figures["pruned"])
     assert not [key for key in figures if key.startswith("dropped.")]
-
-
-def test_thresholds_may_change_while_running(world):
-    boat = Boat(world)
-    boat.send(pings())
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.01)
-    request = SetParameters.Request(
-        parameters=[Parameter(name="diagnostics.stale_time", value=value)]
-    )
-    assert world.status("detections").level == b"\x00"
-    response = world.call(SetParameters, "/track_initiator/set_parameters", request)
-    assert response.results[0].successful, response.results[0].reason
-    world.until(lambda: world.status("detections").level == b"\x03", "that it is stale")

@@ -1,7 +1,5 @@
 """Drivers of other types than PointCloud2: found, read, or refused by name."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -9,17 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.node import Node
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import LaserScan, PointCloud2
 from support import foreign_messages
 from support.boat import named
-from support.driver_messages import MAKERS, Echo, echoes_of
+from support.driver_messages import MAKERS, echoes_of
 from support.expectation import assert_same, initiator
 from support.foreign_messages import PingInfo, SonarDetections
 from support.ros_world import RELIABLE, WARN
 from support.sonar_driver import START_NS
 
-from msg_adapters import make_header, read_detections
+from msg_adapters import make_header
 from tsepm_ros import Scan
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.subscriptions import TfOwnShip
@@ -105,22 +102,6 @@ def test_an_unusable_message_is_counted_and_the_next_is_read(world):
     assert world.dropped() == {"wrong_length": 1, "direction_undefined": 1}
 
 
-def test_a_sonar_frame_with_z_ahead_is_turned_by_that_axis():
-    heading = 0.7
-    # The frame's axes x up, y to starboard and z ahead, as columns, on a ship with this heading.
-    up, starboard = [0.0, 0.0, 1.0], [math.sin(heading), -math.cos(heading), 0.0]
-    ahead = [math.cos(heading), math.sin(heading), 0.0]
-    session = Session(
-        Settings(SessionOptions(method="tsepm", own_ship_source="tf", fixed_frame="map"))
-    )
-    rotation = quaternion(np.array([up, starboard, ahead]).T)
-    session.own_ship.look_up = TfOwnShip(None, session, Standing(rotation)).look_up
-    message, _ = MAKERS[SONAR_DETECTIONS](header(0), [Echo(3000.0, 0.25)])
-    session.add_scan(read_detections(message).sensor_scan, 0.0)
-    [result] = session.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [[10.0, 20.0, heading]], atol=1e-9)
-
-
 def test_a_forward_axis_that_points_up_places_nothing():
     session = Session(
         Settings(SessionOptions(method="tsepm", own_ship_source="tf", fixed_frame="map"))
@@ -145,11 +126,6 @@ class Standing:
         return SimpleNamespace(
             transform=SimpleNamespace(translation=translation, rotation=self.rotation)
         )
-
-
-def quaternion(matrix: np.ndarray) -> SimpleNamespace:
-    x, y, z, w = Rotation.from_matrix(matrix).as_quat()
-    return SimpleNamespace(x=x, y=y, z=z, w=w)
 
 
 def test_the_simulator_as_a_laser_scan_gives_tracks(world):

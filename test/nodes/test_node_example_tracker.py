@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kalman_tracker import KalmanTracker
-from rclpy.exceptions import InvalidParameterValueException
 from sensor_msgs.msg import PointCloud2
 from support.expectation import COVARIANCE, STATE
 from support.ros_world import LATCHED, RELIABLE, WARN, World
@@ -230,27 +229,6 @@ def test_a_ping_that_lacks_its_detections_is_passed_over_without_a_miss(world):
     np.testing.assert_allclose([said[name] for name in STATE], [3096.0, 4.0, 1452.0, -2.0])
 
 
-def test_detections_without_their_ping_are_left_out(world):
-    alone = Alone(world)
-    alone.say("tracks/current", 0.0, alone.TRACK)
-    alone.detect(12.0)
-    alone.detect(24.0)
-    alone.until_waiting(0, 2)
-    alone.say("tracks", 24.0)
-    assert alone.answers(24.0) == [{7}]
-    alone.until_waiting(0, 0)
-
-
-def test_late_detections_are_waited_for(world):
-    alone = Alone(world)
-    alone.say("tracks/current", 0.0, alone.TRACK)
-    alone.say("tracks", 12.0)
-    alone.until_waiting(1, 0)
-    assert not alone.tracked
-    alone.detect(12.0)
-    assert alone.answers(12.0) == [{7}]
-
-
 def test_stamps_that_go_back_start_over(world):
     alone = Alone(world)
     alone.say("tracks/current", 1000.0, replace(alone.TRACK, stamp=1000.0))
@@ -266,17 +244,6 @@ def test_an_interrupt_ends_it_cleanly(start):
     process.interrupt()
     assert process.exit_code() == 0
     assert "Traceback" not in process.said
-
-
-@pytest.mark.parametrize("wrong", [{"max_misses": -1}, {"acceleration_density": -0.01}], ids=str)
-def test_a_parameter_out_of_its_range_is_refused(world, wrong):
-    with pytest.raises(InvalidParameterValueException, match=next(iter(wrong))):
-        world.make(KalmanTracker, wrong)
-
-
-def test_parameters_reach_the_filter(world):
-    tracker = world.make(KalmanTracker, {"acceleration_density": 0.5, "max_misses": 2})._tracker
-    assert (tracker.noise, tracker.max_misses) == (0.5, 2)
 
 
 @pytest.mark.parametrize("name", ["kalman_tracker", "nearest_neighbour"])

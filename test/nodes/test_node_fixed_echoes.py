@@ -1,7 +1,5 @@
 """What stands still, on topics of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2

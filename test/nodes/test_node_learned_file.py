@@ -1,10 +1,7 @@
 """What the node learned is kept over a restart."""
 
-from __future__ import annotations
-
 import json
 import os
-import time
 
 import pytest
 from std_srvs.srv import Trigger
@@ -44,16 +41,6 @@ def test_a_reset_forgets_the_file(world, tmp_path):
     assert "what was learned" in response.message
     world.end(again.node)
     assert not path.exists()
-
-
-@pytest.mark.parametrize("content", ["{", '{"format": 99}'])
-def test_a_file_that_does_not_fit_is_named_and_not_used(world, tmp_path, content):
-    path = tmp_path / "learned.json"
-    path.write_text(content)
-    boat = Boat(world, learned_file=str(path))
-    world.until_logged("is not used", str(path))
-    sent = pings()
-    assert len(boat.send(sent)) == len(sent)
 
 
 @pytest.mark.parametrize(
@@ -102,17 +89,6 @@ def test_a_path_that_cannot_be_a_file_is_refused_with_a_short_sentence(world, tm
     assert len(boat.send(sent)) == len(sent)
     world.call(Trigger, "/track_initiator/reset", Trigger.Request())
     world.end(boat.node)
-
-
-def test_an_old_file_is_stale(world, tmp_path):
-    path = tmp_path / "learned.json"
-    boat = Boat(world, learned_file=str(path))
-    boat.send(pings())
-    world.end(boat.node)
-    content = json.loads(path.read_text()) | {"time": time.time() - 90_000.0}
-    path.write_text(json.dumps(content))
-    Boat(world, learned_file=str(path))
-    world.until_logged("stale")
 
 
 def test_a_folder_that_cannot_be_written_does_not_stop_the_node(world, tmp_path, capfd):

@@ -1,7 +1,5 @@
 """Every method in the node, on the scene of the demonstration."""
 
-from __future__ import annotations
-
 import pytest
 from sensor_msgs.msg import PointCloud2
 from support.patience import patient

@@ -1,7 +1,5 @@
 """The minimal driver of the examples, run as a process beside the initiator."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

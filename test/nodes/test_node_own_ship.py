@@ -1,7 +1,5 @@
 """A sonar on a moving ship: scans are placed by odometry, and odometry that is bad is dropped."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,16 +9,7 @@ from sensor_msgs.msg import PointCloud2
 from support.boat import Boat
 from support.expectation import as_scan, assert_same, confirmed, initiator
 from support.ros_world import BEST_EFFORT, LATCHED
-from support.ship import (
-    MOVING,
-    SECOND,
-    TARGET,
-    TURNING,
-    Ship,
-    at,
-    publish_poses,
-    seen_from,
-)
+from support.ship import MOVING, SECOND, TARGET, TURNING, Ship, at, publish_poses, seen_from
 from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
 
 SENT = pings(12)
@@ -74,22 +63,6 @@ def test_best_effort_odometry_is_read(world):
     world.until(boat.driver.odometry.get_subscription_count, "the node to read the odometry")
     publish_poses(boat, Ship(), 0, 132)
     assert_same(boat.send(SENT), confirmed(SENT))
-
-
-def test_current_tracks_are_carried_in_the_fixed_frame(world):
-    boat = Boat(world, own_ship_source="odometry")
-    current = world.listen(PointCloud2, "tracks/current")
-    world.until_connected()
-    publish_poses(boat, MOVING, 0, 121)
-    for index in range(10):
-        time = 12.0 * index
-        distance, azimuth = seen_from(MOVING, time, *at(TARGET, time))
-        boat.driver.ping(Ping(START_NS + round(time * SECOND), [distance], [azimuth]))
-    world.until(lambda: len(current) == 10, "the current tracks")
-    assert current[-1].header.frame_id == "odom"
-    x, y = at(TARGET, 108.0)
-    places = [(point["x"], point["y"]) for point in points(current[-1])]
-    assert all(math.hypot(px - x, py - y) < 5.0 for px, py in places) and places
 
 
 def test_tracks_of_odometry_in_a_ned_frame_are_in_its_axes(world):

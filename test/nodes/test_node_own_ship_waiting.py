@@ -1,7 +1,5 @@
 """Scans that wait for odometry: in time, late, stale, missing, and after a restart."""
 
-from __future__ import annotations
-
 from time import sleep
 from typing import Any
 
@@ -9,11 +7,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support.boat import Boat
 from support.expectation import assert_same, assert_stamps, confirmed
-from support.ship import (
-    SECOND,
-    Ship,
-    publish_poses,
-)
+from support.ship import SECOND, Ship, publish_poses
 from support.sonar_driver import START_NS, pings, stamp_ns
 
 SENT = pings(12)

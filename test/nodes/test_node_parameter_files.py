@@ -1,7 +1,5 @@
 """Parameter files, overrides and their tools: in namespaces, under other names, and back again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -44,33 +42,12 @@ def test_a_generated_file_fits_any_name_and_namespace(world, tmp_path, remaps):
     assert not any("is not used" in line for line in world.logged())
 
 
-def test_a_value_on_the_command_line_comes_before_the_file(world, tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text("/**:\n  ros__parameters: {max_speed: 7.5}\n")
-    node = world.make(TrackInitiator, cli_args=arguments_of(path, [], "-p", "max_speed:=3.0"))
-    assert node.get_parameter("max_speed").value == 3.0
-
-
 def test_a_file_that_does_not_fit_is_named(world, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("track_initiator:\n  ros__parameters: {max_speed: 7.5}\n")
     node = world.make(TrackInitiator, cli_args=arguments_of(path, ["__ns:=/boat"]))
     assert node.get_parameter("max_speed").value == 10.0
     world.until_logged("mine.yaml is not used", "/boat/track_initiator", "/**", level=30)
-
-
-def test_a_misspelt_parameter_in_a_file_is_refused_with_the_close_name(world, tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text("/**:\n  ros__parameters: {sensor: {max_rnge: 300.0}}\n")
-    with pytest.raises(ParameterError, match=r"sensor.max_rnge.*did you mean sensor.max_range"):
-        world.make(TrackInitiator, cli_args=arguments_of(path, ["__ns:=/boat"]))
-
-
-def test_an_empty_list_is_refused_by_name(world, tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text("/**:\n  ros__parameters:\n    sensor:\n      max_range: []\n")
-    with pytest.raises(ParameterError, match=r"sensor.max_range has no value: an empty list"):
-        world.make(TrackInitiator, cli_args=arguments_of(path, []))
 
 
 def test_an_empty_list_ends_an_executable_with_a_sentence(start, tmp_path):

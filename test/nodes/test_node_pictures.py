@@ -1,7 +1,5 @@
 """What a viewer shows: tracks, potential tracks, and detections where they were placed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -11,12 +9,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
-from support.expectation import (
-    STATE,
-    as_scan,
-    assert_stamps,
-    initiator,
-)
+from support.expectation import STATE, as_scan, assert_stamps, initiator
 from support.markers import drawn, shown_markers
 from support.ros_world import LATCHED, RELIABLE
 from support.sonar_driver import pings, points, stamp_ns

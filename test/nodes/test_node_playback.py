@@ -1,7 +1,5 @@
 """Simulator and player alike: when they publish, and that none of it is lost."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from functools import partial
@@ -12,15 +10,7 @@ from rclpy.qos import ReliabilityPolicy
 from support.boat import Boat
 from support.patience import WAIT
 from support.ros_world import World
-from support.show import (
-    DETECTIONS,
-    OWN_SHIP,
-    SECOND,
-    TARGET,
-    Show,
-    write_recording,
-    write_scenario,
-)
+from support.show import DETECTIONS, OWN_SHIP, SECOND, TARGET, Show, write_recording, write_scenario
 from support.sonar_driver import stamp_ns
 
 from tsepm_ros.tools.players.scan_player import ScanPlayer

@@ -1,7 +1,5 @@
 """The player of CSV recordings: what it publishes, and the recordings that it refuses."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable
@@ -15,14 +13,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2, PointField
 from support.boat import named
 from support.expectation import STATE
-from support.show import (
-    DETECTIONS,
-    OWN_SHIP,
-    SECOND,
-    TARGET,
-    Show,
-    write_recording,
-)
+from support.show import DETECTIONS, OWN_SHIP, SECOND, TARGET, Show, write_recording
 from support.sonar_driver import points, stamp_ns
 
 from tsepm_ros.nodes.node_parameters import ParameterError
@@ -82,12 +73,6 @@ def test_the_player_publishes_what_was_recorded(world, record):
 def test_the_player_needs_detections_only(world, record):
     show = Show(world, ScanPlayer, recording=record(detections=DETECTIONS)).play()
     assert list(map(len, show.topics)) == [3, 0, 0, 0, 0]
-
-
-def test_a_file_names_a_recording_as_well_as_its_folder(world, record):
-    folder = record(detections=DETECTIONS)
-    show = Show(world, ScanPlayer, recording=f"{folder}/detections.csv").play()
-    assert len(show.detections) == 3
 
 
 def test_bearings_stay_bearings_and_a_heading_that_is_not_known_is_said(world, record):
@@ -170,24 +155,12 @@ def test_a_recording_longer_than_what_goes_unacknowledged_arrives_whole(world, r
 
 
 UNPLAYABLE = {
-    "empty": {"detections": ""},
-    "no_time": {"detections": "range_m,azimuth_rad\n1,2\n"},
-    "no_range": {"detections": "time_s,azimuth_rad\n1,2\n"},
     "no_angle": {"detections": "time_s,range_m\n1,2\n"},
-    "two_angles": {"detections": "time_s,range_m,azimuth_rad,bearing_rad\n1,100,0.1,0.2\n"},
-    "a_word": {"detections": "time_s,range_m,azimuth_rad\n1,far,0.1\n"},
-    "short_line": {"detections": "time_s,range_m,azimuth_rad\n1,100\n"},
-    "time_nan": {"detections": "time_s,range_m,azimuth_rad\nnan,100,0.1\n"},
     "time_beyond_ros": {"detections": "time_s,range_m,azimuth_rad\n1.7e12,100,0.1\n"},
     "huge_cell": {"detections": f"time_s,range_m,azimuth_rad\n1,{'9' * 140_000},0.1\n"},
-    "own_ship_without_north": {"detections": DETECTIONS, "own_ship": "time_s,east_m\n1,2\n"},
     "own_ship_time_beyond_ros": {
         "detections": DETECTIONS,
         "own_ship": "time_s,east_m,north_m\n1e10,1,2\n",
-    },
-    "target_nan": {
-        "detections": DETECTIONS,
-        "target": "time_s,east_m,north_m,target\n1,1,2,nan\n",
     },
 }
 

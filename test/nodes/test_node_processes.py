@@ -1,7 +1,5 @@
 """The executables as processes: together over DDS, their ends, and what they refuse."""
 
-from __future__ import annotations
-
 import signal
 from typing import Any
 

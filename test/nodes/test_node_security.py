@@ -1,7 +1,5 @@
 """SROS 2: the policy is what the nodes use, and without its libraries no node runs unprotected."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """The simulator: what it publishes, and the scenarios that it refuses."""
 
-from __future__ import annotations
-
 import math
 import time
 
@@ -12,11 +10,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from support.boat import Boat, named
 from support.expectation import STATE
 from support.ros_world import World
-from support.show import (
-    SECOND,
-    Show,
-    write_scenario,
-)
+from support.show import SECOND, Show, write_scenario
 from support.sonar_driver import START_NS, Ping, points, stamp_ns
 
 from tsepm_ros.nodes.node_parameters import ParameterError
@@ -72,35 +66,6 @@ def test_the_simulated_truth_has_the_layout_of_tracks(world, scenario):
     show = Show(world, SonarSimulator, scenario=scenario).play()
     assert show.truth[0].fields == track.fields
     assert show.truth[0].point_step == track.point_step
-
-
-def test_every_target_is_detected_where_the_moving_ship_sees_it(world, scenario):
-    show = Show(world, SonarSimulator, scenario=scenario).play()
-    poses = [
-        (stamp_ns(m), m.pose.pose.position.x, m.pose.pose.position.y, heading(m))
-        for m in show.own_ship
-    ]
-    times = np.array([pose[0] for pose in poses]) / SECOND
-    x, y, yaw = (np.array([pose[axis] for pose in poses]) for axis in (1, 2, 3))
-    yaw = np.unwrap(yaw)
-    for scan, truth in zip(show.detections, show.truth, strict=True):
-        stamp = stamp_ns(scan) / SECOND
-        places = []
-        for point in points(scan):
-            back = stamp + 2 * point["time_offset"]
-            angle = point["azimuth"] + np.interp(back, times, yaw)
-            here = [
-                np.interp(stamp + point["time_offset"], times, axis) for axis in (x, y)
-            ]  # the middle of the ship's way is near enough
-            places.append(
-                (
-                    here[0] + point["range"] * math.cos(angle),
-                    here[1] + point["range"] * math.sin(angle),
-                )
-            )
-        for target in points(truth):
-            distances = [math.hypot(px - target["x"], py - target["y"]) for px, py in places]
-            assert min(distances) < 60.0
 
 
 def test_the_simulated_own_ship_is_known_for_all_of_each_scan(world, scenario):
@@ -176,11 +141,7 @@ def test_the_simulator_and_the_initiator_work_together_in_simulated_time(world, 
     given = {"own_ship_source": "odometry", "use_sim_time": True, "tsepm.min_hits": 4}
     world.make(TrackInitiator, named({**given, "sensor.range_std": 5.0}))
     show = Show(
-        world,
-        SonarSimulator,
-        scenario=scenario,
-        publish_clock=True,
-        wait_for_subscribers=3,
+        world, SonarSimulator, scenario=scenario, publish_clock=True, wait_for_subscribers=3
     )
     world.until(lambda: world.observer.count_subscribers("/detections") == 2, "the initiator")
     world.until_connected()
@@ -197,49 +158,15 @@ def test_the_simulator_and_the_initiator_work_together_in_simulated_time(world, 
     assert world.dropped() == {}
 
 
-UNKNOWABLE = {
-    "no_mapping": ("- 1\n", "mapping"),
-    "no_yaml": ("{: [\n", "YAML"),
-    "unknown_key": ("scanz: 3\n", "scanz"),
-    "no_scans": ("scans: 0\n", "scans"),
-    "scans_in_words": ("scans: many\n", "scans"),
-    "half_a_scan": ("scans: 2.5\n", "scans"),
-    "period_in_words": ("period: fast\n", "period"),
-    "period_that_yaml_reads_as_text": ("period: 1e1\n", "period"),
-    "infinite_period": ("period: .inf\n", "period"),
-    "no_sound_speed": ("sound_speed: null\n", "sound_speed"),
-    "bad_sensor": ("sensor: {range_std: -1.0}\n", "range_std"),
-    "own_ship_in_words": ("own_ship: {speed: fast}\n", "own_ship.speed"),
-    "no_own_ship": ("own_ship:\n", "own_ship"),
-    "targets_by_number": ("targets: 5\n", "targets"),
-    "no_targets": ("targets:\n", "targets"),
-    "short_state": ("targets: [{state: [1.0, 2.0]}]\n", "state"),
-    "speed_in_words": (
-        "targets: [{ranges: [1.0, 2.0], azimuths_deg: [0.0, 90.0], speed: fast}]\n",
-        "speed",
-    ),
-    "angles_in_words": (
-        "targets: [{ranges: [1.0, 2.0], azimuths_deg: [a, b], speed: 1.0}]\n",
-        "azimuths",
-    ),
-    "count_in_words": (
-        "targets: [{ranges: [1.0, 2.0], azimuths_deg: [0.0, 9.0], speed: 0.0, count: two}]\n",
-        "count",
-    ),
-    "target_that_cannot_be": (
-        "targets: [{ranges: [100.0, 101.0], azimuths_deg: [0.0, 90.0], speed: 50.0}]\n",
-        "targets",
-    ),
-    "ranges_the_wrong_way": (
-        "targets: [{ranges: [200.0, 100.0], azimuths_deg: [0.0, 90.0], speed: 1.0}]\n",
-        "ranges",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", UNKNOWABLE)
-def test_a_bad_scenario_is_refused_with_a_sentence(world, tmp_path, name):
-    content, named_in_it = UNKNOWABLE[name]
+@pytest.mark.parametrize(
+    ("content", "named_in_it"),
+    [
+        ("{: [\n", "YAML"),
+        ("period: fast\n", "period"),
+        ("own_ship: {speed: fast}\n", "own_ship.speed"),
+    ],
+)
+def test_a_bad_scenario_is_refused_with_a_sentence(world, tmp_path, content, named_in_it):
     path = tmp_path / "bad.yaml"
     path.write_text(content)
     with pytest.raises(ParameterError) as error:

@@ -1,10 +1,7 @@
 """Finding the driver: its type, its reliability, and what is said where they do not fit."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -14,7 +11,7 @@ from std_srvs.srv import Trigger
 from support.boat import Boat, named
 from support.expectation import assert_same, confirmed
 from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
-from support.sonar_driver import Driver, cloud, pings
+from support.sonar_driver import Driver, pings
 
 from msg_adapters import MessageError
 from tsepm_ros.diagnostics.health import unread_type
@@ -67,20 +64,6 @@ def test_a_good_driver_beside_an_unsupported_one_is_read(world):
         world.until(driver.publisher.get_subscription_count, "the node to subscribe")
         assert publisher.topic_name == "/detections"
     assert reliability(node) == ReliabilityPolicy.RELIABLE
-
-
-def test_a_type_may_be_given(world):
-    boat = Boat(world, detections_type=POINT_CLOUD)
-    assert_same(boat.send(SENT), confirmed(SENT))
-
-
-def test_a_driver_of_another_type_than_the_one_given_is_named(world):
-    wrong = world.add(Node("camera", context=world.context))
-    publisher = wrong.create_publisher(Image, "detections", 10)
-    world.make(TrackInitiator, named({"detections_type": POINT_CLOUD}))
-    line = world.until_logged("sensor_msgs/msg/Image", level=ERROR)
-    assert publisher
-    assert POINT_CLOUD in line
 
 
 def test_a_driver_of_another_type_is_named_where_type_and_reliability_are_given(world):
@@ -288,17 +271,6 @@ def test_the_queue_may_be_kept_short(world):
         "the newest scan",
     )
     assert len(boat.tracks) < 10
-
-
-def test_double_precision_and_xy_are_read_as_well(world):
-    boat = Boat(world)
-    number = len(SENT)
-    for ping in SENT:
-        distance, angle = np.float64(ping.range), np.float64(ping.azimuth)
-        columns = {"x": distance * np.cos(angle), "y": distance * np.sin(angle)}
-        boat.driver.publisher.publish(cloud(ping.stamp_ns, columns, datatype=8))
-    received = boat.take(number, 0)
-    assert [m.width for m in received] == [len(tracks) for tracks in confirmed(SENT)]
 
 
 def test_two_sonars_are_tracked_apart_by_two_nodes_in_two_namespaces(world):

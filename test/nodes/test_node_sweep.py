@@ -1,7 +1,5 @@
 """Sweeps in parts through the node: the same tracks as of whole turns, and as offline."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest
@@ -157,12 +155,7 @@ def test_the_simulator_plays_sweeps(world):
     truth = world.listen(PointCloud2, "ground_truth")
     world.make(
         SonarSimulator,
-        {
-            "scenario": "box",
-            "messages_per_scan": 24,
-            "rate_factor": 1e5,
-            "settling_time": 0.0,
-        },
+        {"scenario": "box", "messages_per_scan": 24, "rate_factor": 1e5, "settling_time": 0.0},
     )
     world.until(lambda: len(clouds) == 16 * 24 and len(truth) == 16, "all sectors")
     stamps = [stamp_ns(one) for one in clouds]

@@ -1,7 +1,5 @@
 """The node with poses from tf: in time, late or never."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass, field
@@ -13,16 +11,7 @@ import pytest
 from support.boat import Boat
 from support.expectation import assert_same, confirmed
 from support.ros_world import WARN
-from support.ship import (
-    MOVING,
-    SECOND,
-    TARGET,
-    TURNING,
-    Ship,
-    at,
-    echo,
-    seen_from,
-)
+from support.ship import MOVING, SECOND, TARGET, TURNING, Ship, at, echo, seen_from
 from support.sonar_driver import START_NS, Ping, pings, points, stamp_ns
 
 SENT = pings(12)

@@ -1,7 +1,5 @@
 """What a downstream tracker says on `tracked`, and what comes of it on `tracks/current`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

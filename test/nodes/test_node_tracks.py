@@ -1,7 +1,5 @@
 """Pings of a driver in, tracks out."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -104,13 +102,6 @@ def test_tracks_have_the_documented_layout(world):
     assert {field.count for field in message.fields} == {1}
     assert message.height == 1 and not message.is_bigendian
     assert message.row_step == message.width * message.point_step == len(message.data)
-
-
-def test_fixed_frame_names_the_frame_of_the_tracks(world):
-    boat = Boat(world, fixed_frame="map", own_ship_source="odometry")
-    for index in range(5):
-        boat.driver.pose(START_NS + index * 12 * SECOND, 0, 0, 0, frame_id="map")
-    assert {message.header.frame_id for message in boat.send(pings(3))} == {"map"}
 
 
 def test_topics_follow_remapping_and_namespace(world):

@@ -1,7 +1,5 @@
 """Messages that waited in the middleware's queue: how long, and which is taken."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

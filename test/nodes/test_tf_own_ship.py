@@ -1,7 +1,5 @@
 """Poses from tf: the whole rotation of the sensor's frame, once; and mountings beside odometry."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The RViz configuration and the Foxglove layout name what the nodes of the demo publish."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

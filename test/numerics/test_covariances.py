@@ -1,7 +1,5 @@
 """Covariances that rounding has left singular or not positive definite."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

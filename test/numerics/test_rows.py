@@ -1,7 +1,5 @@
 """Tables of rows: parts, joined tables, and tables with other columns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,13 +27,6 @@ def test_rows_are_taken_and_joined_column_by_column(echoes):
     assert Echoes.joined(echoes) is echoes
 
 
-def test_a_changed_table_keeps_its_other_columns_and_the_first_table(echoes):
-    nearer = changed(echoes, range=echoes.range - 1.0)
-    assert type(nearer) is Echoes and nearer.azimuth is echoes.azimuth
-    assert nearer.range.tolist() == [0.0, 1.0, 2.0]
-    assert echoes.range.tolist() == [1.0, 2.0, 3.0]
-
-
 def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
     with pytest.raises(TypeError, match=r"Echoes has no \{'bearing'\}"):
         changed(echoes, range=echoes.range, bearing=echoes.azimuth)
@@ -46,9 +37,3 @@ def test_rows_of_several_tables_are_put_at_their_places(echoes):
     placed = Echoes.placed(parts, [np.array([0, 2]), slice(0, 0), np.array([1])])
     assert type(placed) is Echoes
     assert (placed.range.tolist(), placed.azimuth.tolist()) == ([3.0, 2.0, 1.0], [0.3, 0.2, 0.1])
-
-
-def test_a_slice_of_a_table_is_a_view(echoes):
-    part = echoes[slice(1, None)]
-    assert part.range.tolist() == [2.0, 3.0]
-    assert part.range.base is echoes.range

@@ -1,7 +1,5 @@
 """Poses and covariances of a sensor that is mounted somewhere on its vessel."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,20 +8,6 @@ from scipy.spatial.transform import Rotation
 from support.builders import whitened
 
 from tsepm_ros.own_ship.registration import Mounting, sensor_covariance
-
-HEADINGS = [
-    pytest.param(0.0, (100 + 8, 200 + 3), id="east"),
-    pytest.param(math.pi / 2, (100 - 3, 200 + 8), id="north"),
-    pytest.param(math.pi, (100 - 8, 200 - 3), id="west"),
-    pytest.param(-math.pi / 2, (100 + 3, 200 - 8), id="south"),
-]
-
-
-@pytest.mark.parametrize(("yaw", "place"), HEADINGS)
-def test_the_lever_arm_turns_with_the_vessel(yaw, place):
-    mounting = Mounting(x=8.0, y=3.0, yaw=0.5)
-    found = mounting.sensor_poses(np.array([[100.0, 200.0, yaw, 0.0, 0.0]]))
-    np.testing.assert_allclose(found, [[*place, yaw + 0.5]], atol=1e-12)
 
 
 def test_the_lever_arm_of_a_tilted_vessel_is_that_of_the_full_rotation():

@@ -1,7 +1,5 @@
 """A sonar that runs round a square finds what one that stays finds, and as well."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

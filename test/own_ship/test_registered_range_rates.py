@@ -1,7 +1,5 @@
 """Range rates of registered scans: against the sensor's velocity, and along the horizontal."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An echo at an impossible time costs itself, not its ping."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The promised coverage of lines and of branches is what `make coverage` checks."""
 
-from __future__ import annotations
-
 import json
 import re
 import runpy

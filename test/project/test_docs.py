@@ -1,7 +1,5 @@
 """The pages say what is: parameters, commands, code and files that exist."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import functools

@@ -1,7 +1,5 @@
 """Ends by SIGINT and SIGTERM: held back while processes start, and an exception otherwise."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Figures on the pages come from result files, those of a release from its own; pages are short."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import re

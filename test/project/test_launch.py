@@ -1,7 +1,5 @@
 """What the launch file starts, read by the rules of `launch`, which does not come as a wheel."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

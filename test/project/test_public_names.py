@@ -1,7 +1,5 @@
 """The public names of Python: a release leaves none out, and each can be imported."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The version is the same wherever it stands, and the release's files are what they say."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import runpy

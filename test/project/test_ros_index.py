@@ -4,8 +4,6 @@ They read the part of the index in test/data/ros_index, and are skipped where bl
 not installed (`pip install bloom`).
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

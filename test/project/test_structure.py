@@ -1,7 +1,5 @@
 """The house: packages import downwards only, and every module is a room of its own name."""
 
-from __future__ import annotations
-
 import ast
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Questions about angles that look like degrees."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Data in the order in which it arrives: odometry that is late, restarts and clocks that jump."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """What a session imports: a small computer holds it all in memory."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

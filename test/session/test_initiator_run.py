@@ -1,29 +1,31 @@
-"""The initiator in a session: changed options and methods, failures, limits."""
-
-from __future__ import annotations
+"""The initiator in a session: the same tracks, changed options and methods, failures, limits."""
 
 import dataclasses
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
 from support.builders import assert_same_tracks
 from support.sessions import (
-    RULE,
+    BOX,
     NotedSession,
+    arrived,
     failing_at,
     held,
     play,
     play_empty,
     session,
     settings,
+    simulated,
 )
 
-from tsepm_ros import Scan, SensorModel
+from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
@@ -37,30 +39,6 @@ def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
     results = play(one, [48, 60, 72])
     assert (held(results[0]), results[0].ended) == ([], {track.track_id: "cleared"})
     assert len(results[2].new) == 1
-
-
-def test_thresholds_changed_between_scans_keep_the_potential_tracks():
-    one = session()
-    play(one, [0, 12])
-    changed = dataclasses.replace(RULE, pruning_probability=0.999)
-    assert one.configure(settings(rule=changed))
-    (result,) = play(one, [24])
-    assert len(result.new) == 1
-
-
-def test_another_number_of_hits_starts_over():
-    one = session()
-    play(one, [0, 12])
-    assert not one.configure(settings(rule=TsepmOptions(min_hits=2, window=4)))
-    assert [len(result.new) for result in play(one, [24, 36])] == [0, 1]
-
-
-def test_a_shorter_window_ends_the_tracks_that_are_over_it():
-    one = session(rule=TsepmOptions(min_hits=3, window=8))
-    play(one, [0, 12])
-    play_empty(one, [24, 36])
-    assert one.configure(settings(rule=TsepmOptions(min_hits=3, window=4)))
-    assert [len(result.new) for result in play(one, [48, 60, 72])] == [0, 0, 1]
 
 
 def test_changed_times_and_limits_count_at_the_next_scan():
@@ -192,3 +170,19 @@ def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
     assert [index for index, _ in found] == [1, 5]
     assert "used: compared with" in found[0][1] and "no strengths" in found[1][1]
     assert one.figures().intensity == "not used: no strengths"
+
+
+def test_a_session_gives_what_the_initiator_gives():
+    chosen = Settings(session=SessionOptions(method="tsepm"), sensor=BOX.sensor)
+    one, initiator = Session(chosen), make_initiator("tsepm", sensor=BOX.sensor)
+    confirmed = 0
+    for scan in simulated():
+        one.add_scan(arrived(scan, stamp_ns=17), 0.0)
+        (result,) = one.process()
+        assert_same_tracks(result.new, initiator.process(scan))
+        assert result.statistics == initiator.statistics
+        assert (result.stamp, result.stamp_ns) == (scan.stamp, 17)
+        assert result.core_seconds > 0
+        confirmed += len(result.new)
+    assert confirmed > 5
+    assert one.dropped == Counter()

@@ -1,7 +1,5 @@
 """Messages of different content become one scan."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,15 +1,12 @@
 """Half of the last scans, or of their detections, lost: said once, with cause and remedy."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np
 import pytest
-from support.sessions import moving_settings, ping, settings
+from support.sessions import ping, settings
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.consistency_checks import LAST, Losses, explained
 from tsepm_ros.session.session import Session
@@ -37,28 +34,6 @@ def test_half_of_the_scans_lost_are_said_at_any_rate_of_pings(period, lost, is_s
         sentence = said["lost scan_same_stamp"]
         assert f"of the last {LAST} scans were dropped" in sentence
         assert "Remedy: Look for two drivers" in sentence
-
-
-@pytest.mark.parametrize("stamp", [0.0, 1_700_000_000.0])
-def test_stamps_that_stand_still_are_said(stamp):
-    session, said = heard(settings())
-    for index in range(20):
-        session.add_scan(ping(stamp), 2.0 * index)
-        list(session.process(2.0 * index))
-    reason = "stamp_not_set" if stamp == 0.0 else "scan_same_stamp"
-    assert "set `header.stamp`" in said[f"lost {reason}"]
-
-
-def test_the_first_cause_of_missing_own_ship_data_is_named_with_its_remedy():
-    session, said = heard(moving_settings(fixed_frame="odom", own_ship_timeout=0.5))
-    for index in range(20):
-        session.add_own_ship(PoseSample(float(index), 0.0, 0.0, 0.0, frame_id="map"))
-        session.add_scan(ping(float(index)), float(index))
-        list(session.process(float(index)))
-    sentence = said["lost own_ship_missing"]
-    assert "own_ship_missing after " in sentence and "own_ship_frame" in sentence
-    assert "own-ship data is in frame 'map', the fixed frame is 'odom'" in sentence
-    assert "Remedy: Set `fixed_frame`" in sentence
 
 
 def test_a_few_poses_dropped_are_no_cause_of_many_scans_lost():

@@ -1,7 +1,5 @@
 """Questions about messages: what a driver sends when it means something else."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -11,7 +9,7 @@ import pytest
 from msg_adapters.laser_scan_detections import no_returns
 from msg_adapters.ping import ReadingOptions, good_detections
 from tsepm_ros.own_ship.registration import MessageFacts
-from tsepm_ros.session.consistency_checks import WINDOW, MessageCheck, leap_seconds
+from tsepm_ros.session.consistency_checks import WINDOW, MessageCheck
 
 START = 1_700_000_000.0
 
@@ -141,11 +139,6 @@ def test_stamps_of_a_fast_playback_are_no_clock_ahead():
         assert check.judge(ping.sensor_scan, None, START + 0.1 * index) == []
 
 
-def test_leap_seconds_are_known_either_way():
-    assert all(leap_seconds(value) for value in (18.0, -18.2, 37.4, -36.9))
-    assert not any(leap_seconds(value) for value in (0.0, 17.0, 36.0, 40.0))
-
-
 @pytest.mark.parametrize("apart", ["sectors", "axes"])
 def test_two_sonars_on_one_topic_are_asked_about(apart):
     """By turns: sectors to port and to starboard, or one object in two sets of axes."""
@@ -161,7 +154,6 @@ def test_two_sonars_on_one_topic_are_asked_about(apart):
     assert "two sonars on one topic" in asked_of(pings())["two_sonars"]
 
 
-FAN = np.full(361, 30.0)
 TARGET = slice(100, 110)
 
 

@@ -1,52 +1,15 @@
 """Own-ship data: waited for, late, far back, missing, and begun anew."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import Counter, deque
 
 import numpy as np
 import pytest
-from support.sessions import (
-    arrived,
-    moving,
-    ping,
-    play,
-    sail,
-    session,
-    settings,
-)
+from support.sessions import arrived, moving, ping, play, sail, settings
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample
-
-
-def test_scans_wait_for_the_own_ship_and_are_processed_in_order():
-    one = moving()
-    sail(one, 0.0)
-    for stamp in (3.0, 5.0, 9.0):
-        one.add_scan(ping(stamp), 100.0)
-    assert list(one.process(100.5)) == []
-    assert one.waiting == 3
-    sail(one, 4.0)
-    assert [result.stamp for result in one.process(100.6)] == [3.0]
-    sail(one, 10.0)
-    assert [result.stamp for result in one.process(100.7)] == [5.0, 9.0]
-    assert one.waiting == 0
-    assert one.dropped == Counter()
-
-
-def test_a_scan_waits_for_the_pose_of_its_last_echo():
-    one = moving()
-    needed = []
-    one.own_ship.look_up = lambda *span: needed.append(span)
-    one.add_scan(arrived(Scan(30.0, [1500.0, 7500.0], [0.0, 0.0], time_offset=[1.0, 5.0])), 0.0)
-    sail(one, 29.0, 39.9)
-    assert list(one.process(0.0)) == []
-    sail(one, 40.0)
-    assert len(list(one.process(0.0))) == 1
-    assert needed == [("sonar", 30.0, 40.0, "body")] * 2
 
 
 def test_a_scan_whose_echoes_are_sent_later_waits_for_and_uses_the_poses_of_then():
@@ -99,18 +62,6 @@ def reader(one, *stamps):
 
     one.own_ship.read_unread = read
     return unread
-
-
-@pytest.mark.parametrize("timeout", [0.0, 2.0])
-def test_unread_own_ship_data_is_read_before_a_scan_is_dropped(timeout):
-    one = moving(own_ship_timeout=timeout)
-    sail(one, 0.0)
-    unread = reader(one, 2.0, 4.0, 6.0)
-    one.add_scan(ping(3.0), 50.0)
-    (result,) = one.process(60.0)
-    assert (result.stamp, result.waiting) == (3.0, 10.0)
-    assert list(unread) == [6.0], "no more than the scan needs"
-    assert one.dropped == Counter()
 
 
 def test_own_ship_data_is_not_read_out_of_turn_for_a_scan_that_may_wait_or_is_covered():
@@ -176,21 +127,6 @@ def test_a_hole_of_an_hour_in_the_own_ship_data_is_not_interpolated_across():
     assert one.dropped == {"own_ship_stale": 1}
 
 
-def test_own_ship_data_that_is_not_newer_is_dropped_and_counted():
-    one = moving()
-    sail(one, 10.0, 10.0, 5.0)
-    assert one.dropped == {"own_ship_late": 2}
-    assert one.own_ship_stamp == 10.0
-
-
-def test_own_ship_data_that_jumps_back_starts_a_new_history():
-    one = moving(restart_jump=60.0)
-    sail(one, 1000.0, 1001.0, 5.0, 7.0)
-    one.add_scan(ping(6.0), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [12.0, 10.0, 0.5])
-
-
 BAD_SAMPLES = {
     "x": {"x": math.nan},
     "y": {"y": math.inf},
@@ -225,16 +161,6 @@ def test_a_pose_carried_off_the_earth_costs_its_ping_under_a_name():
     sail(one, 40.0, 60.0)
     assert [result.stamp for result in play(one, [50])] == [50.0]
     assert one.dropped == {"own_ship_jump": 1}
-
-
-def test_a_time_offset_before_the_first_pose_drops_the_scan_and_no_other():
-    # Scan allows negative time offsets: a driver may stamp the end of listening.
-    one = moving()
-    sail(one, 10.0, 30.0)
-    one.add_scan(arrived(Scan(11.0, [1000.0], [0.0], time_offset=[-3.0])), 0.0)
-    one.add_scan(ping(20.0), 0.0)
-    assert [result.stamp for result in one.process()] == [20.0]
-    assert one.dropped == {"own_ship_stale": 1}
 
 
 def test_a_restart_before_the_own_ship_follows_is_still_a_restart():
@@ -288,13 +214,3 @@ def test_figures_tell_how_far_own_ship_data_is_behind_the_newest_scan():
     one.add_scan(ping(42.0), 0.0)
     figures = one.figures()
     assert (figures.waiting, figures.scan_stamp, figures.own_ship_stamp) == (2, 42.0, 20.0)
-
-
-def test_a_result_says_how_long_the_scan_waited():
-    one = moving()
-    one.add_scan(ping(10.0), (100.0, 7.0))
-    assert list(one.process((100.5, 7.5))) == []
-    sail(one, 0.0, 20.0)
-    (result,) = one.process((101.5, 99.0))
-    assert result.waiting == 1.5
-    assert play(session(), [0])[0].waiting == math.inf, "no time was given"

@@ -1,7 +1,5 @@
 """What a stamp means."""
 
-from __future__ import annotations
-
 import pytest
 
 from tsepm_ros.session.scan_queue import MAX_INTERVAL, Arrival, ScanOrder

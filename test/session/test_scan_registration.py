@@ -1,44 +1,13 @@
-"""Scans put in the fixed frame, or lost alone."""
-
-from __future__ import annotations
-
-import dataclasses
+"""Scans put in the fixed frame, or lost alone, and the own ship's pose that pictures show."""
 
 import numpy as np
 import pytest
-from support.sessions import (
-    arrived,
-    held,
-    moving,
-    ping,
-    play,
-    sail,
-)
+from support.sessions import arrived, held, moving, play, sail
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.session.result import vessel_pose
 from tsepm_ros.tracker.options import CommonOptions
-
-
-def test_scans_are_placed_where_the_ship_was_at_their_time():
-    one = moving()
-    sail(one, 0.0, 100.0)
-    one.add_scan(ping(30.0), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [60.0, 10.0, 0.5])
-    assert result.frame_id == "odom"
-
-
-@pytest.mark.parametrize("offset", [None, [1.0, 5.0]], ids=["at once", "echoes"])
-def test_scans_with_range_rates_have_the_velocity_of_the_ship_at_their_times(offset):
-    one = moving()
-    sail(one, 0.0, 100.0)
-    rates = {"range_rate": [1.0, -1.0]}
-    scan = Scan(30.0, [1500.0, 7500.0], [-0.5, 0.5], time_offset=offset, features=rates)
-    one.add_scan(arrived(scan), 0.0)
-    (result,) = one.process(0.0)
-    expected = [2.0, 0.0] if offset is None else [[2.0, 0.0]] * 2
-    np.testing.assert_allclose(result.scan.sensor_velocity, expected, atol=1e-9)
 
 
 def test_echoes_are_placed_with_the_poses_of_their_sending_and_arrival():
@@ -66,38 +35,6 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
     assert held(result) == [track.track_id for track in confirmed]
 
 
-def test_the_pose_covariance_goes_with_the_scan():
-    one = moving()
-    covariance = np.diag([4.0, 9.0, 0.01])
-    for stamp in (0.0, 10.0):
-        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, covariance, frame_id="odom"))
-    one.add_scan(ping(5.0), 0.0)
-    one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
-    by_bow, by_north = one.process(0.0)
-    np.testing.assert_array_equal(by_bow.scan.sensor_pose_covariance, covariance)
-    np.testing.assert_array_equal(by_north.scan.sensor_pose_covariance, np.diag([4.0, 9.0, 0.0]))
-
-
-def test_north_referenced_scans_do_not_turn_with_the_ship():
-    one = moving()
-    sail(one, 0.0, 10.0)
-    one.add_scan(dataclasses.replace(ping(5.0), north_referenced=True), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [10.0, 10.0, 0.0])
-
-
-def test_a_ship_without_a_heading_places_only_north_referenced_scans():
-    one = moving()
-    for stamp in (0.0, 10.0):
-        one.add_own_ship(
-            PoseSample(stamp, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6]), frame_id="odom")
-        )
-    one.add_scan(ping(5.0), 0.0)
-    one.add_scan(dataclasses.replace(ping(6.0), north_referenced=True), 0.0)
-    assert [result.stamp for result in one.process(0.0)] == [6.0]
-    assert one.dropped == {"heading_unknown": 1}
-
-
 def test_a_negative_time_offset_is_placed_where_poses_are_known():
     one = moving()
     sail(one, 0.0, 30.0)
@@ -105,3 +42,22 @@ def test_a_negative_time_offset_is_placed_where_poses_are_known():
     one.add_scan(arrived(scan), 0.0)
     (result,) = one.process(0.0)
     np.testing.assert_allclose(result.scan.sensor_pose, [[34.0, 10.0, 0.5]], atol=1e-9)
+
+
+POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
+
+
+@pytest.mark.parametrize(("offsets", "row"), [([2.0, 1.0], 1), ([1.0, 2.0], 0), (None, 0)])
+def test_the_pose_is_that_of_the_nearest_echo(offsets, row):
+    scan = Scan(0.0, [100.0, 200.0], [0.0, 0.1], time_offset=offsets, sensor_pose=POSES)
+    np.testing.assert_allclose(vessel_pose(scan, 0.2), POSES[row] - [0.0, 0.0, 0.2])
+
+
+def test_a_heading_that_nothing_gives_is_unknown():
+    pose = vessel_pose(Scan(0.0, [100.0], [0.0], sensor_pose=POSES[0]), None)
+    assert pose[:2].tolist() == [10.0, 20.0] and np.isnan(pose[2])
+
+
+def test_a_scan_without_detections_has_the_poses_of_none():
+    empty = Scan(0.0, [], [], sensor_pose=np.zeros((0, 3)))
+    assert vessel_pose(empty, 0.0) is None

@@ -1,7 +1,5 @@
 """Figures of the sensor that do not fit the scans are said once, with those to set."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

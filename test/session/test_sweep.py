@@ -1,7 +1,5 @@
 """Sweeps in parts in a session: a message per beam gives the tracks of a message per turn."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -73,20 +71,6 @@ def test_a_target_at_the_seam_is_one_track():
         assert np.ptp(result.scan.time_offset) < 0.1 * TURN
 
 
-def test_auto_learns_a_sweep_and_says_so():
-    said = []
-    ranges = turns(8)
-    one = Session(settings("auto"), lambda reason, sentence: said.append((reason, sentence)))
-    results = played(one, in_parts(ranges, 6))
-    number = BEAMS // 6
-    assert [reason for reason, _ in said] == ["sweep"]
-    assert "3.14 s" in said[0][1]
-    assert len(results) <= number + 1 + 8
-    assert sum(len(result.new) for result in results) == 2
-    assert one.dropped == {}
-    assert len(results[-1].current) == 2
-
-
 def test_the_state_of_a_given_sweep_is_that_none_is_complete_until_one_is():
     one = Session(settings("3.14"))
     messages = [read(message) for message in in_parts(turns(2), 6)]
@@ -149,15 +133,6 @@ def test_the_latency_is_reported():
     assert Session(settings("off")).figures().sweep == "a message is a scan"
 
 
-def test_the_interval_of_scans_is_that_of_turns():
-    one = Session(settings(f"{TURN}"))
-    stamps = set()
-    for message in in_parts(turns(3), 6):
-        one.add_scan(read(message), 0.0)
-        stamps.add(one.arrived_stamp)
-    assert len(stamps - {None}) == one.arrivals == 2
-
-
 def test_an_open_scan_ends_after_a_silence_on_both_clocks():
     one = Session(settings("2.0"))
     for number in range(10):
@@ -184,16 +159,6 @@ def test_a_part_of_a_turn_counts_no_misses_elsewhere():
     held = one.tracker.maintenance.held
     assert len(held) == 2
     assert held.existence.min() > 0.9
-
-
-def test_reset_discards_the_open_scan():
-    one = Session(settings("2.0"))
-    for number in range(10):
-        one.add_scan(beam(0.1 * number, 0.1 * number, 100.0), 0.0)
-    one.reset()
-    assert list(one.process(last=True)) == []
-    one.add_scan(beam(0.0, 0.1, 100.0), 0.0)  # an earlier stamp, and no restart
-    assert [len(result.scan) for result in one.process(last=True)] == [1]
 
 
 def test_a_reset_clock_restarts_after_a_scan():

@@ -1,8 +1,9 @@
-"""Parameter files given to a node: which fit it, and what in them has no value."""
+"""Parameter files: which fit a node, what in them has no value, and those shipped."""
 
-from __future__ import annotations
+from pathlib import Path
 
 import pytest
+import yaml
 
 from tsepm_ros.settings.parameter_files import (
     fits,
@@ -11,6 +12,7 @@ from tsepm_ros.settings.parameter_files import (
     values_for,
     without_value,
 )
+from tsepm_ros.settings.settings import NODES, make_groups
 
 
 @pytest.mark.parametrize(
@@ -78,3 +80,24 @@ def test_parameters_without_a_value_are_named(written):
         "      min_range: 1.0\nother:\n  ros__parameters: {method: []}\n"
     )
     assert without_value(arguments, "/node") == ["max_speed", "sensor.max_range"]
+
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@pytest.mark.parametrize("name", ["ping360", "marine_radar", "imaging_sonar"])
+def test_both_nodes_accept_their_section_and_agree_on_the_coverage(name):
+    sections = yaml.safe_load((CONFIG / f"{name}.yaml").read_text("utf-8"))
+    given = {}
+    for section, content in sections.items():
+        node, values = section.rpartition("/")[2], content["ros__parameters"]
+        flat = {
+            f"{key}.{inner}" if isinstance(value, dict) else key: one
+            for key, value in values.items()
+            for inner, one in (value.items() if isinstance(value, dict) else [("", value)])
+        }
+        make_groups(NODES[node], flat)
+        given[node] = {key: one for key, one in flat.items() if key.startswith("sensor.")}
+    assert set(given) == {"sonar_detector", "track_initiator"}
+    for key, one in given["sonar_detector"].items():
+        assert given["track_initiator"][key] == one

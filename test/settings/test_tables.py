@@ -1,7 +1,5 @@
 """The nodes' parameter tables, as YAML, as text and as groups."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -11,7 +9,7 @@ from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.parameter_files import as_markdown, as_yaml
+from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import (
     NODES,
     TRACK_INITIATOR,
@@ -28,12 +26,6 @@ CONFIG = Path(__file__).parents[2] / "config"
 
 
 @EVERY_NODE
-def test_no_name_comes_twice(node):
-    names = [row.name for row in full_table(NODES[node])]
-    assert len(names) == len(set(names)) > 0
-
-
-@EVERY_NODE
 def test_yaml_reads_back_as_the_defaults_with_their_types(node):
     content = yaml.safe_load(as_yaml(node, NODES[node]))
     assert list(content) == ["/**"], "it fits any name and namespace of the node"
@@ -46,35 +38,11 @@ def test_yaml_reads_back_as_the_defaults_with_their_types(node):
 
 
 @EVERY_NODE
-def test_the_groups_made_from_the_yaml_are_the_defaults(node):
-    values = yaml.safe_load(as_yaml(node, NODES[node]))["/**"]["ros__parameters"]
-    assert make_groups(NODES[node], values) == make_groups(NODES[node], {})
-
-
-@EVERY_NODE
-def test_yaml_says_what_each_parameter_is(node):
-    text = as_yaml(node, NODES[node])
-    for row in full_table(NODES[node]):
-        assert f"# {row.description}" in text
-
-
-@EVERY_NODE
 def test_the_shipped_parameter_file_is_up_to_date(node):
     path = CONFIG / f"{node}.yaml"
     if not path.exists():
         pytest.skip("only in the source tree")
     assert path.read_text(encoding="utf-8") == as_yaml(node, NODES[node])
-
-
-@EVERY_NODE
-def test_the_markdown_table_has_a_row_per_parameter(node):
-    lines = as_markdown(NODES[node]).splitlines()
-    rows = list(full_table(NODES[node]))
-    assert len(lines) == len(rows) + 2
-    assert {line.count("|") for line in lines} == {4}
-    for line, row in zip(lines[2:], rows, strict=True):
-        assert line.startswith(f"| `{row.name}` |")
-        assert row.description in line
 
 
 def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():
@@ -177,18 +145,6 @@ def test_bearings_from_north_at_rest_need_a_sensor_that_looks_all_round():
     with pytest.raises(ValueError, match=r"own_ship_source must not be none if bearing_reference"):
         make_groups(TRACK_INITIATOR, sector)
     make_groups(TRACK_INITIATOR, {**sector, "own_ship_source": "odometry"})
-
-
-def test_settings_have_every_group():
-    made = make_groups(
-        TRACK_INITIATOR, {"method": "tsepm", "tsepm.window": 9, "sensor.max_range": 5e3}
-    )
-    settings = settings_from(made)
-    assert settings.window == 9
-    assert settings.sensor.max_range == 5e3
-    initiator = settings.make_initiator()
-    assert initiator.options.window == 9
-    assert initiator.sensor == settings.sensor
 
 
 @pytest.mark.parametrize("method", METHODS)

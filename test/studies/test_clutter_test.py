@@ -1,7 +1,5 @@
 """Kennedy's test over the tree of splits, without merging."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

@@ -1,7 +1,5 @@
 """The heuristic method on scenes by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.builders import scan_at

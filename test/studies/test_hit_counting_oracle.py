@@ -1,7 +1,5 @@
 """The methods `sequential` and `logic` equal their plain-loop versions, track for track."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,11 +1,9 @@
 """The multiple-model start: cells, filters, weights."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
+from support.builders import FIXED_RANGE_ERROR, scan_at
 
 from tsepm_ros import make_initiator
 from tsepm_ros.studies.multiple_model import MAX_FILTERS, cells
@@ -97,15 +95,6 @@ def test_a_scan_without_a_detection_is_waited_for():
         where = [(3000.0 + 60.0 * k, 0.0)] if seen == "1" else []
         tracks += made.process(scan_at(12.0 * k, where))
     assert [track.hits for track in tracks] == [((0, 0), (1, 0), (3, 0), (5, 0))]
-
-
-def test_other_cells_start_over():
-    made = make_initiator("multiple_model", sensor=FIXED_RANGE_ERROR)
-    made.process(scan_at(0.0, [(3000.0, 0.0)]))
-    other = make_initiator("multiple_model", sensor=FIXED_RANGE_ERROR, headings=12).options
-    assert not reconfigured(made, made.sensor, made.common, other)
-    made.process(scan_at(12.0, [(3000.0, 0.0)]))
-    assert made.statistics.started == 1
 
 
 def test_filters_are_bounded_and_the_tracks_beyond_are_counted():

@@ -1,7 +1,5 @@
 """Splitting and merging as in 2016."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.builders import detections, scan_at

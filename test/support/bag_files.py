@@ -1,7 +1,5 @@
 """Bags for tests: simulated messages, written with the library rosbags and without ROS."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Batches of random scenes: some tested always, the others among the long tests."""
 
-from __future__ import annotations
-
 import pytest
 
 

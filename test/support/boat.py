@@ -1,7 +1,5 @@
 """A track initiator beside a sonar's driver, connected and ready."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

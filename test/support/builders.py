@@ -1,7 +1,5 @@
 """Small inputs for the tests: detections, scans and comparisons."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -5,8 +5,6 @@ carries. It gives the message and, worked out here from those rounded numbers, w
 must hold.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What the node must publish: the same numbers given to the initiator directly."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

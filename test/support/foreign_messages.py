@@ -3,8 +3,6 @@
 Like rclpy's, they have no other attributes, and their `float32[]` are arrays of that type.
 """
 
-from __future__ import annotations
-
 import array
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The Python of docs/use_the_tracks.md, run as a reader would run it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

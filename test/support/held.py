@@ -1,7 +1,5 @@
 """Held tracks in tests: a few tracks 1 km apart, and the steps that maintain them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from support.builders import FIXED_RANGE_ERROR, detections
@@ -34,11 +32,7 @@ def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
 
 
 def step(
-    maintenance: TrackMaintenance,
-    stamp: float,
-    scan=NOTHING,
-    detectable: float = UNSEEN,
-    **options,
+    maintenance: TrackMaintenance, stamp: float, scan=NOTHING, detectable: float = UNSEEN, **options
 ) -> np.ndarray:
     """Process a scan; with `detectable` UNSEEN misses do not count, and tracks live for hold_time.
 

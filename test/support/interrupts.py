@@ -1,7 +1,5 @@
 """SIGINT where a shell runs its jobs in the background, which ignore it."""
 
-from __future__ import annotations
-
 import signal
 import threading
 

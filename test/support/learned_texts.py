@@ -1,7 +1,5 @@
 """Texts of what was learned with numbers replaced, and restarts with them."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

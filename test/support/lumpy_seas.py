@@ -1,7 +1,5 @@
 """Seas whose clutter is denser in some places than in others, for as long as they last."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Markers as a viewer takes them."""
 
-from __future__ import annotations
-
 from visualization_msgs.msg import Marker, MarkerArray
 
 from support.ros_world import LATCHED

@@ -1,7 +1,5 @@
 """Executables of the package where some modules cannot be imported, as where they are missing."""
 
-from __future__ import annotations
-
 
 def script(executable: str, missing: tuple[str, ...]) -> str:
     """Code that runs an executable; an import of a missing module or of what is in it fails."""

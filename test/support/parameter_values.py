@@ -1,7 +1,5 @@
 """Values of every type for calls of `set_parameters`, also empty ones and of no type."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections import Counter

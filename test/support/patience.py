@@ -4,8 +4,6 @@ A limit ends a test that hangs. It is ten times the time on a quiet machine, so 
 busy machine.
 """
 
-from __future__ import annotations
-
 PATIENCE = 10.0
 
 

@@ -6,8 +6,6 @@ with modes: Musicki, Suvorova 2008) and targets that compete for detections (Mus
 2008). Detections are converted by `plain_tsepm`. Every constant stands here again.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -303,9 +301,7 @@ def begun(
     return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted, hit_variance=error)
 
 
-def mixture(
-    parts: Sequence[tuple[float, np.ndarray, np.ndarray]],
-) -> tuple[np.ndarray, np.ndarray]:
+def mixture(parts: Sequence[tuple[float, np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of Gaussians with weights."""
     mean = sum(weight * state for weight, state, _ in parts)
     return mean, sum(

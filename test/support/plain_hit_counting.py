@@ -8,8 +8,6 @@ Equation numbers are those of
 Conversion and least squares are those of `plain_tsepm`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

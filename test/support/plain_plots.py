@@ -1,7 +1,5 @@
 """Plots in plain loops: complete linkage as it is defined, one merge after the other."""
 
-from __future__ import annotations
-
 import math
 
 

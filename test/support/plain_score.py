@@ -6,8 +6,6 @@ window, and others with the same last detection that are ten thousand times as l
 are converted by `plain_tsepm`.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

@@ -11,8 +11,6 @@ Units are metres, seconds and radians. Azimuth is counter-clockwise from the sen
 a state is ``[x, vx, y, vy]`` in the fixed frame.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -37,39 +35,11 @@ _CHOICES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """Parameters of the method.
+    """Parameters of the method, by the names of the node's; the choices are those of `_CHOICES`.
 
-    Attributes
-    ----------
-    range_std, range_std_fraction : float
-        Range variance = range_std^2 + (range_std_fraction * range)^2.
-    azimuth_std : float
-        Standard deviation of the azimuth.
-    clutter_density : float
-        Lambda of Eq. 1, per square metre.
-    max_speed : float
-        v_max of Eq. 4.
-    min_hits, window : int
-        M and N: a track is confirmed by M hits within N scans.
-    gate_probability : float
-        P of Eq. 5 for the gate, Eq. 4.
-    evaluation : {"normalized_distance", "clutter_statistic"}
-        The figure that pruning tests: f1 of Eq. 23 or f2 of Eq. 25.
-    reading : {"literal", "squared"}
-        Whether f1, a squared distance, is compared with gamma of Eq. 26 or with its square.
-    pruning_probability : float
-        P_TP of Eq. 26.
-    clutter_test_size : float
-        Probability that a track of clutter alone is kept by the test of f2.
-    merging : {"moments", "refit"}
-        Merged state by Eqs. 31-33, or estimated again from all hits of the merged tracks.
-    merging_probability : float
-        P_TM, from which Eq. 5 gives the threshold of Eq. 30.
-    estimator : {"unweighted", "weighted"}
-        Least squares by Eqs. 19-20, or weighted with the inverse covariances of the hits.
-    across_as_along : bool
-        Whether the variance across the line of sight is at least that along it, of detections
-        without an azimuth error of their own; not of the published method.
+    Range variance = range_std^2 + (range_std_fraction * range)^2; lambda of Eq. 1 per square
+    metre; `clutter_test_size` is the probability that a track of clutter passes the test of f2.
+    `across_as_along` is not of the published method.
     """
 
     range_std: float
@@ -100,51 +70,24 @@ class Parameters:
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """How a detection was measured: what its covariance depends on besides its place.
-
-    Attributes
-    ----------
-    position : numpy.ndarray
-        The sensor's position in the fixed frame.
-    yaw : float
-        The sensor's yaw in the fixed frame.
-    pose_covariance : numpy.ndarray or None
-        Covariance of (x, y, yaw) of the sensor, where it is known.
-    range_std : float or None
-        The detection's own standard deviation of the range; None means the sensor's model.
-    azimuth_std : float
-        Standard deviation of the azimuth.
-    across_as_along : bool
-        As in `Parameters`.
-    """
+    """How a detection was measured: what its covariance depends on besides its place."""
 
     position: np.ndarray
     yaw: float
     pose_covariance: np.ndarray | None
+    """Of x, y and yaw."""
     range_std: float | None
+    """The detection's own; None means the sensor's model."""
     azimuth_std: float
     across_as_along: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """A detection, converted to the fixed frame.
-
-    Attributes
-    ----------
-    key : tuple of int
-        (scan index, detection index).
-    time : float
-        The time for which the position is valid.
-    point : numpy.ndarray
-        z of Eq. 9, the unbiased converted position.
-    covariance : numpy.ndarray
-        R of Eq. 11, evaluated at the measured range and azimuth.
-    sensing : Sensing
-        How the detection was measured.
-    """
+    """A detection, converted to the fixed frame: z of Eq. 9 and R of Eq. 11 at its time."""
 
     key: tuple[int, int]
+    """Of the scan and of the detection in it."""
     time: float
     point: np.ndarray
     covariance: np.ndarray
@@ -153,15 +96,7 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class PotentialTrack:
-    """An unconfirmed hypothesis.
-
-    Attributes
-    ----------
-    hits : tuple of Detection
-        Associated detections, oldest first; their number is N_v.
-    scan_count : int
-        N_a, the scans received since the first hit, inclusive.
-    """
+    """An unconfirmed hypothesis: its hits, oldest first, and N_a, the scans since the first."""
 
     hits: tuple[Detection, ...]
     scan_count: int
@@ -188,25 +123,10 @@ class EvaluatedTrack:
 
 @dataclass(frozen=True, eq=False)
 class PlainTrack:
-    """A track that the method puts out.
+    """A track that the method puts out, at the stamp of the confirming scan.
 
-    Attributes
-    ----------
-    stamp : float
-        Stamp of the confirming scan.
-    hits : tuple of (int, int)
-        (scan index, detection index) of each hit, oldest first; of the best member, the one of
-        the smallest evaluation, where tracks were merged.
-    members : frozenset
-        The hits of every merged track; of the track itself where nothing was merged.
-    state : numpy.ndarray
-        ``[x, vx, y, vy]`` at the stamp.
-    covariance : numpy.ndarray
-        Covariance of the state, 4 x 4.
-    evaluation : float
-        The best member's f1 or f2, whichever the pruning tests.
-    distance : float
-        The best member's f1.
+    Hits, evaluation and f1 are those of the best of the merged tracks, the one of the smallest
+    evaluation; `members` holds the hits of every one.
     """
 
     stamp: float
@@ -220,17 +140,7 @@ class PlainTrack:
 
 @dataclass(frozen=True)
 class PlainCounts:
-    """Numbers of tracks of one scan.
-
-    Attributes
-    ----------
-    potential : int
-        Potential tracks held after the scan, new ones included.
-    confirmed : int
-        Tracks confirmed, before pruning.
-    retained : int
-        Tracks confirmed and left by the pruning, before merging.
-    """
+    """Tracks of one scan: potential after it; confirmed; of these, left by the pruning."""
 
     potential: int
     confirmed: int
@@ -238,44 +148,18 @@ class PlainCounts:
 
 
 def plain_tsepm(scans: Sequence[Mapping[str, Any]], **parameters: Any) -> list[list[PlainTrack]]:
-    """Run the method over all scans.
-
-    Parameters
-    ----------
-    scans : sequence of mapping
-        In order of time. Keys: ``stamp``; ``range`` and ``azimuth``, one value per detection;
-        optional ``sensor_pose``, (x, y, yaw) or a list of one per detection, (0, 0, 0) unless
-        given; ``sensor_pose_covariance``, 3 x 3; and, with one value per detection,
-        ``time_offset`` after the stamp and ``range_std`` and ``azimuth_std`` in place of the
-        sensor's.
-    **parameters
-        The fields of `Parameters`, by name.
-
-    Returns
-    -------
-    list of list of PlainTrack
-        For each scan its newly confirmed tracks, after pruning and merging.
-    """
-    tracks, _ = plain_tsepm_with_counts(scans, **parameters)
-    return tracks
+    """For each scan its newly confirmed tracks; see `plain_tsepm_with_counts`."""
+    return plain_tsepm_with_counts(scans, **parameters)[0]
 
 
 def plain_tsepm_with_counts(
     scans: Sequence[Mapping[str, Any]], **parameters: Any
 ) -> tuple[list[list[PlainTrack]], list[PlainCounts]]:
-    """Run the method over all scans, and count the tracks of each scan.
+    """Run the method over scans in order of time, with the fields of `Parameters`.
 
-    Parameters
-    ----------
-    scans, **parameters
-        As in `plain_tsepm`.
-
-    Returns
-    -------
-    tracks : list of list of PlainTrack
-        For each scan its newly confirmed tracks, after pruning and merging.
-    counts : list of PlainCounts
-        For each scan its numbers of tracks.
+    Keys of a scan: ``stamp``; ``range`` and ``azimuth``, one value per detection; optional
+    ``sensor_pose``, (x, y, yaw) or one per detection; ``sensor_pose_covariance``, 3 x 3; and, per
+    detection, ``time_offset``, ``range_std`` and ``azimuth_std``.
     """
     settings = Parameters(**parameters)
     potential: list[PotentialTrack] = []
@@ -406,18 +290,9 @@ def converted_covariance(
 def fixed_frame_covariance(
     range_: float, azimuth: float, offset: np.ndarray, sensing: Sensing, settings: Parameters
 ) -> np.ndarray:
-    """Return the covariance of a converted point in the fixed frame, R of Eq. 11.
+    """Return R of Eq. 11 in the fixed frame, evaluated at a range and an azimuth.
 
-    Parameters
-    ----------
-    range_, azimuth : float
-        Where the covariance is evaluated, seen from the sensor.
-    offset : numpy.ndarray
-        The point relative to the sensor, in the fixed frame; the lever of the sensor's yaw.
-    sensing : Sensing
-        How the detection was measured.
-    settings : Parameters
-        The sensor's model.
+    The offset, from the sensor to the point in the fixed frame, is the lever of the sensor's yaw.
     """
     in_sensor_frame = converted_covariance(
         range_, azimuth, range_variance(range_, sensing, settings), sensing.azimuth_std

@@ -1,7 +1,5 @@
 """PointCloud2 messages packed byte by byte with struct: no code shared with the adapters."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 

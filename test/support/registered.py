@@ -1,7 +1,5 @@
 """Scans registered by a session, on a boat that rolls, pitches and turns."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from support.sessions import NotedSession
@@ -35,11 +33,7 @@ def places(scan: Scan) -> np.ndarray:
 
 def rolling(time):
     """Yaw, pitch and roll of a boat in a seaway, rad."""
-    return (
-        0.4 + 0.02 * time,
-        0.08 * np.sin(1.1 * time),
-        0.15 * np.sin(0.9 * time + 1.0),
-    )
+    return (0.4 + 0.02 * time, 0.08 * np.sin(1.1 * time), 0.15 * np.sin(0.9 * time + 1.0))
 
 
 def sail(one: Session, *, first: float = 0.0, last: float = 30.0, step: float = 0.05) -> None:

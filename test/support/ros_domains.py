@@ -1,7 +1,5 @@
 """Domains that no other test or campaign on this machine has at the same time."""
 
-from __future__ import annotations
-
 import fcntl
 import itertools
 import os

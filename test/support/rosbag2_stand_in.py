@@ -3,8 +3,6 @@
 The library rosbags reads the bags behind it. Times are those of rclpy.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace

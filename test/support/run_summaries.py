@@ -1,7 +1,5 @@
 """Invented summaries of runs for the tests."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable

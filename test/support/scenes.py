@@ -1,7 +1,5 @@
 """Random scenes for comparing implementations: every feature of a scan, switched at random."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any

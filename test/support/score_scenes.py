@@ -1,7 +1,5 @@
 """Scenes for the likelihood-ratio method: a sea of clutter with targets in it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

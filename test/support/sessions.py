@@ -1,7 +1,5 @@
 """Sessions that note what they report, and what arrives at them."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

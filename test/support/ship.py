@@ -1,7 +1,5 @@
 """A ship that carries the sonar, and a target as it sees it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

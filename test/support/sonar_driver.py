@@ -4,8 +4,6 @@ Nothing of the package is imported here: "publish sensor_msgs/PointCloud2 with t
 azimuth (float32) on `detections`; subscribe to `tracks`".
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Sequence

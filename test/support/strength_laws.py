@@ -1,7 +1,5 @@
 """Laws of clutter's strength: ln(strength) that clutter exceeds with the probability exp(-u)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ Steps, angles and times are powers of 2: the numbers of one message of a turn an
 per beam are equal to the bit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace

@@ -1,31 +1,19 @@
 """Progress is shown on a terminal and nowhere else."""
 
-from __future__ import annotations
-
 import fcntl
-import io
 import os
 import pty
 import struct
 import subprocess
 import sys
 import termios
-from pathlib import Path
-
-import pytest
 
 from tsepm_ros.tools import terminal
 from tsepm_ros.tools.terminal import progress_bar, with_progress, write_line
 
-ROOT = Path(__file__).parents[2]
 SHOW = (
     "from tsepm_ros.tools.terminal import with_progress; print(*with_progress(range(3), 3, 'work'))"
 )
-
-
-def test_the_results_pass_unchanged(capsys):
-    assert list(with_progress(iter("abc"), 3)) == ["a", "b", "c"]
-    assert capsys.readouterr().err == ""
 
 
 def test_a_terminal_shows_the_work_and_a_pipe_does_not():
@@ -40,30 +28,6 @@ def test_a_terminal_shows_the_work_and_a_pipe_does_not():
     os.close(main)
     piped = subprocess.run([sys.executable, "-c", SHOW], capture_output=True, check=True)
     assert piped.stderr == b""
-
-
-def test_a_line_is_written_at_once():
-    class File(io.StringIO):
-        flushed = False
-
-        def flush(self):
-            self.flushed = True
-
-    file = File()
-    write_line("a line", file)
-    assert file.getvalue() == "a line\n"
-    assert file.flushed
-
-
-COMMANDS = ("run", "design", "evaluate", "reproduce")
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_long_command_shows_its_progress(command):
-    name = "reproduction/report" if command == "reproduce" else f"{command}_command"
-    (path,) = ROOT.glob(f"tsepm_ros/**/{name}.py")
-    source = path.read_text("utf-8")
-    assert "from tsepm_ros.tools.terminal import" in source
 
 
 def test_without_the_library_of_the_bars_the_work_is_done_without_them(monkeypatch, capsys):

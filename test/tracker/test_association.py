@@ -1,20 +1,10 @@
 """Choosing rows that share nothing, the best first."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from tsepm_ros.tracker import assignment
-from tsepm_ros.tracker.assignment import (
-    BLOCK,
-    Pairs,
-    best_of_each,
-    disjoint,
-    nearest_first,
-    oldest_first,
-    within,
-)
+from tsepm_ros.tracker.assignment import BLOCK, disjoint, within
 from tsepm_ros.tracker.initial_state import NO_HIT
 
 
@@ -36,40 +26,6 @@ def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
     members = rng.integers(-1, 40, (100, 3))
     cost = rng.integers(0, 10, 100).astype(float)
     assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
-
-
-def test_nothing_is_in_common_with_nothing():
-    assert disjoint(np.zeros((0, 4), np.int64), np.zeros(0)).tolist() == []
-    assert disjoint(np.full((3, 2), NO_HIT), np.zeros(3)).tolist() == [0, 1, 2]
-
-
-PAIRS = Pairs(np.array([0, 0, 1, 1, 2]), np.array([0, 1, 0, 1, 1]), np.array([3.0, 5, 1, 1, 2]))
-
-
-def test_each_track_and_each_detection_is_matched_once():
-    chosen = nearest_first(PAIRS)
-    assert chosen.parent.tolist() == [1, 2]
-    assert chosen.row.tolist() == [0, 1], "what is left of track 0 was taken"
-
-
-@pytest.mark.parametrize(
-    ("first_scan", "expected"),
-    [
-        ([5, 5, 5], [(1, 0), (2, 1)]),  # as the nearest first
-        ([4, 5, 5], [(0, 0), (1, 1)]),
-        ([4, 5, 3], [(0, 0), (2, 1)]),
-    ],
-)
-def test_older_tracks_choose_before_younger(first_scan, expected):
-    chosen = oldest_first(PAIRS, np.array(first_scan))
-    assert sorted(zip(chosen.parent.tolist(), chosen.row.tolist(), strict=True)) == expected
-    assert set(chosen.cost) <= set(PAIRS.cost)
-
-
-def test_the_best_of_each_track_may_be_another_s_too():
-    chosen = best_of_each(PAIRS)
-    assert chosen.parent.tolist() == [0, 1, 2]
-    assert chosen.row.tolist() == [0, 0, 1]
 
 
 def test_no_further_block_of_pairs_is_looked_at_where_the_time_is_over():

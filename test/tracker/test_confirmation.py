@@ -1,7 +1,5 @@
 """Which evidence starts a track, with which hits and state."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
@@ -12,16 +10,12 @@ import pytest
 from support.builders import AS_GIVEN, scan_at
 from support.plain_score import at_max_speed, plain_starts, strong_groups
 from support.scenes import Scene, crowded_scene, random_scene
-from support.score_scenes import clutter, in_plain_loops, score
+from support.score_scenes import in_plain_loops, score
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation
-from tsepm_ros.tracker.confirmation import (
-    TARGET_BIRTH_RATE,
-    existence,
-    min_purity_probability,
-)
+from tsepm_ros.tracker.confirmation import TARGET_BIRTH_RATE, existence, min_purity_probability
 from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import Tree
 from tsepm_ros.tracker.initial_state import fit
@@ -163,29 +157,6 @@ def test_no_track_on_two_hits_however_strong():
     assert len(initiator.process(scan_at(0.0, first))) == 0
     assert len(initiator.process(scan_at(12.0, second))) == 0
     assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
-
-
-@pytest.mark.long
-def test_a_confirmed_track_has_hits_enough_whatever_is_wished_for():
-    initiator = score(false_tracks_per_hour=1e5)
-    rng = np.random.default_rng(1)
-    found = [
-        track
-        for index in range(6)
-        for track in initiator.process(Scan(12.0 * index, *clutter(rng)))
-    ]
-    assert len(found) > 50
-    assert min(len(track.hits) for track in found) >= 3
-    assert all(np.isfinite(track.state).all() for track in found)
-
-
-def test_hits_at_one_time_make_no_track():
-    # Echoes whose times, as given, are all the same tell no velocity.
-    initiator = score(SensorModel(range_std=1.0, range_std_fraction=0.0), false_tracks_per_hour=1e6)
-    for k in range(6):
-        scan = Scan(float(k), [1000.0], [0.0], time_offset=[-k * (1 - 1e-9)])
-        assert len(initiator.process(scan)) == 0
-        assert np.isfinite(initiator.potential_tracks().state).all()
 
 
 @pytest.mark.parametrize("estimator", ["weighted", "polar"])

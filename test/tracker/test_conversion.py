@@ -1,7 +1,5 @@
 """Polar to Cartesian: without bias, with the right covariance, in the fixed frame."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,7 +11,6 @@ from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
     convert,
     covariance_at,
-    major_sigma,
     measured_polar,
     pose_error_covariance,
     position_covariance,
@@ -24,10 +21,6 @@ SENSOR = SensorModel(range_std=12.0, range_std_fraction=0.01, azimuth_std=math.r
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(60)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
 """Quadrature over a standard normal variable."""
-
-
-def rotation(angle: float) -> np.ndarray:
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
 def moments(range_: float, azimuth: float, range_std: float, azimuth_std: float):
@@ -69,98 +62,12 @@ def test_the_covariance_is_that_of_the_converted_measurement(
     np.testing.assert_allclose(covariance, expected, rtol=0, atol=1e-8 * scale)
 
 
-def test_mean_and_covariance_agree_with_drawn_measurements():
-    # 400 000 draws. Mean: each axis within 5 standard errors. Covariance: each entry of the
-    # whitened matrix within 5 standard errors, sqrt(2 / n). Together 5 bounds at 5.7e-7 each.
-    rng = np.random.default_rng(11)
-    n, range_, azimuth, range_std, azimuth_std = 400_000, 5000.0, 2.0, 75.0, math.radians(3.0)
-    points = unbiased_position(
-        range_ + range_std * rng.standard_normal(n),
-        azimuth + azimuth_std * rng.standard_normal(n),
-        azimuth_std,
-    )
-    covariance = position_covariance(range_, azimuth, range_std**2, azimuth_std)
-    error = points.mean(axis=0) - range_ * np.array([math.cos(azimuth), math.sin(azimuth)])
-    assert (np.abs(error) < 5 * np.sqrt(np.diag(covariance) / n)).all()
-    assert np.abs(whitened(points, covariance) - np.eye(2)).max() < 5 * math.sqrt(2 / n)
-
-
-def test_the_naive_conversion_would_fail_the_same_test():
-    # Otherwise the test above could not tell: the bias at 3 degrees is 6.9 m.
-    range_, azimuth_std = 5000.0, math.radians(3.0)
-    assert range_ - range_ * math.exp(-(azimuth_std**2) / 2) > 5 * 75.0 / math.sqrt(400_000)
-
-
-def test_the_covariance_is_the_closed_form_in_b():
-    range_, variance, s = 4000.0, 60.0**2, 0.2
-    b = math.exp(-(s**2) / 2)
-    along = (range_**2 + variance) * (1 + b**4) / (2 * b**2) - range_**2
-    across = (range_**2 + variance) * (1 - b**4) / (2 * b**2)
-    expected = rotation(0.7) @ np.diag([along, across]) @ rotation(0.7).T
-    covariance = position_covariance(range_, 0.7, variance, s)
-    np.testing.assert_allclose(covariance, expected, rtol=1e-10)
-
-
 def test_a_tiny_azimuth_error_costs_no_digits():
     # The closed form in b loses all digits of what s adds along the line of sight here.
     range_, variance, s = 1e6, 1e-8, 1e-5
     covariance = position_covariance(range_, 0.0, variance, s)
     assert covariance[0, 0] == pytest.approx(range_**2 * s**4 / 2 + variance, rel=1e-9)
     assert covariance[1, 1] == pytest.approx(range_**2 * s**2, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("azimuth", "sign_x", "sign_y"),
-    [(45, 1, 1), (135, -1, 1), (-135, -1, -1), (-45, 1, -1)],
-    ids=["first quarter", "second quarter", "third quarter", "fourth quarter"],
-)
-def test_azimuth_counts_counter_clockwise_from_x_in_every_quarter(azimuth, sign_x, sign_y):
-    one = convert(Scan(0.0, [1000.0], [math.radians(azimuth)]), SENSOR, 0)[0]
-    expected = 1000.0 * math.exp(SENSOR.azimuth_std**2 / 2) / math.sqrt(2)
-    np.testing.assert_allclose(one["position"], [sign_x * expected, sign_y * expected])
-    # The ellipse lies across the line of sight: it leans the other way.
-    assert np.sign(one["covariance"][0, 1]) == -sign_x * sign_y
-
-
-@pytest.mark.parametrize(("azimuth", "across"), [(0, 1), (90, 0), (180, 1), (-90, 0)])
-def test_the_long_axis_lies_across_the_line_of_sight(azimuth, across):
-    one = convert(Scan(0.0, [5000.0], [math.radians(azimuth)]), SENSOR, 0)[0]
-    longer = 5000.0 * SENSOR.azimuth_std
-    assert math.sqrt(one["covariance"][across, across]) == pytest.approx(longer, rel=2e-3)
-    assert one["major_sigma"] == pytest.approx(longer, rel=2e-3)
-
-
-@pytest.mark.parametrize("yaw", [0.4, 2.0, -3.0, 11.0])
-def test_the_sensor_yaw_turns_position_and_covariance(yaw):
-    still = convert(Scan(0.0, [3000.0], [0.5]), SENSOR, 0)[0]
-    turned = convert(Scan(0.0, [3000.0], [0.5], sensor_pose=(100.0, -50.0, yaw)), SENSOR, 0)[0]
-    expected = np.array([100.0, -50.0]) + rotation(yaw) @ still["position"]
-    np.testing.assert_allclose(turned["position"], expected, rtol=1e-12)
-    expected = rotation(yaw) @ still["covariance"] @ rotation(yaw).T
-    np.testing.assert_allclose(turned["covariance"], expected, rtol=1e-9)
-
-
-def test_each_detection_has_its_own_pose_where_poses_are_given():
-    poses = [(0.0, 0.0, 0.0), (10.0, 20.0, math.pi / 2)]
-    two = convert(Scan(0.0, [1000.0, 1000.0], [0.0, 0.0], sensor_pose=poses), SENSOR, 0)
-    stretched = 1000.0 * math.exp(SENSOR.azimuth_std**2 / 2)
-    np.testing.assert_allclose(two["position"], [[stretched, 0], [10, 20 + stretched]], atol=1e-9)
-
-
-def test_a_detection_s_own_deviations_replace_the_sensor_s():
-    scan = Scan(0.0, [2000.0, 2000.0], [0.0, 0.0], range_std=[5.0, 50.0], azimuth_std=[0.001, 0.05])
-    for one, range_std, azimuth_std in zip(
-        convert(scan, SENSOR, 0), [5.0, 50.0], [0.001, 0.05], strict=True
-    ):
-        expected = position_covariance(2000.0, 0.0, range_std**2, azimuth_std)
-        np.testing.assert_allclose(one["covariance"], expected, rtol=1e-12)
-        assert one["position"][0] == pytest.approx(2000.0 * math.exp(azimuth_std**2 / 2))
-
-
-def test_only_the_deviation_that_is_given_replaces_the_sensor_s():
-    one = convert(Scan(0.0, [2000.0], [0.0], range_std=[5.0]), SENSOR, 0)[0]
-    expected = position_covariance(2000.0, 0.0, 25.0, SENSOR.azimuth_std)
-    np.testing.assert_allclose(one["covariance"], expected, rtol=1e-12)
 
 
 def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
@@ -179,57 +86,11 @@ def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     assert difference < 5 * math.sqrt(2 / n) + 1e-3
 
 
-def test_pose_and_measurement_errors_add_up():
-    pose_covariance = np.diag([25.0, 16.0, 1e-4])
-    pose = (500.0, 100.0, 0.8)
-    sure = convert(Scan(0.0, [3000.0], [0.2], sensor_pose=pose), SENSOR, 0)[0]
-    scan = Scan(0.0, [3000.0], [0.2], sensor_pose=pose, sensor_pose_covariance=pose_covariance)
-    unsure = convert(scan, SENSOR, 0)[0]
-    added = pose_error_covariance(sure["position"] - pose[:2], pose_covariance)
-    np.testing.assert_allclose(unsure["covariance"], sure["covariance"] + added, rtol=1e-12)
-    assert unsure["major_sigma"] == pytest.approx(
-        math.sqrt(np.linalg.eigvalsh(unsure["covariance"])[1])
-    )
-
-
-def test_covariance_at_another_position_is_that_of_a_target_there():
-    pose = (500.0, 100.0, 0.8)
-    hits = convert(Scan(0.0, [3000.0, 3000.0], [0.2, 0.2], sensor_pose=pose), SENSOR, 0)
-    there = np.array([[2000.0, -700.0], [500.0, 4100.0]])
-    offset = there - pose[:2]
-    range_ = np.hypot(*offset.T)
-    expected = position_covariance(
-        range_,
-        np.arctan2(offset[:, 1], offset[:, 0]),
-        SENSOR.range_variance(range_),
-        SENSOR.azimuth_std,
-    )
-    np.testing.assert_allclose(covariance_at(hits, there, SENSOR), expected, rtol=1e-12, atol=1e-9)
-
-
 def test_covariance_at_the_sensor_is_that_of_any_direction():
     hits = convert(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
     expected = position_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
     found = covariance_at(hits, np.zeros((1, 2)), SENSOR)
     np.testing.assert_allclose(found, expected[None], rtol=1e-12)
-
-
-def test_covariance_at_keeps_own_deviations_and_pose_errors():
-    pose_covariance = np.diag([25.0, 16.0, 1e-4])
-    scan = Scan(
-        0.0,
-        [3000.0],
-        [0.2],
-        range_std=[7.0],
-        azimuth_std=[0.03],
-        sensor_pose_covariance=pose_covariance,
-    )
-    there = np.array([[0.0, 1500.0]])
-    expected = position_covariance(1500.0, math.pi / 2, 49.0, 0.03) + pose_error_covariance(
-        there[0], pose_covariance
-    )
-    at = covariance_at(convert(scan, SENSOR, 0), there, SENSOR)
-    np.testing.assert_allclose(at[0], expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("range_", [1e-3, 5.0, 60.0, 300.0, 3000.0])
@@ -249,36 +110,6 @@ def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
         assert math.sqrt(across @ covariance @ across) >= 8.0 * (1.0 - 1e-9)
     if range_ > 1000.0:  # the azimuth error is the larger
         np.testing.assert_array_equal(hits["covariance"], convert(scan, sensor, 0)["covariance"])
-
-
-def test_covariance_at_has_the_shape_of_its_detections():
-    hits = convert(Scan(0.0, [3000.0] * 6, [0.2] * 6), SENSOR, 0).reshape(2, 3)
-    assert covariance_at(hits, hits["position"], SENSOR).shape == (2, 3, 2, 2)
-
-
-def test_detections_know_where_and_when_they_come_from():
-    scan = Scan(100.0, [1000.0, 2000.0], [0.0, 1.0], time_offset=[0.7, 1.4])
-    found = convert(scan, SENSOR, 7)
-    assert found["scan"].tolist() == [7, 7]
-    assert found["index"].tolist() == [0, 1]
-    assert found["time"].tolist() == [100.7, 101.4]
-
-
-def test_without_time_offsets_positions_are_valid_at_the_stamp():
-    assert convert(Scan(1.7e9, [1000.0], [0.0]), SENSOR, 0)["time"].tolist() == [1.7e9]
-
-
-@pytest.mark.parametrize("pose", [(1.0, 2.0, 3.0), np.zeros((0, 3))], ids=["one", "per detection"])
-def test_an_empty_scan_converts_to_nothing(pose):
-    scan = Scan(0.0, [], [], sensor_pose=pose, sensor_pose_covariance=np.eye(3))
-    assert len(convert(scan, SENSOR, 0)) == 0
-
-
-def test_major_sigma_is_the_root_of_the_larger_eigenvalue():
-    root = np.random.default_rng(3).standard_normal((50, 2, 2))
-    covariances = root @ np.swapaxes(root, 1, 2)
-    expected = np.sqrt(np.linalg.eigvalsh(covariances)[:, 1])
-    np.testing.assert_allclose(major_sigma(covariances), expected, rtol=1e-9)
 
 
 def test_what_was_measured_comes_back_from_a_detection():

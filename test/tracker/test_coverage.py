@@ -1,7 +1,5 @@
 """The sensor's coverage: of a sector that turns with the ship, and whatever the order of echoes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -194,18 +192,6 @@ def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn
     found = poses.polar(place)
     np.testing.assert_allclose(found[0], far, atol=0.05)
     np.testing.assert_allclose(np.cos(found[1] - beam), 1.0, atol=1e-6)
-
-
-def test_a_ping_is_judged_by_range_as_before():
-    rng = np.random.default_rng(4)
-    for number in (1, 2, 3, 10, 100):
-        range_, azimuth = rng.uniform(1.0, 9000.0, number), rng.uniform(-3.0, 3.0, number)
-        pose = rng.normal(size=(number, 3))
-        scan = Scan(0.0, range_, azimuth, time_offset=range_ / 1500.0, sensor_pose=pose)
-        one, other = echo_poses_of(scan), PosesByRange.of(scan)
-        assert isinstance(one, PosesByRange)
-        assert np.array_equal(one.range, other.range)
-        assert np.array_equal(one.pose, other.pose)
 
 
 def test_a_part_of_a_sweep_sees_its_arc_only():

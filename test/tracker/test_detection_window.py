@@ -1,12 +1,12 @@
-"""The window of recent detections: ids that never change."""
-
-from __future__ import annotations
+"""The window of recent detections, whose ids never change, and paths through it."""
 
 import numpy as np
 import pytest
 from support.builders import detections
 
+from tsepm_ros import SensorModel
 from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.initial_state import MAX_ROWS_TOGETHER, NO_HIT, Paths, fit, fit_paths
 
 
 def scan_of(n: int, scan: int) -> np.ndarray:
@@ -23,13 +23,6 @@ def window() -> DetectionWindow:
     return window
 
 
-def test_ids_count_on_from_scan_to_scan():
-    window = DetectionWindow()
-    assert window.append(scan_of(3, 0)).tolist() == [0, 1, 2]
-    assert window.append(scan_of(0, 1)).tolist() == []
-    assert window.append(scan_of(2, 2)).tolist() == [3, 4]
-
-
 def test_ids_stay_the_same_when_old_scans_are_forgotten(window):
     before = window[np.array([4, 5, 8])]
     window.forget(2)
@@ -39,19 +32,6 @@ def test_ids_stay_the_same_when_old_scans_are_forgotten(window):
     assert after["scan"].tolist() == [2, 3, 3]
     assert len(window) == 6
     assert window.append(scan_of(1, 4)).tolist() == [9]
-
-
-def test_ids_count_on_where_everything_was_forgotten(window):
-    window.forget(100)
-    assert len(window) == 0
-    assert window.append(scan_of(2, 100)).tolist() == [9, 10]
-    assert window[np.array([10])]["index"].tolist() == [1]
-
-
-def test_an_array_of_ids_keeps_its_shape(window):
-    found = window[np.array([[0, 3], [2, 8]])]
-    assert found["scan"].tolist() == [[0, 2], [0, 3]]
-    assert found["index"].tolist() == [[0, 0], [2, 3]]
 
 
 def test_what_several_tracks_claim_is_one_of_theirs(window):
@@ -73,3 +53,27 @@ def test_claims_stay_with_their_detections(window):
     assert window.held_probability(np.array([8])) == [0.75]
     added = window.append(scan_of(2, 4))
     assert window.held_probability(added).tolist() == [0.0, 0.0]
+
+
+def paths(hit_count: np.ndarray, most: int) -> Paths:
+    place = np.arange(most)
+    hits = np.where(place < hit_count[:, None], place, NO_HIT)
+    return Paths(hits, hit_count, np.zeros(len(hit_count), np.int64))
+
+
+def test_blocks_are_bounded():
+    many = paths(np.full(MAX_ROWS_TOGETHER + 5, 2), 2)
+    assert [len(rows) for rows, _ in many.of_equal_count()] == [MAX_ROWS_TOGETHER, 5]
+
+
+@pytest.mark.parametrize("estimator", ["unweighted", "weighted"])
+def test_paths_of_different_lengths_are_fitted_each_to_its_hits(estimator):
+    window, rng = DetectionWindow(), np.random.default_rng(1)
+    found = detections(1000.0 + rng.uniform(-50.0, 50.0, (5, 2)), 12.0 * np.arange(5))
+    ids = window.append(found)
+    several = paths(np.array([3, 5, 2]), 5)
+    state, covariance = fit_paths(several, window, 60.0, SensorModel(), estimator)
+    for row, count in enumerate(several.hit_count):
+        alone = fit(window[ids[None, :count]], 60.0, SensorModel(), estimator)
+        np.testing.assert_array_equal(state[row], alone.state[0])
+        np.testing.assert_array_equal(covariance[row], alone.covariance[0])

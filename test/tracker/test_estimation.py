@@ -1,26 +1,17 @@
 """The fits: against general solvers, far from the origin, and consistent."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from support.builders import detections, fit_matrix, whitened
+from support.builders import fit_matrix
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tracker import initial_state
-from tsepm_ros.tracker.initial_state import (
-    ESTIMATORS,
-    fit,
-    position_covariances_at,
-    positions_at,
-    unweighted,
-    weighted,
-)
-from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert, covariance_at
+from tsepm_ros.tracker.initial_state import ESTIMATORS, fit, positions_at, unweighted, weighted
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
 
@@ -71,12 +62,6 @@ def test_weighted_is_the_general_solution_of_the_stacked_problem(m, start):
         np.testing.assert_array_equal(spreads[i], spreads[i].T)
 
 
-def test_two_hits_are_met_exactly():
-    hits = detections([[[0.0, 100.0], [50.0, 80.0]]], [[0.0, 10.0]])
-    fitted = fit(hits, 10.0, SENSOR, "unweighted")
-    np.testing.assert_allclose(fitted.state, [[50.0, 5.0, 80.0, -2.0]])
-
-
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
     # Stamps and offset are such that moving the scene is exact up to the rounding of positions,
@@ -98,27 +83,6 @@ def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
     np.testing.assert_allclose(far.covariance, near.covariance, rtol=0, atol=1e-9 * scale)
 
 
-def test_the_weighted_fit_takes_the_errors_at_the_fit_of_the_pass_before():
-    hits = noisy_hits(np.random.default_rng(3), 50)
-    tau = hits["time"] - 50.0
-    state, _ = unweighted(tau, hits["position"], hits["covariance"])
-    for _ in range(2):
-        at_fit = covariance_at(hits, positions_at(state, tau), SENSOR)
-        state, covariance = weighted(tau, hits["position"], at_fit, np.zeros((50, 4)))
-    fitted = fit(hits, 50.0, SENSOR, "weighted")
-    np.testing.assert_allclose(fitted.state, state, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(fitted.covariance, covariance, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(fitted.hit_covariance, at_fit, rtol=1e-6, atol=1e-6)
-
-
-def test_the_polar_fit_gives_the_errors_at_its_state():
-    hits = noisy_hits(np.random.default_rng(3), 50)
-    fitted = fit(hits, 50.0, SENSOR, "polar")
-    at_fit = covariance_at(hits, positions_at(fitted.state, fitted.time_after_state), SENSOR)
-    np.testing.assert_allclose(fitted.hit_covariance, at_fit, rtol=1e-9)
-    assert not (fitted.state == fit(hits, 50.0, SENSOR, "weighted").state).all(axis=1).any()
-
-
 def test_both_fits_take_the_same_error_across_where_it_is_at_least_that_along():
     sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=1e-3)
     hits = np.zeros((1, 6), DETECTION)
@@ -132,25 +96,6 @@ def test_both_fits_take_the_same_error_across_where_it_is_at_least_that_along():
         )
         assert sigma[estimator][2:] == pytest.approx(sigma[estimator][:2], rel=0.02), estimator
     assert sigma["polar"] == pytest.approx(sigma["weighted"], rel=0.02)
-
-
-def test_the_published_fit_takes_the_errors_as_measured():
-    hits = noisy_hits(np.random.default_rng(3), 5)
-    fitted = fit(hits, 50.0, SENSOR, "unweighted")
-    np.testing.assert_array_equal(fitted.hit_covariance, hits["covariance"])
-
-
-def test_positions_and_their_covariances_follow_the_state():
-    rng = np.random.default_rng(4)
-    root = rng.standard_normal((3, 4, 4))
-    covariance, state = root @ np.swapaxes(root, 1, 2), rng.standard_normal((3, 4))
-    tau = rng.uniform(-50, 50, (3, 6))
-    positions, spreads = positions_at(state, tau), position_covariances_at(covariance, tau)
-    for i in range(3):
-        for k in range(6):
-            H = fit_matrix([tau[i, k]])
-            np.testing.assert_allclose(positions[i, k], H @ state[i], rtol=1e-9, atol=1e-9)
-            np.testing.assert_allclose(spreads[i, k], H @ covariance[i] @ H.T, rtol=1e-9, atol=1e-9)
 
 
 # The estimation experiment of the design, section 6: 5 hits in 6 scans (the third one missed),
@@ -192,15 +137,6 @@ def test_the_covariance_tells_the_truth_about_the_error(experiment, estimator, p
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
 
 
-def test_errors_taken_as_measured_would_make_the_weighted_fit_over_confident(experiment):
-    tau = experiment["time"] - 50.0
-    start, _ = unweighted(tau, experiment["position"], experiment["covariance"])
-    raw = weighted(tau, experiment["position"], experiment["covariance"], start)
-    at_fit = fit(experiment, 50.0, SENSOR, "weighted")
-    # The design: 5.37 against 4.14. A difference of 0.7 is 20 standard errors.
-    assert nees(*raw).mean() - nees(at_fit.state, at_fit.covariance).mean() > 0.7
-
-
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_the_error_is_within_two_percent_of_the_cramer_rao_bound(experiment, estimator):
     # RMS errors of 20 000 runs have a standard error of 0.5 %: 2 % is 99.99 %.
@@ -213,17 +149,6 @@ def test_the_error_is_within_two_percent_of_the_cramer_rao_bound(experiment, est
     for axes in ([0, 2], [1, 3]):
         ratio = math.sqrt(square[axes].sum() / bound[axes].sum())
         assert ratio == pytest.approx(1.0, abs=0.02)
-
-
-def test_the_sandwich_covariance_is_that_of_the_drawn_errors(experiment):
-    # With the errors at the true positions; entries whitened, each within 5 standard errors,
-    # sqrt(2 / n).
-    tau = experiment["time"] - 50.0
-    truth = positions_at(STATE[None], tau[:1])
-    at_truth = covariance_at(experiment, np.broadcast_to(truth, (RUNS, 5, 2)), SENSOR)
-    states, covariances = unweighted(tau, experiment["position"], at_truth)
-    difference = np.abs(whitened(states, covariances[0]) - np.eye(4)).max()
-    assert difference < 5 * math.sqrt(2 / RUNS)
 
 
 # The polar fit. Ranges and azimuths from moving, turned sensors, with a range error that grows.
@@ -339,31 +264,6 @@ def test_the_covariance_of_the_polar_fit_is_the_inverse_of_the_differenced_infor
         whitening = np.linalg.cholesky(covariance)
         unit = whitening.T @ information @ whitening
         np.testing.assert_allclose(unit, np.eye(4), rtol=0, atol=1e-4)
-
-
-def test_an_uncertain_heading_is_a_wider_azimuth():
-    # The polar fit undoes the conversion, in which the two differ.
-    turned = fit(polar_hits(50, np.diag([0.0, 0.0, 0.05**2])), 50.0, GROWING, "polar")
-    hits = polar_hits(50)
-    position, sensor_at = hits["position"], hits["sensor_pose"][..., :2]
-    wider = math.hypot(GROWING.azimuth_std, 0.05)
-    scale = math.exp((wider**2 - GROWING.azimuth_std**2) / 2)
-    hits["position"] = sensor_at + scale * (position - sensor_at)
-    hits["azimuth_std"] = wider
-    wide = fit(hits, 50.0, GROWING, "polar")
-    sigma = np.sqrt(np.diagonal(wide.covariance, axis1=1, axis2=2))
-    assert np.abs((turned.state - wide.state) / sigma).max() < 2e-3
-    np.testing.assert_allclose(turned.covariance, wide.covariance, rtol=5e-3, atol=1e-2)
-
-
-def test_each_polar_fit_is_that_of_its_track_alone():
-    hits = polar_hits(30)
-    together = fit(hits, 50.0, GROWING, "polar")
-    for row in range(30):
-        alone = fit(hits[row : row + 1], 50.0, GROWING, "polar")
-        np.testing.assert_allclose(together.state[row], alone.state[0], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(together.covariance[row], alone.covariance[0], rtol=1e-6)
-        np.testing.assert_allclose(together.hit_covariance[row], alone.hit_covariance[0], rtol=1e-9)
 
 
 def assert_kept(hits: np.ndarray, sensor: SensorModel) -> None:

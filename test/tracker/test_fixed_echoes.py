@@ -1,7 +1,5 @@
 """With min_speed: fixed reflectors are not published, swimmers are, and soon."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -41,13 +39,6 @@ def published_reflectors(seeds: range, pings: int, **kind) -> tuple[int, int, fl
         assert len(echoes) <= len(places) + 1
         assert not set(initiator.fixed_echoes.track_id) & set(initiator.current.track_id)
     return published, 5 * len(seeds), listed / (5 * len(seeds))
-
-
-@pytest.mark.long
-def test_fixed_reflectors_are_listed_and_not_published():
-    published, number, listed = published_reflectors(range(1, 4), 40)
-    assert (published, number) == (0, 15)
-    assert listed == 1.0
 
 
 @pytest.mark.parametrize(

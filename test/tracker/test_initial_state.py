@@ -1,7 +1,5 @@
 """The three estimators of 2014."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.builders import detections, whitened
@@ -19,14 +17,6 @@ def truth(times=TIMES):
     return np.array([1000.0, 2000.0]) + times[:, None] * VELOCITY
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_hits_without_error_give_the_truth(estimator):
-    found = estimate(
-        detections(truth(), TIMES + 500.0)[None], 500.0, SensorModel(), estimator, 0.001
-    )
-    np.testing.assert_allclose(found.state, [[1000.0, 3.0, 2000.0, -4.0]], atol=1e-9)
-
-
 def test_without_process_noise_the_filter_is_weighted_least_squares():
     rng = np.random.default_rng(1)
     tau = np.tile(TIMES, (4, 1))
@@ -37,13 +27,6 @@ def test_without_process_noise_the_filter_is_weighted_least_squares():
     found = kalman(tau, positions, covariances, 0.0)
     np.testing.assert_allclose(found[0], state, atol=1e-8)
     np.testing.assert_allclose(found[1], covariance, atol=1e-8)
-
-
-def test_process_noise_makes_the_filter_less_certain():
-    tau, positions = TIMES[None], truth()[None]
-    _, sure = kalman(tau, positions, COVARIANCES[None], 0.0)
-    _, unsure = kalman(tau, positions, COVARIANCES[None], 0.1)
-    assert (np.linalg.eigvalsh((unsure - sure)[0]) > 0).all()
 
 
 @pytest.mark.parametrize(("name", "noise"), [("line", 0.0), ("kalman", 0.0)])

@@ -1,7 +1,5 @@
 """What every initiator keeps to: options, counts, ids, and scans that are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys
@@ -9,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, assert_same_tracks, reconfigured, scan_at
+from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.patience import WAIT
 from support.scenes import random_scene
 
-import tsepm_ros
-from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -33,28 +29,6 @@ def from_scene(seed: int = 13):
     scene = random_scene(seed)
     made = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **scene.options)
     return made, scene.as_scans()
-
-
-def test_the_methods_are_named():
-    assert "tsepm" in available_methods()
-    for method in available_methods():
-        assert not make_initiator(method, sensor=SensorModel()).process(Scan(0.0, [], []))
-
-
-def test_the_defaults_are_the_paper_s():
-    made = make_initiator("tsepm", sensor=SensorModel())
-    assert made.options == TsepmOptions(
-        min_hits=5,
-        window=8,
-        gate_probability=0.9,
-        estimator="unweighted",
-        evaluation="normalized_distance",
-        pruning_probability=0.99,
-        pruning_reading="literal",
-        merging_probability=0.9,
-        merging="moments",
-    )
-    assert made.common.max_speed == 10.0
 
 
 def test_an_unknown_method_is_refused_and_the_known_are_named():
@@ -126,51 +100,11 @@ def test_totals_are_the_sums_of_the_scans():
     assert made.totals.pruned > 0
 
 
-def test_potential_tracks_are_counted_after_the_scan():
-    made = initiator(max_speed=1.0)
-    counts = []
-    for k, positions in enumerate([[HERE], [HERE, (-3000.0, 0.0)], [], [], []]):
-        made.process(scan_at(12.0 * k, positions))
-        counts.append(made.statistics.potential_tracks)
-    assert counts == [1, 2, 2, 1, 0]
-
-
-def test_track_ids_go_on_through_resets_and_scans_count_anew():
-    made = initiator()
-
-    def confirm(first: float):
-        return [made.process(scan_at(first + 12.0 * k, [HERE])) for k in range(3)][-1]
-
-    (one,) = confirm(1000.0)
-    made.reset()
-    assert made.totals == made.statistics == ScanStatistics()
-    (two,) = confirm(0.0)
-    assert (one.track_id, two.track_id) == (0, 1)
-    assert one.hits == two.hits == ((0, 0), (1, 0), (2, 0))
-
-
-def test_a_reset_initiator_works_as_a_new_one():
-    made, scans = from_scene()
-    expected = [made.process(scan) for scan in scans]
-    made.reset()
-    found = [made.process(scan) for scan in scans]
-    for one, other in zip(found, expected, strict=True):
-        assert_same_tracks(one, other)
-    ids = [track.track_id for tracks in expected + found for track in tracks]
-    assert ids == list(range(len(ids)))
-
-
 def test_an_initiator_is_shown_in_one_line():
     made = initiator()
     for k in range(3):
         made.process(scan_at(12.0 * k, [HERE]))
     assert repr(made) == "Tracker(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
-
-
-def test_the_package_shows_its_public_names_only():
-    assert dir(tsepm_ros) == sorted(tsepm_ros.__all__)
-    for name in dir(tsepm_ros):
-        assert hasattr(tsepm_ros, name)
 
 
 def test_track_ids_fit_32_bits():
@@ -206,37 +140,6 @@ def test_a_track_says_when_where_and_from_what():
     assert np.isnan(track.score)
     assert track.covariance.shape == (4, 4)
     np.testing.assert_allclose(track.position, [3000.0, 10.0], atol=5.0)
-
-
-BAD_SCANS = {
-    "equal stamp": (lambda stamp: scan_at(stamp, [HERE]), "stamp"),
-    "earlier stamp": (lambda stamp: scan_at(stamp - 1e-6, [HERE]), "stamp"),
-    "much earlier stamp": (lambda stamp: scan_at(stamp - 1e9, [HERE]), "stamp"),
-    "too many detections": (
-        lambda stamp: Scan(stamp + 1.0, np.full(5001, 50.0), np.zeros(5001)),
-        "range has 5001 detections, more than max_detections = 5000",
-    ),
-    "no scan": (lambda stamp: (stamp + 1.0, [3000.0], [0.0]), "scan must be a tsepm_ros.Scan"),
-}
-
-
-@pytest.mark.parametrize("bad", BAD_SCANS)
-@pytest.mark.parametrize("seed", [13, 50])
-def test_a_refused_scan_is_named_and_leaves_the_others_as_they_were(bad, seed):
-    make, sentence = BAD_SCANS[bad]
-    scene = random_scene(seed)
-    options = {**scene.options, "max_detections": 5000}
-    clean = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **options)
-    disturbed = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **options)
-    for scan in scene.as_scans():
-        expected, found = clean.process(scan), disturbed.process(scan)
-        assert_same_tracks(found, expected)
-        assert disturbed.statistics == clean.statistics
-        with pytest.raises(ValueError, match=f"^{sentence}"):
-            disturbed.process(make(scan.stamp))
-        assert disturbed.statistics == clean.statistics
-    assert disturbed.totals == clean.totals
-    assert clean.totals.confirmed > 0
 
 
 ABSURD = {
@@ -275,40 +178,6 @@ def test_absurd_numbers_are_refused_by_name_or_processed(absurd, estimator):
     assert made.totals.scans == 4
 
 
-def test_empty_scans_count_as_scans():
-    made = initiator()
-    stamps = range(0, 72, 12)
-    positions = [[HERE], [], [], [HERE], [HERE], []]
-    tracks = [
-        made.process(scan_at(float(t), where)) for t, where in zip(stamps, positions, strict=True)
-    ]
-    assert [len(new) for new in tracks] == [0] * 6, "hits 0, 3 and 4 are within 5 scans, not 4"
-    assert made.totals.scans == 6
-    assert made.scan_index == 5
-
-
-def test_nothing_but_empty_scans_gives_nothing():
-    made = initiator()
-    for k in range(20):
-        assert not made.process(Scan(12.0 * k, [], []))
-    assert made.totals == ScanStatistics(scans=20)
-
-
-def test_before_the_first_scan_there_are_no_potential_tracks():
-    assert not initiator().potential_tracks()
-
-
-def test_potential_tracks_have_two_hits_and_more():
-    made = initiator(min_hits=4, window=6)
-    for k in range(3):
-        made.process(scan_at(12.0 * k, [(3000.0, 30.0 * k), (-3000.0 - 500.0 * k, 0.0)]))
-    (track,) = made.potential_tracks()
-    assert track.hits == ((0, 0), (1, 0), (2, 0))
-    assert (track.track_id, track.stamp, track.scan_count) == (0, 24.0, 3)
-    np.testing.assert_allclose(track.state, [3000.0, 0.0, 60.0, 2.5], rtol=1e-3, atol=0.01)
-    assert made.next_track_id == 0, "looking takes no ids"
-
-
 def test_a_changed_speed_counts_at_the_next_scan():
     made = initiator(max_speed=1.0)
     made.process(scan_at(0.0, [HERE]))
@@ -316,15 +185,6 @@ def test_a_changed_speed_counts_at_the_next_scan():
     assert kept
     made.process(scan_at(12.0, [(3000.0, 500.0)]))
     assert made.statistics.started == 0
-
-
-def test_configuring_with_the_same_options_changes_nothing():
-    (one, scans), (other, _) = from_scene(), from_scene()
-    for scan in scans:
-        expected, found = one.process(scan), other.process(scan)
-        assert_same_tracks(found, expected)
-        assert reconfigured(other, other.sensor, other.common, other.options)
-    assert one.totals == other.totals
 
 
 def test_a_smaller_window_ends_tracks_at_once_and_a_larger_one_keeps_them():
@@ -350,14 +210,6 @@ def test_another_number_of_hits_starts_over_and_says_so():
     assert not reconfigured(made, made.sensor, made.common, options)
     tracks = [made.process(scan_at(24.0 + 12.0 * k, [HERE])) for k in range(2)]
     assert [len(new) for new in tracks] == [0, 1]
-
-
-def test_memory_does_not_grow_with_the_scans():
-    made = initiator()
-    rng = np.random.default_rng(1)
-    for k in range(60):
-        made.process(scan_at(12.0 * k, rng.uniform(-5000, 5000, (20, 2))))
-    assert len(made.window) <= 20 * made.options.window
 
 
 def test_importing_the_package_imports_no_ros_and_no_matplotlib():

@@ -1,7 +1,5 @@
 """Limits: what is kept, what is counted, and that the initiator stays alive."""
 
-from __future__ import annotations
-
 import math
 import signal
 from contextlib import contextmanager
@@ -10,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
-from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.tsepm import PathCounts, Tsepm, TsepmOptions
-from tsepm_ros.numerics.arrays import TimeLimit, keep_best
+from tsepm_ros.numerics.arrays import keep_best
 from tsepm_ros.tracker.initial_state import Paths
-from tsepm_ros.tracker.maintenance.track_maintenance import best_held, room_for
+from tsepm_ros.tracker.maintenance.track_maintenance import best_held
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -27,10 +24,6 @@ def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
     cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
     expected = np.sort(np.argsort(cost, kind="stable")[:limit])
     assert keep_best(cost, limit).tolist() == expected.tolist()
-
-
-def test_keep_best_of_nothing_is_nothing():
-    assert keep_best(np.zeros(0), 5).tolist() == []
 
 
 def busy_scans() -> list[Scan]:
@@ -80,11 +73,7 @@ def test_tiny_limits_hold_and_cuts_are_counted_and_output_is_valid(potential, ra
 def test_cut_confirmations_are_exactly_the_ones_beyond_the_limit():
     def raw_in_last_scan(limit: int):
         initiator = make_initiator(
-            "tsepm",
-            sensor=FIXED_RANGE_ERROR,
-            min_hits=2,
-            window=2,
-            max_raw_confirmations=limit,
+            "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=limit
         )
         initiator.process(scan_at(0.0, [(2000.0, 0.0), (2001.0, 0.0)]))
         initiator.process(scan_at(12.0, [(2000.0, 10.0 * k) for k in range(5)]))
@@ -119,22 +108,6 @@ def test_a_limit_keeps_the_tightest_tracks():
     initiator.process(scan_at(0.0, [(2000.0, 0.0)]))
     (track,) = initiator.process(scan_at(12.0, [(2000.0, 90.0), (2000.0, 5.0), (2000.0, -60.0)]))
     assert track.hits == ((0, 0), (1, 1))
-
-
-def test_limits_that_are_not_reached_change_nothing():
-    scene = random_scene(3)
-    free = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **scene.options)
-    tracks = [[t.hits for t in free.process(scan)] for scan in scene.as_scans()]
-    assert free.totals.raw_confirmations > 0
-    limited = make_initiator(
-        "tsepm",
-        sensor=SensorModel(**scene.sensor),
-        **scene.options,
-        max_potential_tracks=free.totals.potential_tracks,
-        max_raw_confirmations=free.totals.raw_confirmations,
-    )
-    assert [[t.hits for t in limited.process(scan)] for scan in scene.as_scans()] == tracks
-    assert limited.totals.cut_potential_tracks == limited.totals.cut_confirmations == 0
 
 
 def test_a_hundred_thousand_detections_in_one_scan_do_not_end_anything():
@@ -207,27 +180,11 @@ def test_a_time_limit_cuts_what_it_must_counts_it_and_the_output_is_valid():
     assert statistics.raw_confirmations == 12**5
     assert statistics.cut_confirmations > 0
     assert statistics.raw_confirmations == sum(
-        (
-            statistics.cut_confirmations,
-            statistics.pruned,
-            statistics.merged,
-            statistics.confirmed,
-        )
+        (statistics.cut_confirmations, statistics.pruned, statistics.merged, statistics.confirmed)
     )
     for track in tracks:
         assert np.linalg.eigvalsh(track.covariance).min() > 0
         assert [scan for scan, _ in track.hits] == [0, 1, 2, 3, 4]
-
-
-def test_time_counts_from_the_begin_and_without_a_limit_there_is_always_some_left():
-    limit = TimeLimit(100.0)
-    assert limit.finite
-    assert 0 <= limit.elapsed < 10
-    assert 90 < limit.left <= 100.0
-    assert TimeLimit(0.0).left <= 0
-    assert not TimeLimit().finite
-    assert TimeLimit().left == math.inf
-    assert make_initiator("tsepm", sensor=SensorModel()).max_scan_time == math.inf
 
 
 @pytest.mark.long
@@ -268,13 +225,6 @@ def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
     assert made.statistics.cut_confirmations > 100
 
 
-def test_the_room_for_new_tracks_falls_with_those_held_and_is_endless_without_a_limit():
-    assert room_for(TimeLimit(), 10**6) > 10**9
-    few, many = room_for(TimeLimit(1.0), 0), room_for(TimeLimit(1.0), 5000)
-    assert few > many == few - 5000
-    assert room_for(TimeLimit(1.0), 10**6) == 10
-
-
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
     existence = np.array([0.5, 0.9, 0.9, 0.9])
     assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
@@ -313,11 +263,7 @@ def test_cutting_what_cannot_pass_changes_no_output():
 
 @pytest.mark.parametrize(
     ("changed", "density"),
-    [
-        ({"evaluation": "normalized_distance"}, 1e-5),
-        ({"clutter_test_size": 0.6}, 1e-5),
-        ({}, 1e-6),
-    ],
+    [({"evaluation": "normalized_distance"}, 1e-5), ({"clutter_test_size": 0.6}, 1e-5), ({}, 1e-6)],
     ids=["evaluation", "test size", "density"],
 )
 def test_what_was_cut_under_another_threshold_starts_over(changed, density):

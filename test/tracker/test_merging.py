@@ -1,7 +1,5 @@
 """Merging: which tracks, and into what."""
 
-from __future__ import annotations
-
 import itertools
 import math
 
@@ -10,12 +8,12 @@ import pytest
 from scipy import stats
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from support.builders import FIXED_RANGE_ERROR, fit_matrix, scan_at
+from support.builders import scan_at
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.grouped import members_of_groups
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.merging import best_of_alike, close, groups, merging_threshold, moments
+from tsepm_ros.tracker.merging import best_of_alike, groups, merging_threshold, moments
 
 P_TM = 0.9
 
@@ -49,20 +47,6 @@ def test_tracks_merge_that_share_more_than_half_of_their_hits(one, other, merge)
     assert together([list(one), list(other)]) == ([[0, 1]] if merge else [])
 
 
-def test_a_chain_of_pairs_is_one_group():
-    # 0 and 2 share two of five hits, each shares three with 1.
-    hits = [[1, 2, 3, 4, 5], [2, 3, 4, 5, 6], [4, 5, 6, 7, 8], [20, 21, 22, 23, 24]]
-    hits[1] = [3, 4, 5, 6, 7]
-    assert together(hits) == [[0, 1, 2]]
-
-
-def test_a_chain_breaks_where_states_are_apart():
-    hits = [[1, 2, 3, 4, 5], [3, 4, 5, 6, 7], [5, 6, 7, 8, 9]]
-    states = np.zeros((3, 4))
-    states[1:, 0] = 100.0
-    assert together(hits, states) == [[1, 2]]
-
-
 @pytest.mark.parametrize(("factor", "merge"), [(0.999999, True), (1.000001, False)])
 @pytest.mark.parametrize("axis", range(4), ids=["x", "vx", "y", "vy"])
 def test_states_merge_up_to_the_threshold_of_eq_30(axis, factor, merge):
@@ -71,25 +55,6 @@ def test_states_merge_up_to_the_threshold_of_eq_30(axis, factor, merge):
     states = np.zeros((2, 4))
     states[1, axis] = factor * math.sqrt(merging_threshold(P_TM) * total[axis, axis])
     assert together([[1, 2, 3], [1, 2, 4]], states, covariances) == ([[0, 1]] if merge else [])
-
-
-def test_the_distance_of_states_uses_their_correlations():
-    root = np.random.default_rng(3).standard_normal((40, 4, 6))
-    covariances = root @ np.swapaxes(root, 1, 2)
-    states = 2 * np.random.default_rng(4).standard_normal((40, 4))
-    one, other = np.triu_indices(40, 1)
-    distances = [
-        (states[i] - states[j])
-        @ np.linalg.inv(covariances[i] + covariances[j])
-        @ (states[i] - states[j])
-        for i, j in zip(one, other, strict=True)
-    ]
-    threshold = float(np.median(distances))
-    expected = np.array(distances) <= threshold
-    found = close(states, covariances, one, other, threshold)
-    sure = np.abs(np.array(distances) - threshold) > 1e-9
-    assert (found == expected)[sure].all()
-    assert sure.sum() > 770
 
 
 def test_the_threshold_is_that_of_two_degrees_of_freedom_as_published():
@@ -141,54 +106,6 @@ def test_the_block_size_does_not_change_the_groups(monkeypatch, block, spread):
     assert 1 < len(expected) < len(scene[0]) or spread < 1
 
 
-@pytest.mark.parametrize("n", [0, 1])
-def test_none_and_one_track_need_no_partner(n):
-    labels, _ = groups(np.zeros((n, 5), int), np.zeros((n, 4)), np.zeros((n, 4, 4)), P_TM)
-    assert len(members_of_groups(labels)) == n
-
-
-def test_groups_come_in_the_order_of_their_first_members():
-    labels = np.array([7, 2, 7, 0, 2])
-    assert [rows.tolist() for rows in members_of_groups(labels)] == [[0, 2], [1, 4], [3]]
-
-
-TABLE_I = """
-    1.4 2.7 3.6 4.2 5.1;  1.2 2.9 3.6 4.2 5.1;  1.4 2.9 3.6 4.2 5.1;  1.4 2.7 3.6 4.2 5.6
-    1.2 2.9 3.6 4.2 5.6;  1.4 2.9 3.6 4.2 5.6;  1.2 2.8 3.5 5.2 7.1;  1.1 3.3 5.5 6.3 8.5
-    1.3 3.3 5.5 6.3 8.5;  2.1 3.5 5.2 7.1 8.6;  1.1 3.4 5.5 6.3 8.5;  2.4 3.5 5.2 7.1 8.6
-    1.5 2.3 4.4 5.9 8.10
-"""
-"""The thirteen confirmed tracks of Split-merge 2016, Table I, as scan.detection."""
-
-OVERLAPPING = {
-    *((1, 2), (1, 3), (1, 4), (1, 6), (2, 3), (2, 5), (2, 6), (3, 4), (3, 5), (3, 6)),
-    *((4, 5), (4, 6), (5, 6), (7, 10), (7, 12), (8, 9), (8, 11), (9, 11), (10, 12)),
-}
-"""Its pairs with three hits or more in common, counted by hand; 1-5 and 2-4 have two."""
-
-
-PAIRS = list(itertools.combinations(range(1, 14), 2))
-
-
-def table_i() -> np.ndarray:
-    tracks = TABLE_I.replace(";", "\n").strip().splitlines()
-    hits = [[tuple(map(int, hit.split("."))) for hit in track.split()] for track in tracks]
-    hits = [track for track in hits if track]
-    return np.array([[100 * scan + index for scan, index in track] for track in hits])
-
-
-@pytest.mark.parametrize("pair", PAIRS, ids=str)
-def test_split_merge_2016_table_i_overlaps_where_most_hits_are_shared(pair):
-    rows = table_i()[[pair[0] - 1, pair[1] - 1]]
-    assert (together(rows) == [[0, 1]]) == (pair in OVERLAPPING)
-
-
-def test_split_merge_2016_table_i_falls_into_its_near_target_and_clutter_groups():
-    # With every state close: Table II is one group; Table III holds two and track 13 alone.
-    assert len(table_i()) == 13
-    assert together(table_i()) == [[0, 1, 2, 3, 4, 5], [6, 9, 11], [7, 8, 10]]
-
-
 def test_moments_by_hand():
     # f_1 of 1 and 3: p = 1/4 and 3/4 (Eq. 31).
     states = np.array([[0.0, 4.0, 8.0, -4.0], [4.0, 8.0, 0.0, 0.0]])
@@ -202,76 +119,6 @@ def test_moments_leave_out_the_spread_of_the_means_as_published():
     states = np.array([[-1000.0, 0, 0, 0], [1000.0, 0, 0, 0]])
     _, covariance = moments(states, np.array([np.eye(4)] * 2), np.array([1.0, 1.0]))
     np.testing.assert_allclose(covariance, np.eye(4))
-
-
-def test_moments_of_perfect_fits_weigh_them_equally():
-    states = np.array([[0.0, 0, 0, 0], [3.0, 0, 0, 0], [6.0, 0, 0, 0]])
-    covariances = np.array([k * np.eye(4) for k in (1.0, 2.0, 3.0)])
-    state, covariance = moments(states, covariances, np.zeros(3))
-    np.testing.assert_allclose(state, [3.0, 0, 0, 0])
-    np.testing.assert_allclose(covariance, 2.0 * np.eye(4))
-
-
-POSITIONS = [[(3000.0, 0.0)], [(3000.0, 55.0)], [(3000.0, 118.0), (3004.0, 124.0)]]
-
-
-def merged_in_last_scan(**options):
-    """Two tracks that split in the last of three scans."""
-    initiator = make_initiator(
-        "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=3, window=3, max_speed=20.0, **options
-    )
-    for k, positions in enumerate(POSITIONS):
-        tracks = initiator.process(scan_at(12.0 * k, positions))
-    assert initiator.statistics.raw_confirmations == 2
-    return initiator, tracks
-
-
-def straight_line(hits: list[tuple[float, tuple[float, float]]]):
-    """State at 24 s by general least squares; the noise-free positions are stretched (Eq. 6)."""
-    stretch = math.exp(FIXED_RANGE_ERROR.azimuth_std**2 / 2)
-    H = fit_matrix(np.array([time - 24.0 for time, _ in hits]))
-    z = stretch * np.array([position for _, position in hits]).ravel()
-    return np.linalg.lstsq(H, z, rcond=None)[0]
-
-
-ALL_HITS = [(12.0 * k, position) for k, scan in enumerate(POSITIONS) for position in scan]
-
-
-def test_refit_estimates_from_the_union_of_the_hits():
-    initiator, (track,) = merged_in_last_scan(merging="refit")
-    assert initiator.statistics.merged == 1
-    np.testing.assert_allclose(track.state, straight_line(ALL_HITS), rtol=1e-9, atol=1e-8)
-    _, (single,) = merged_in_last_scan(merging="moments")
-    assert track.covariance[0, 0] < single.covariance[0, 0], "four hits know more than three"
-
-
-def test_moments_average_the_merged_tracks_by_their_distances():
-    _, separate = merged_in_last_scan(merging_probability=1e-6)
-    assert len(separate) == 2
-    weights = np.array([track.evaluation for track in separate])
-    weights /= weights.sum()
-    _, (track,) = merged_in_last_scan(merging="moments")
-    expected = weights @ [one.state for one in separate]
-    np.testing.assert_allclose(track.state, expected, rtol=1e-9)
-    expected = np.tensordot(weights, [one.covariance for one in separate], axes=1)
-    np.testing.assert_allclose(track.covariance, expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("merging_mode", ["moments", "refit"])
-@pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
-def test_a_merged_track_has_the_hits_and_the_figure_of_its_best_member(merging_mode, evaluation):
-    _, separate = merged_in_last_scan(merging_probability=1e-6, evaluation=evaluation)
-    best = min(separate, key=lambda track: track.evaluation)
-    _, (track,) = merged_in_last_scan(merging=merging_mode, evaluation=evaluation)
-    assert track.hits == best.hits
-    assert track.evaluation == best.evaluation
-
-
-def test_kennedy_s_evaluation_still_weighs_by_the_distances():
-    # Eq. 31 has f_1, whatever pruning uses.
-    _, (by_distance,) = merged_in_last_scan()
-    _, (by_clutter,) = merged_in_last_scan(evaluation="clutter_statistic")
-    np.testing.assert_array_equal(by_distance.state, by_clutter.state)
 
 
 @pytest.mark.parametrize(

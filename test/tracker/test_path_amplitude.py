@@ -1,7 +1,5 @@
 """Strengths along the paths of the tree, and what they do to the starts."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -83,11 +81,6 @@ def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
     assert score == pytest.approx(float(expected), abs=0.01)
 
 
-def test_a_detection_without_a_strength_adds_nothing():
-    grown = evaluation.first_amplitudes(Observed([np.nan]))
-    assert (grown.hits[0], grown.total[0], grown.score[0]) == (0, 0.0, 0.0)
-
-
 def test_strong_echoes_start_a_track_sooner_and_their_ratio_is_published():
     first = {}
     for ratio in (None, 10.0):
@@ -124,16 +117,6 @@ def test_strengths_that_say_nothing_change_nothing(strength_of):
     without, _ = started(scans)
     found, _ = started(with_strength(scans, strength_of))
     assert_same_tracks(without, found)
-
-
-def test_replays_are_equal_to_the_bit_and_strengths_may_vanish():
-    scans = scans_of(6.0)
-    lost = [*scans[:20], *with_strength(scans[20:], None)]
-    one, other = started(lost)[0], started(lost)[0]
-    assert_same_tracks(one, other)
-    np.testing.assert_array_equal(
-        *([track.signal_to_clutter_db for track in tracks] for tracks in (one, other))
-    )
 
 
 def test_another_unit_gives_nearly_the_same_evidence():

@@ -1,7 +1,5 @@
 """Paths held as numbers, against paths held one by one."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

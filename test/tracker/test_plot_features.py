@@ -1,7 +1,5 @@
 """Features of plots: the decision function as printed, and as it is used."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """Plots: groups as in plain loops, and centroids whose errors are what is said of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -65,12 +63,6 @@ def test_more_pairs_than_a_limit_are_seen_without_making_them():
     assert not crowded(range_, azimuth, extent, 50), "all pairs are fewer"
     assert not crowded(range_, azimuth, extent, 17)
     assert crowded(range_, azimuth, extent, 16)
-
-
-def test_detections_in_one_place_are_one_plot():
-    n = 4000
-    label = grouped(np.full(n, 1000.0), np.zeros(n), ClusterExtent(1.0, 1.0))
-    assert (label == 0).all()
 
 
 def test_a_plot_has_its_strongest_members_figures_and_the_width_of_all():

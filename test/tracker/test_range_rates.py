@@ -1,7 +1,5 @@
 """Range rates: against general solvers, the Cramer-Rao bound, and what clutter makes of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.stats import cauchy, kstest
-from support.builders import assert_same_tracks, fit_matrix
+from support.builders import assert_same_tracks
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.numerics import gaussian
@@ -66,71 +64,6 @@ def bound(sensor: SensorModel) -> np.ndarray:
 def along_sight() -> np.ndarray:
     offset = TRUTH[0::2] - SHIP * NOW
     return offset / np.hypot(*offset)
-
-
-def some_detections(n: int, seed: int = 2) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    found = np.zeros(n, DETECTION)
-    found["position"] = rng.uniform(-3000, 3000, (n, 2))
-    found["sensor_pose"][:, :2] = rng.uniform(-300, 300, (n, 2))
-    found["sensor_velocity"] = rng.uniform(-8, 8, (n, 2))
-    found["range_rate"] = rng.uniform(-9, 9, n)
-    found["range_rate_std"] = rng.uniform(0.1, 2.0, n)
-    return found
-
-
-def test_the_gradients_are_those_of_the_range_as_it_changes():
-    found = some_detections(50)
-    rng = np.random.default_rng(3)
-    position, velocity = rng.uniform(-3000, 3000, (50, 2)), rng.uniform(-9, 9, (50, 2))
-    rate, by_position, by_velocity = range_rates.expected(found, position, velocity)
-    sensor, moving = found["sensor_pose"][:, :2], found["sensor_velocity"]
-
-    def distance(time: float) -> np.ndarray:
-        return np.hypot(*(position + time * velocity - sensor - time * moving).T)
-
-    np.testing.assert_allclose(rate, (distance(1e-3) - distance(-1e-3)) / 2e-3, atol=1e-6)
-    for axis in range(2):
-        step = 1e-3 * np.eye(2)[axis]
-        for gradient, shifts in ((by_position, (step, 0 * step)), (by_velocity, (0 * step, step))):
-            ahead = range_rates.expected(found, position + shifts[0], velocity + shifts[1])[0]
-            behind = range_rates.expected(found, position - shifts[0], velocity - shifts[1])[0]
-            np.testing.assert_allclose(gradient[:, axis], (ahead - behind) / 2e-3, atol=1e-7)
-
-
-def random_states(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    root = rng.standard_normal((n, 4, 4)) * np.array([50.0, 3.0, 50.0, 3.0])[:, None]
-    state = rng.uniform(-1, 1, (n, 4)) * [3e3, 9, 3e3, 9]
-    return state, root @ np.swapaxes(root, 1, 2)
-
-
-def test_position_and_then_range_rate_are_one_joint_update():
-    # Where the line of sight hardly turns: against one update with the stacked matrix.
-    n, lag = 20, np.random.default_rng(4).uniform(-5, 5, 20)
-    state, covariance = random_states(n, 5)
-    found = some_detections(n)
-    found["sensor_pose"][:, 0] = 1e12
-    noise = np.diag([400.0, 900.0])
-    measured = state[:, 0::2] + 30.0
-    found["position"] = measured
-    stacked = np.stack([fit_matrix([t]) for t in lag])
-    spread = stacked @ covariance @ np.swapaxes(stacked, 1, 2) + noise
-    innovation = measured - (stacked @ state[..., None])[..., 0]
-    placed = motion.update(state, covariance, lag, innovation, spread)
-    updated, spreads = range_rates.update(*placed, lag, found)
-    for i in range(n):
-        sight = np.array([0.0, -1.0, 0.0, 0.0])  # the sensor is far along x
-        matrix = np.vstack([stacked[i], sight])
-        moving = found["sensor_velocity"][i, 0]
-        error = np.append(innovation[i], found["range_rate"][i] - moving - sight @ state[i])
-        r = np.zeros((3, 3))
-        r[:2, :2], r[2, 2] = noise, found["range_rate_std"][i] ** 2
-        gain = covariance[i] @ matrix.T @ np.linalg.inv(matrix @ covariance[i] @ matrix.T + r)
-        np.testing.assert_allclose(updated[i], state[i] + gain @ error, rtol=1e-5, atol=1e-4)
-        np.testing.assert_allclose(
-            spreads[i], (np.eye(4) - gain @ matrix) @ covariance[i], rtol=1e-4, atol=1e-3
-        )
 
 
 def test_the_innovation_s_mean_and_variance_are_those_of_drawn_states():

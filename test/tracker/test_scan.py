@@ -1,7 +1,5 @@
 """Scans: what is taken, and that everything else is refused by its field's name."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -27,10 +25,6 @@ def test_a_scan_has_arrays_of_float64_that_cannot_be_changed():
         assert value.dtype == np.float64
         assert not value.flags.writeable
     assert len(scan) == 2
-
-
-def test_a_wrapped_azimuth_cannot_be_changed_either():
-    assert not Scan(0.0, [100.0], [7.0]).azimuth.flags.writeable
 
 
 def test_a_scan_does_not_change_with_the_arrays_it_was_made_from():
@@ -61,12 +55,6 @@ BAD_VALUES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "value"), BAD_VALUES, ids=lambda value: str(value)[:40])
-def test_a_bad_value_is_refused_by_its_field_s_name(name, value):
-    with pytest.raises(ValueError, match=rf"^{name}\b"):
-        Scan(**{**GOOD, name: value})
-
-
 BAD_SHAPES = [
     ("sensor_velocity", [1.0, 2.0, 3.0]),
     ("sensor_velocity", [[1.0, 2.0]]),
@@ -91,26 +79,18 @@ BAD_SHAPES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "value"), BAD_SHAPES, ids=lambda value: str(value)[:40])
-def test_a_bad_shape_is_refused_by_its_field_s_name(name, value):
-    with pytest.raises(ValueError, match=rf"^{name}\b"):
-        Scan(**{**GOOD, name: value})
+BAD_LISTS = [
+    ("range", [[100.0], [1.0, 2.0]]),
+    ("sensor_pose", [[0.0, 0.0, 0.0], [0.0]]),
+    ("stamp", 10**400),
+    ("range", [1, 10**400]),
+]
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("range", [[100.0], [1.0, 2.0]]), ("sensor_pose", [[0.0, 0.0, 0.0], [0.0]])],
-    ids=["range", "sensor_pose"],
+    ("name", "value"), [*BAD_VALUES, *BAD_SHAPES, *BAD_LISTS], ids=lambda value: str(value)[:40]
 )
-def test_ragged_lists_are_refused_by_their_field_s_name(name, value):
-    with pytest.raises(ValueError, match=rf"^{name}\b"):
-        Scan(**{**GOOD, name: value})
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("stamp", 10**400), ("range", [1, 10**400])], ids=["stamp", "range"]
-)
-def test_integers_beyond_float64_are_refused_by_their_field_s_name(name, value):
+def test_a_bad_value_or_shape_is_refused_by_its_field_s_name(name, value):
     with pytest.raises(ValueError, match=rf"^{name}\b"):
         Scan(**{**GOOD, name: value})
 
@@ -153,13 +133,6 @@ def test_angles_inside_are_untouched_to_the_bit():
     np.testing.assert_array_equal(wrap(inside), inside)
     np.testing.assert_array_equal(wrap(np.append(inside, 4.0))[:-1], inside)
     assert Scan(0.0, inside[:1] + 10, inside[:1]).azimuth[0] == -math.pi
-
-
-def test_zero_to_two_pi_is_the_same_as_minus_pi_to_pi():
-    angles = np.linspace(0.01, 2 * math.pi - 0.01, 50)
-    wrapped = Scan(0.0, np.ones(50), angles).azimuth
-    np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-12)
-    assert wrapped.min() < -3.0
 
 
 def test_one_pose_or_one_per_detection():

@@ -1,7 +1,5 @@
 """A target that falls silent is withheld; detected again it is the same track, at any ping rate."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

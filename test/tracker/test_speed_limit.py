@@ -1,12 +1,13 @@
 """States given a speed of at most v_max: against sums over the disc, and samples."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
+from support.builders import scan_at
+from support.score_scenes import score
 
+from tsepm_ros import SensorModel
 from tsepm_ros.tracker.motion import MAX_OUTSIDE, in_disc, limited, log_speed_probability, slowed
 
 V_MAX = 10.0
@@ -60,12 +61,6 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
     assert found.log_probability[0] == pytest.approx(math.log(inside), abs=1e-9)
     np.testing.assert_allclose(found.mean[0], expected, atol=1e-9 * V_MAX)
     np.testing.assert_allclose(found.covariance[0], spread, atol=1e-8 * V_MAX**2)
-
-
-def test_of_the_velocity_prior_all_but_exp_minus_2_is_inside():
-    state, covariance = with_velocity(1, np.zeros(2), np.eye(2) * V_MAX**2 / 4.0)
-    found = log_speed_probability(state, covariance, V_MAX)
-    np.testing.assert_allclose(found, math.log(1.0 - math.exp(-2.0)), rtol=1e-9)
 
 
 def test_a_state_with_little_outside_stays_to_the_bit():
@@ -160,3 +155,22 @@ def test_errors_shrink_and_the_nees_stays_honest_for_velocities_all_over_the_dis
     assert np.square(found[:, 0::2]).sum() < np.square(error[:, 0::2]).sum()
     nees = np.einsum("ni,ni->n", found, np.linalg.solve(spread, found[..., None])[..., 0])
     assert nees.mean() == pytest.approx(4.0, abs=0.25)
+
+
+SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=6000.0)
+
+
+def first_score(speed: float, **options) -> float:
+    """Evidence of the first track on a target without clutter; 0 without a track."""
+    initiator = score(SENSOR, **options)
+    for k in range(8):
+        for track in initiator.process(scan_at(12.0 * k, [(3000.0 + 12.0 * speed * k, 500.0)])):
+            return float(track.score)
+    return 0.0
+
+
+def test_what_is_faster_than_the_maximum_does_not_start():
+    # The filter's Gaussian prior, of 5 m/s, allows 13 m/s with 3 % of its mass.
+    assert first_score(8.0) > 0.0
+    assert first_score(13.0) == 0.0
+    assert first_score(13.0, max_speed=15.0) > 0.0

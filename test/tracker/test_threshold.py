@@ -1,7 +1,5 @@
 """The threshold keeps the wanted false-track rate, by the scans as they come."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -105,16 +103,6 @@ def test_an_unknown_clutter_density_is_learned_within_ten_scans():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("clutter_is", "density"), [("given", 1e-7), ("estimated", 1e-6)])
-def test_the_clutter_density_in_use_is_told(clutter_is, density):
-    initiator = score(SensorModel(clutter_density=1e-7), clutter_density=clutter_is)
-    rng = np.random.default_rng(3)
-    for index in range(10):
-        initiator.process(Scan(12.0 * index, *clutter(rng)))
-    assert initiator.clutter_density == pytest.approx(density, rel=0.15)
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density(factor):
     # The box of 6 by 6 km in 12 km; 58 false tracks are expected with the density known.
@@ -164,13 +152,6 @@ def test_one_scan_has_no_threshold_yet():
     threshold, initiator = observed([scan_at(0.0, [(3000.0, 0.0)])])
     assert threshold.false_share(1.0) is None
     assert threshold.value(SONAR, initiator.common, initiator.options) == math.inf
-
-
-def test_more_false_tracks_have_a_lower_threshold():
-    scans = sea(np.random.default_rng(2), 3, [])
-    values = [value(scans, rate) for rate in (0.1, 1.0, 10.0, 100.0)]
-    assert values == sorted(values, reverse=True)
-    assert np.diff(values) == pytest.approx([-math.log(10.0)] * 3, abs=0.5)
 
 
 def test_evidence_far_below_every_threshold_asks_for_none():

@@ -1,7 +1,5 @@
 """What is predicted of a threshold; that it comes true is tested with the method."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -44,16 +42,6 @@ def test_no_target_is_predicted_beyond_the_simulated_thresholds():
     made = plan()
     assert made.passed(0.0)[-1] > 0.5
     assert not made.passed(1e6).any() and made.passed(1e6).shape == made.passed(0.0).shape
-
-
-def test_the_same_question_is_answered_from_memory():
-    assert plan() is plan()
-    assert (
-        threshold_plan.rounded(12.0)
-        == threshold_plan.rounded(12.2)
-        == pytest.approx(12.0, rel=0.05)
-    )
-    assert threshold_plan.rounded(0.0012) == pytest.approx(0.0012, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Confirmed tracks carried in time."""
 
-from __future__ import annotations
-
 import sys
 from datetime import UTC, datetime, timedelta
 
@@ -27,30 +25,6 @@ def track(track_id: int = 3, stamp: float = 100.0) -> ConfirmedTrack:
     )
 
 
-@pytest.mark.parametrize("step", [0.0, 10.0, -4.0])
-def test_prediction_is_at_constant_velocity(step):
-    F = np.eye(4)
-    F[0, 1] = F[2, 3] = step
-    before = track()
-    after = before.predicted(100.0 + step)
-    np.testing.assert_allclose(after.state, F @ before.state)
-    np.testing.assert_allclose(after.covariance, F @ before.covariance @ F.T)
-    assert (after.stamp, after.age) == (100.0 + step, 36.0 + step)
-
-
-def test_prediction_keeps_everything_else():
-    before, after = track(), track().predicted(130.0)
-    for name in ("track_id", "hits", "evaluation", "score", "scan_count"):
-        assert getattr(after, name) == getattr(before, name)
-
-
-def test_prediction_changes_nothing_in_place():
-    before = track()
-    before.predicted(200.0)
-    np.testing.assert_array_equal(before.state, track().state)
-    np.testing.assert_array_equal(before.covariance, track().covariance)
-
-
 def test_many_tracks_are_predicted_to_one_time_as_each_alone():
     tracks = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
     for one, alone in zip(TrackArrays.of(tracks).predicted(150.0), tracks, strict=True):
@@ -58,18 +32,6 @@ def test_many_tracks_are_predicted_to_one_time_as_each_alone():
         assert (one.track_id, one.stamp, one.age) == (alone.track_id, 150.0, expected.age)
         np.testing.assert_allclose(one.state, expected.state)
         np.testing.assert_allclose(one.covariance, expected.covariance)
-
-
-def test_no_tracks_are_predicted_to_none():
-    assert len(TrackArrays.of([]).predicted(150.0)) == 0
-
-
-def test_position_and_velocity_are_parts_of_the_state():
-    assert track().position.tolist() == [1000.0, -500.0]
-    assert track().velocity.tolist() == [2.0, -3.0]
-    np.testing.assert_array_equal(
-        track().position_covariance, track().covariance[[0, 2]][:, [0, 2]]
-    )
 
 
 def test_arrays_give_back_the_tracks_that_they_were_made_of():

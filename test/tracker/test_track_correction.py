@@ -1,7 +1,5 @@
 """Starts whose majority of hits turns out wrong."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

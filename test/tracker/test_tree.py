@@ -1,18 +1,15 @@
 """The tree of hypotheses, against plain loops, and its limits."""
 
-from __future__ import annotations
-
 import math
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
 from support.batches import batches
-from support.builders import AS_GIVEN, scan_at
+from support.builders import AS_GIVEN
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
-from tsepm_ros import Scan
 from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker import evaluation, pruning, splitting
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
@@ -115,41 +112,3 @@ def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_tha
     kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 3)
     assert (kept.tolist(), cut) == ([2, 1, 5], 2)
     assert pruning.prune(scores[:0], newest[:0], 0.0, 2, 3)[0].tolist() == []
-
-
-def test_the_time_that_a_scan_may_take_is_passed_on():
-    # More than one block of pairs: 230 hypotheses by 230 detections in one place.
-    initiator = score(plots="off")
-    initiator.max_scan_time = 1e-9
-    for k in range(2):
-        initiator.process(Scan(12.0 * k, np.full(230, 1000.0), np.zeros(230)))
-    assert initiator.totals.cut_potential_tracks > 230 * 230 - 50_000 - 1
-
-
-def test_a_target_outside_the_coverage_is_not_missed_there():
-    sensor = replace(SONAR, max_range=4000.0)
-    initiator = score(sensor)
-    initiator.process(scan_at(0.0, [(3990.0, 0.0)]))
-    initiator.process(scan_at(12.0, [(4050.0, 0.0)]))
-    scores = [initiator.potential_tracks().score.max()]
-    for k in range(2, 5):
-        initiator.process(Scan(12.0 * k, [], []))
-        scores.append(initiator.potential_tracks().score.max())
-    assert scores == [scores[0]] * 4
-
-
-@pytest.mark.parametrize("limit", [1, 50])
-def test_limits_hold_and_are_counted(limit):
-    initiator = score(max_potential_tracks=limit)
-    for scan in sea(np.random.default_rng(1), 6, [(3000.0, 4.0, 2000.0, -3.0)]):
-        initiator.process(scan)
-        assert initiator.statistics.potential_tracks <= limit
-    assert initiator.totals.cut_potential_tracks > 0
-
-
-def test_many_detections_in_one_place_do_not_end_anything():
-    initiator = score()
-    n = 3000
-    for k in range(3):
-        initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
-    assert initiator.statistics.potential_tracks <= 250_000

@@ -1,7 +1,5 @@
 """Environment 2018: when the targets of Fig. 4 meet, and whose the plots of Table 1 are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import norm

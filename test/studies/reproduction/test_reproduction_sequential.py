@@ -1,7 +1,5 @@
 """Sequential 2014: its scene, the readings of its matching, and what its figures allow."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import math
@@ -14,7 +12,6 @@ from tsepm_ros.studies.reproduction import monte_carlo, sequential_2014
 from tsepm_ros.studies.reproduction import published as published
 from tsepm_ros.studies.reproduction.report import Setting, write
 from tsepm_ros.studies.reproduction.sequential_2014 import MAIN, Counts
-from tsepm_ros.studies.sequential import SequentialOptions
 
 
 def test_the_scene_is_the_published_one():
@@ -45,12 +42,6 @@ def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan()
     bounds = np.reshape(counts["bound"], (6, 3))
     assert (bounds[:, 2] == 1.0).all()
     assert bounds[:, :2].max() < 1e-3
-
-
-def test_the_plain_reading_is_the_default_of_the_method():
-    options = SequentialOptions()
-    gate, matching = monte_carlo.DEFAULT_READING
-    assert (gate, monte_carlo.MATCHINGS[matching]) == (options.gate_error, options.matching)
 
 
 def counts(period, rows):

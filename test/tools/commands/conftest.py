@@ -1,7 +1,5 @@
 """A recording and a scenario for the commands."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

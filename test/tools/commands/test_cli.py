@@ -1,7 +1,5 @@
 """The command `tsepm`."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys
@@ -22,22 +20,11 @@ def test_methods_are_listed_with_what_they_are(capsys):
     assert [line.split(":")[0] for line in lines] == list(available_methods())
 
 
-@pytest.mark.parametrize("node", ["track_initiator", "sonar_simulator", "scan_player"])
-def test_parameters_are_a_parameter_file(capsys, node):
-    assert main(["parameters", node]) == 0
-    assert list(yaml.safe_load(capsys.readouterr().out)) == ["/**"]
-
-
 def test_the_parameters_of_all_nodes_are_one_file_and_one_page(capsys):
     assert main(["parameters", "all"]) == 0
     assert list(yaml.safe_load(capsys.readouterr().out)) == [f"/**/{node}" for node in NODES]
     assert main(["parameters", "all", "--markdown"]) == 0
     assert capsys.readouterr().out == as_page(NODES)
-
-
-def test_the_parameters_of_a_node_are_tables(capsys):
-    assert main(["parameters", "track_viewer", "--markdown"]) == 0
-    assert "| `port` |" in capsys.readouterr().out
 
 
 def test_an_interrupt_ends_a_command_with_a_word(capsys, tmp_path, monkeypatch):

@@ -1,7 +1,5 @@
 """The command `tsepm evaluate`."""
 
-from __future__ import annotations
-
 import re
 import sys
 
@@ -57,13 +55,6 @@ def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, mo
     assert "no pictures: they need matplotlib" in capsys.readouterr().out
     assert (tmp_path / "evaluation.csv").exists()
     assert not list(tmp_path.glob("*.png"))
-
-
-@pytest.mark.long
-def test_the_scene_of_an_evaluation_can_be_changed(tmp_path):
-    one_point = ("-p", "false_tracks_per_hour:=300.0")
-    evaluated(tmp_path, "--scene", "sensor.clutter_density:=2.0e-6", *one_point)
-    assert "clutter 2e-06 /m^2" in (tmp_path / "evaluation.md").read_text()
 
 
 def test_what_will_be_done_and_how_long_is_said_before_the_first_run(

@@ -1,11 +1,8 @@
 """The command `tsepm init`."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from collections.abc import Iterator
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -96,12 +93,6 @@ def test_what_is_given_is_not_asked_and_enter_takes_the_default():
     assert all(question.explanation in "".join(prompts) for question in QUESTIONS[3:])
 
 
-def test_an_answer_that_is_not_allowed_is_asked_again(capsys):
-    texts = replies("2 km", "2000", *[""] * len(QUESTIONS))
-    assert asked({}, lambda prompt: next(texts))["max_range"] == 2000.0
-    assert "--max-range must be a number of m; got '2 km'" in capsys.readouterr().out
-
-
 def test_an_end_of_the_input_is_said():
     def ask(prompt: str) -> str:
         raise EOFError
@@ -163,11 +154,3 @@ def test_a_given_time_between_pings_is_that_of_the_diagnostics(tmp_path):
     assert (values["diagnostics.scan_period"], values["diagnostics.stale_time"]) == (0.2, 5.0)
     assert written_by(tmp_path / "c.yaml", "--interval", "30")["diagnostics.stale_time"] == 150.0
     assert "diagnostics.scan_period" not in written_by(tmp_path / "b.yaml")
-
-
-def test_a_mounting_is_asked_for_with_odometry_only():
-    for source, number in (("none", 0), ("tf", 0), ("odometry", 4)):
-        given = {"own_ship": float(("none", "odometry", "tf").index(source))}
-        questions = Mock(return_value="")
-        asked(given, questions)
-        assert sum("Mounting" in str(one) for one in questions.call_args_list) == number

@@ -1,7 +1,5 @@
 """What `tsepm run` says where scans, detections or poses of a bag are lost: cause and remedy."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

@@ -1,9 +1,8 @@
-"""The command `tsepm run`: recordings, scenarios and bags."""
-
-from __future__ import annotations
+"""The command `tsepm run`: recordings, scenarios and bags; tracks with latitude and longitude."""
 
 import csv
 import io
+import json
 import os
 import signal
 import subprocess
@@ -11,6 +10,7 @@ import sys
 from unittest.mock import Mock
 
 import numpy as np
+import pynmea2
 import pytest
 
 from tsepm_ros.tools.commands.cli import main
@@ -58,16 +58,6 @@ def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
     assert len(line) < 900
 
 
-def test_a_run_that_drops_every_scan_fails_with_the_remedy(capsys, recording, tmp_path):
-    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n500.0,0.0,0.0\n600.0,0.0,0.0\n")
-    assert main(["run", recording]) == 1
-    error = capsys.readouterr().err
-    assert "dropped: 8 own_ship_stale" in error
-    last = error.splitlines()[-1]
-    assert last.startswith("failed: every scan was dropped, 8 as own_ship_stale")
-    assert "Compare the clocks of sonar and navigation" in last
-
-
 def test_a_run_that_drops_one_scan_of_many_does_not_fail(capsys, recording, tmp_path):
     path = tmp_path / "detections.csv"
     path.write_text("scan," + path.read_text().replace("\n", "\n0,", 1))
@@ -92,18 +82,6 @@ def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
         [float(row["state_x"]), float(row["state_y"]), 5.0], abs=0.06
     )
     assert line.endswith(row["reason"])
-
-
-def test_held_tracks_are_written_scan_by_scan(recording, tmp_path):
-    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
-    with (tmp_path / "out" / "current.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["stamp"]) for row in rows] == [24.0 + 12.0 * k for k in range(6)]
-    assert len({row["track_id"] for row in rows}) == 1
-    for row in rows:
-        assert float(row["state_x"]) == pytest.approx(5.0 * float(row["stamp"]), abs=1.0)
-        assert float(row["cov_00"]) > 0.0
-    assert "reason" not in rows[0]
 
 
 def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
@@ -226,13 +204,6 @@ def test_the_time_of_a_run_is_that_of_its_stamps_not_of_the_recorder(capsys, tmp
     assert "10 scans, " in (printed := capsys.readouterr().out) and "; 36.0 s in" in printed
 
 
-def test_notes_of_a_recording_come_first(capsys, tmp_path):
-    rows = [f"{time},{100 + time},{0.1 * n}" for time in range(9) for n in range(4)]
-    (tmp_path / "run2.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
-    assert main(["run", str(tmp_path / "run2.csv")]) == 0
-    assert capsys.readouterr().err.startswith("note: time_s has steps of 1 s")
-
-
 def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, tmp_path):
     pytest.importorskip("rosbags")
     for folder in ("one", "other"):
@@ -332,12 +303,6 @@ def starts(capsys) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
 
 
-def test_a_parameter_file_of_the_node_holds_for_a_recording(capsys, recording, parameter_file):
-    """The target is 3 km away."""
-    assert main(["run", recording, "--params-file", parameter_file]) == 0
-    assert not starts(capsys)
-
-
 def test_of_files_and_assignments_the_last_value_holds(capsys, recording, parameter_file):
     file, value = ["--params-file", parameter_file], ["-p", "sensor.max_range:=5000.0"]
     assert main(["run", recording, *value, *file]) == 0
@@ -393,3 +358,30 @@ def test_a_course_is_clockwise_from_north(frame, north, heading, angle):
     listing.write(Mock(new=[track], frame_id=frame))
     head, line = file.getvalue().splitlines()
     assert heading in head and line.split()[-2:] == [angle, "because"]
+
+
+def test_geojson_has_the_tracks_of_a_scene_around_the_origin(tmp_path, capsys):
+    arguments = ["run", "four_targets", "--as", "geojson", "--origin", "59.65,10.63"]
+    assert main([*arguments, "--out", str(tmp_path / "run")]) == 0
+    found = json.loads((tmp_path / "run" / "tracks.geojson").read_text())["features"]
+    assert len(found) >= 4
+    for one in found:
+        line = one["geometry"]["coordinates"]
+        for longitude, latitude in line if isinstance(line[0], list) else [line]:
+            assert abs(latitude - 59.65) < 0.2
+            assert abs(longitude - 10.63) < 0.4
+
+
+def test_sentences_of_a_scene_are_read_by_another_reader(capsys):
+    assert main(["run", "four_targets", "--as", "nmea", "--origin=-33.9,151.2"]) == 0
+    lines = capsys.readouterr().out.split("\r\n")[:-1]
+    messages = [pynmea2.parse(line, check=True) for line in lines]
+    assert len(messages) > 10
+    assert {one.sentence_type for one in messages} == {"TLL"}
+    assert {one.data[0] for one in messages} >= {"00", "01", "02", "03"}
+
+
+@pytest.mark.parametrize("origin", [[], ["--origin", "north"], ["--origin", "89.9,0"]])
+def test_without_a_proper_origin_the_command_says_what_is_one(origin, capsys):
+    assert main(["run", "four_targets", "--as", "nmea", *origin]) != 0
+    assert "latitude" in capsys.readouterr().err

@@ -1,33 +1,9 @@
 """Pictures of `tsepm run`."""
 
-from __future__ import annotations
-
-import sys
-
 import numpy as np
 import pytest
 
 from tsepm_ros.tools.commands.cli import main
-
-
-def test_without_matplotlib_a_picture_is_refused_before_anything_is_done(
-    capsys, recording, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.plan_position", None)
-    assert main(["run", recording, "--picture", str(tmp_path / "a.png")]) == 2
-    captured = capsys.readouterr()
-    assert "need matplotlib" in captured.err
-    assert captured.out == ""
-
-
-def test_without_matplotlib_a_folder_has_no_picture_and_a_sentence(
-    capsys, recording, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.plan_position", None)
-    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
-    assert "no picture: it needs matplotlib" in capsys.readouterr().err
-    assert (tmp_path / "out" / "tracks.csv").exists()
-    assert not list((tmp_path / "out").glob("*.png"))
 
 
 def test_the_truth_of_a_bag_is_drawn(tmp_path):

@@ -1,7 +1,5 @@
 """Questions of the first set-up: what a data sheet says, as parameters."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

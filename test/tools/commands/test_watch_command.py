@@ -1,7 +1,5 @@
 """`tsepm watch` of a recording, and the page that `tsepm run` writes."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
@@ -127,28 +125,3 @@ def test_a_port_in_use_is_refused_before_the_work(capsys, recording):
 )
 def test_arguments_that_do_not_fit_are_refused(capsys, arguments, sentence):
     assert sentence in refused(capsys, *arguments)
-
-
-def test_without_the_server_s_library_the_remedy_is_said(capsys, recording, monkeypatch):
-    monkeypatch.delitem(sys.modules, "tsepm_ros.tools.viewer.page_server", raising=False)
-    monkeypatch.setitem(sys.modules, "tornado.web", None)
-    assert "pip install tornado" in refused(capsys, recording)
-
-
-def test_without_ros_live_topics_are_refused(capsys, monkeypatch):
-    monkeypatch.delitem(sys.modules, "tsepm_ros.tools.viewer.track_viewer", raising=False)
-    monkeypatch.setitem(sys.modules, "rclpy.node", None)
-    monkeypatch.setitem(sys.modules, "diagnostic_msgs.msg", None)
-    assert "live topics need ROS 2" in refused(capsys)
-
-
-def test_no_module_of_ros_is_imported(recording):
-    check = (
-        "import sys\n"
-        "from tsepm_ros.tools.commands.cli import main\n"
-        f"code = main(['run', {recording!r}, '--html', {recording + '/page.html'!r}])\n"
-        "assert code == 0\n"
-        "import tsepm_ros.tools.viewer.page_server\n"
-        "assert not [name for name in sys.modules if name.split('.')[0] == 'rclpy']\n"
-    )
-    subprocess.run([sys.executable, "-c", check], check=True, stdout=subprocess.DEVNULL)

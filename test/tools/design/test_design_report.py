@@ -1,21 +1,13 @@
 """Sentences and tables of a design: what is given, found, undecided and not simulated."""
 
-from __future__ import annotations
-
 import math
-import re
 
 import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.commands import design_command as design_report
 from tsepm_ros.tools.design.prediction import Case, TargetStatistics
-from tsepm_ros.tools.design.search import (
-    WINDOWS,
-    Candidate,
-    PingIncrements,
-    remedies,
-)
+from tsepm_ros.tools.design.search import Candidate, remedies
 from tsepm_ros.tools.evaluation.intervals import Estimate
 
 UNKNOWN = Estimate.unknown()
@@ -25,49 +17,6 @@ def candidate(name: str, low: float, high: float, *, false: Estimate = UNKNOWN, 
     detection = Estimate(0.5 * (low + high), low, high)
     targets = TargetStatistics(100, detection, Estimate(90.0, 80.0, 100.0), 150.0)
     return Candidate(name, "score", {}, bound, targets, false)
-
-
-@pytest.mark.parametrize(
-    ("values", "where"),
-    [
-        ({}, "anywhere in the coverage"),
-        ({"target_range": 4000.0}, "at 4000 m in the middle of the run"),
-        ({"ratio_db": 6.0}, "anywhere in the coverage, 6 dB above the clutter"),
-        (
-            {"target_range": 4000.0, "ratio_db": -3.0},
-            "at 4000 m in the middle of the run, -3 dB above the clutter",
-        ),
-    ],
-    ids=str,
-)
-def test_a_case_names_the_place_and_the_strength_of_its_targets(values, where):
-    lines = design_report.case_lines(Case(sensor=SensorModel(), **values), 1.0)
-    assert f"allowed), {where}, to be found within 16 pings" in lines
-
-
-@pytest.mark.parametrize(
-    ("increment", "pings"),
-    [
-        (4.0, "about 3 pings"),  # the least number of hits
-        (0.5, "about 20 pings"),
-        (10.0 / WINDOWS[-1], f"about {WINDOWS[-1]} pings"),
-        (9.9 / WINDOWS[-1], f"more pings than the longest window, {WINDOWS[-1]}"),
-        (0.0, f"more pings than the longest window, {WINDOWS[-1]}"),
-    ],
-)
-def test_pings_up_to_the_threshold_are_limited_by_the_longest_window(increment, pings):
-    line = design_report.increments_line(PingIncrements(2.0, -1.0, increment), 10.0)
-    assert line.partition("threshold 10.0: ")[2].startswith(pings)
-
-
-def test_a_rate_that_is_not_simulated_is_a_dash():
-    rows = [
-        candidate("score", 0.8, 0.9, false=Estimate(2.0, 1.0, 4.0), bound=1.0),
-        candidate("tsepm 5/8", 0.1, 0.2, bound=0.25),
-    ]
-    *_, first, second = design_report.candidate_table(rows, 4e6).splitlines()
-    assert re.split(r"\s{2,}", first.strip())[-4:] == ["1", "2", "1 to 4", "0.5"]
-    assert re.split(r"\s{2,}", second.strip())[-4:] == ["0.25", "-", "-", "-"]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """What `tsepm design` predicts, against what the methods then do."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -67,15 +65,6 @@ def test_rules_confirm_no_more_clutter_than_they_are_said_to():
     assert measured.low < rule.false_per_hour <= 60.0
 
 
-@pytest.mark.long
-def test_nothing_is_promised_where_a_hit_is_worth_nothing():
-    case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=5e-6))
-    assert search.ping_increments(case, 0.99).hit < 0.01
-    assert not search.rules_within(case, TsepmOptions(), 1.0)
-    [(_, share)] = search.score_thresholds(case, ScoreOptions(), [16])
-    assert share < 0.3
-
-
 @pytest.mark.parametrize("density", [1e-6, 5e-6])
 def test_the_worth_of_a_ping_is_that_of_simulated_ones(density):
     sensor = dataclasses.replace(SensorModel(), clutter_density=density)
@@ -116,16 +105,6 @@ def test_range_rates_add_their_information_to_the_worth_of_a_hit():
     assert search.ping_increments(case, 0.99).scan > search.ping_increments(blind, 0.99).scan + 0.5
 
 
-def test_the_share_of_targets_that_pass_the_evaluation():
-    gating = Gating(sensor=SensorModel(), max_speed=10.0, interval=12.0, gate_probability=0.9)
-    shares = [
-        target_pass_share(gating, TsepmOptions(pruning_reading=reading), 5.0)
-        for reading in ("literal", "squared")
-    ]
-    assert 0.7 < shares[0] < 0.99 < shares[1] < 1.0
-    assert clutter_pass_share(gating, TsepmOptions()) < shares[0]
-
-
 @pytest.mark.parametrize(("factor", "share"), [(0.99, 1.0), (1.01, 0.0)])
 def test_targets_pass_the_clutter_statistic_up_to_its_critical_density(factor, share):
     """Exact hits in each ping: f_2 = 2 pi lambda (M - 1) (v T)^2 of all targets."""
@@ -148,14 +127,6 @@ def test_no_target_passes_where_none_has_enough_hits():
     sensor = SensorModel(detection_probability=0.1)
     gating = Gating(sensor=sensor, max_speed=10.0, interval=12.0, gate_probability=0.9)
     assert target_pass_share(gating, TsepmOptions(min_hits=16, window=16), 5.0) == 0.0
-
-
-@pytest.mark.long
-def test_a_longer_window_is_chosen_where_it_pays():
-    easy = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=1e-8), scans=24)
-    hard = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=2e-6), scans=24)
-    options = ScoreOptions()
-    assert search.score_window(easy, options) < search.score_window(hard, options)
 
 
 @pytest.mark.parametrize(
@@ -277,27 +248,6 @@ def test_bisection_finds_the_first_rule_that_keeps_the_rate():
             raw = expected_counts(gating, min_hits, rule.window, 3 * rule.window).raw
             rate = raw[rule.window :].mean() * case.scans_per_hour
             assert rate * clutter_pass_share(gating, fewer) > 60.0
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("_little_clutter")
-def test_the_first_estimate_comes_before_the_simulation(capsys):
-    arguments = ["design", "--runs", "2", "--workers", "1", "--wanted", "0.01"]
-    assert main([*arguments, "-p", "sensor.clutter_density:=1.0e-8"]) == 0
-    said = capsys.readouterr().out
-    first = said.index("first estimate, without simulation: score finds about 1.00")
-    assert first < said.index("simulated: up to 2 targets")
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("_little_clutter")
-def test_a_wish_that_cannot_be_met_comes_with_what_would_help(capsys):
-    given = ["-p", "sensor.clutter_density:=4.0e-6", "-p", "sensor.max_range:=1500.0"]
-    given += ["-p", "sensor.range_std:=200.0", "-p", "max_speed:=4.0"]
-    assert main(["design", "--runs", "10", "--workers", "1", "--scans", "6", *given]) == 0
-    said = capsys.readouterr().out
-    assert "infeasible: " in said
-    assert "as it is" in said and "twice as many pings" in said
 
 
 @pytest.mark.long

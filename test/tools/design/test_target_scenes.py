@@ -1,7 +1,5 @@
 """Scenes of several targets each, and when their simulation ends."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -9,13 +7,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.design import prediction as scenes_module
-from tsepm_ros.tools.design.prediction import (
-    DETECTIONS_PER_TARGET,
-    MIN_TARGETS,
-    Case,
-    target_scenes,
-    target_statistics,
-)
+from tsepm_ros.tools.design.prediction import MIN_TARGETS, Case, target_scenes, target_statistics
 from tsepm_ros.tools.design.search import known_within
 from tsepm_ros.tools.evaluation.workers import Workers
 
@@ -24,14 +16,6 @@ CASE = Case(sensor=SensorModel())
 
 def states(case: Case, number: int) -> np.ndarray:
     return np.array([t for scene in target_scenes(case, number, 3) for t in scene.targets])
-
-
-def test_no_target_is_lost_and_few_share_a_scene():
-    scenes = target_scenes(CASE, 100, 3)
-    assert sum(len(scene.targets) for scene in scenes) == 100
-    most = int(CASE.detections_per_scan / DETECTIONS_PER_TARGET)
-    assert max(len(scene.targets) for scene in scenes) == most > 1
-    assert len(scenes) < 100 / most + 8
 
 
 def test_targets_of_a_scene_stay_apart_and_in_the_coverage():

@@ -1,7 +1,5 @@
 """The Cramer-Rao bound: closed form, numerical differentiation, the design's figure."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

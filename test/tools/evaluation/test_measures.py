@@ -1,7 +1,6 @@
-"""The figures of runs, by hand."""
+"""The figures of runs, by hand, and the GOSPA metric, against every assignment that there is."""
 
-from __future__ import annotations
-
+import itertools
 import math
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from support.run_summaries import NOTHING, run_of, start
 
 from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
-from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of
+from tsepm_ros.tools.evaluation.measures import RunSummary, gospa, measures_of
 from tsepm_ros.tools.evaluation.simulated_run import Outcome
 from tsepm_ros.tools.simulation import Scenario
 
@@ -57,31 +56,6 @@ def test_errors_of_true_and_of_pure_starts():
     assert figures.position_to_bound.value == pytest.approx(math.sqrt((30**2 + 50**2) / 1800))
 
 
-def test_errors_that_follow_their_bounds_are_at_the_bound():
-    # Exact Gaussian errors: sigma per axis for a bound of sqrt(2) sigma.
-    rng = np.random.default_rng(8)
-    sigma = rng.uniform(20.0, 60.0, 3000)
-    position = np.linalg.norm(rng.normal(0.0, sigma, (2, 3000)), axis=0)
-    velocity = np.linalg.norm(rng.normal(0.0, 1.5, (2, 3000)), axis=0)
-    runs = [
-        run_of(
-            start(
-                0,
-                position_error=float(position[k]),
-                position_bound=math.sqrt(2.0) * float(sigma[k]),
-                velocity_error=float(velocity[k]),
-                velocity_bound=math.sqrt(2.0),
-            )
-        )
-        for k in range(3000)
-    ]
-    figures = measures_of(SCENE, runs)
-    assert figures.position_to_bound.value == pytest.approx(1.0, abs=0.04)
-    assert figures.position_to_bound.low < 1.0 < figures.position_to_bound.high
-    assert figures.velocity_to_bound.value == pytest.approx(1.5, abs=0.06)
-    assert figures.velocity_to_bound.high - figures.velocity_to_bound.low < 0.12
-
-
 def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():
     one = run_of(localisation=100.0, missed=0.0, false_held=1800.0)
     still = RunSummary(1, (), (*one.scans[:3], NOTHING))
@@ -103,3 +77,34 @@ def test_what_is_not_known_has_no_figure():
     for name in ("held", "gospa", "nees", "pure_nees", "position_to_bound", "confirmation_95"):
         assert math.isnan(getattr(figures, name).value)
         assert figures.text(name) == "-"
+
+
+def plain_gospa(tracks: np.ndarray, targets: np.ndarray, cutoff: float) -> float:
+    """Equation (1) of the paper's Proposition 1, p = 2, by trying everything."""
+    n, m = len(tracks), len(targets)
+    least = math.inf
+    for size in range(min(n, m) + 1):
+        for chosen in itertools.combinations(range(n), size):
+            for theirs in itertools.permutations(range(m), size):
+                apart = sum(
+                    float(((tracks[i] - targets[j]) ** 2).sum())
+                    for i, j in zip(chosen, theirs, strict=True)
+                )
+                least = min(least, apart + cutoff**2 / 2 * (n + m - 2 * size))
+    return math.sqrt(least)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_metric_is_the_least_over_all_assignments(seed):
+    rng = np.random.default_rng([5, seed])
+    tracks = rng.uniform(0, 100, (rng.integers(0, 5), 2))
+    targets = rng.uniform(0, 100, (rng.integers(0, 5), 2))
+    cutoff = float(rng.uniform(10, 80))
+    found = gospa(tracks, targets, cutoff)
+    assert found.distance == pytest.approx(plain_gospa(tracks, targets, cutoff))
+    assert gospa(targets, tracks, cutoff).distance == pytest.approx(found.distance)
+
+
+def test_a_track_at_the_cut_off_is_false_and_its_target_missed():
+    found = gospa(np.array([[10.0, 0.0]]), np.array([[0.0, 0.0]]), 10.0)
+    assert (found.localisation, found.missed, found.false) == (0.0, 50.0, 50.0)

@@ -1,7 +1,5 @@
 """Operating curves and methods compared."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sweeps of the methods."""
 
-from __future__ import annotations
-
 import pytest
 
 from tsepm_ros.methods.registry import available_methods, method_class
@@ -36,11 +34,6 @@ def test_an_option_that_a_sweep_varies_replaces_it():
     given = [point for point in points if point.method == "tsepm"]
     assert [dict(point.options) for point in given] == [{"min_hits": 4}]
     assert len(points) == 1 + len(method_class("score").operating_points)
-
-
-def test_points_know_the_code_that_they_depend_on():
-    (version,) = {point.version for point in operating_points(available_methods())}
-    assert version == code_key()
 
 
 def test_the_key_of_stored_runs_is_of_every_module_and_of_further_files(tmp_path):

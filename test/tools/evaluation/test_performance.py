@@ -1,7 +1,5 @@
 """Evaluations: interrupted ones go on, and the tables say what was found."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io
@@ -13,13 +11,7 @@ import pytest
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tools.evaluation.measures import HEADINGS
-from tsepm_ros.tools.evaluation.performance import (
-    TABLES,
-    Plan,
-    evaluate,
-    markdown,
-    write_csv,
-)
+from tsepm_ros.tools.evaluation.performance import Plan, evaluate, markdown, write_csv
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario
@@ -169,17 +161,3 @@ def test_the_csv_has_every_figure_with_its_interval(expected):
             assert math.isnan(value) or math.isnan(low) or low <= value <= high
     assert json.loads(rows[1]["options"]) == {"min_hits": 3, "window": 4}
     assert 0.0 <= float(rows[0]["detection_low"]) < float(rows[0]["detection_high"]) <= 1.0
-
-
-def test_every_figure_stands_in_one_table():
-    names = [name for table in TABLES.values() for name in table]
-    assert sorted(names) == sorted(HEADINGS)
-
-
-def test_the_report_is_markdown_whose_tables_line_up(expected):
-    text = expected[0]
-    assert "4 runs of each point on each scenario, seed 5" in text
-    assert text.count("\n### ") == len(TABLES) + 1
-    for block in text.split("\n\n"):
-        rows = [line for line in block.splitlines() if line.startswith("|")]
-        assert len({line.count("|") for line in rows}) <= 1

@@ -1,18 +1,18 @@
-"""Studies: the same scene gives the design's figures."""
-
-from __future__ import annotations
+"""Studies: the design's figures, and the same numbers whoever does them."""
 
 import dataclasses
 import math
+import multiprocessing
 
 import numpy as np
 import pytest
+from support.run_summaries import as_json
 
 from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of
 from tsepm_ros.tools.evaluation.performance import study
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, with_poses
-from tsepm_ros.tools.simulation import Simulator, load_scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box", {"scans": 8})
 RUNS = 150
@@ -44,27 +44,23 @@ def test_false_tracks_in_the_box_scene_are_the_design_s(box):
     assert abs(np.mean(false) - 21.6) < 3.3 * error
 
 
-def test_simulated_echoes_are_placed_on_their_targets_whatever_the_ship_does():
-    scenario = dataclasses.replace(
-        load_scenario("four_targets"),
-        sensor=dataclasses.replace(
-            BOX.sensor,
-            range_std=1e-3,
-            range_std_fraction=0.0,
-            azimuth_std=1e-7,
-            detection_probability=1.0,
-            clutter_density=1e-20,
-        ),
-        own_ship=OwnShipMotion(100.0, -50.0, 1.0, speed=8.0, turn_rate=0.01),
-    )
-    simulator = Simulator(scenario, 3)
-    worst = 0.0
-    for simulated in simulator:
-        scan = with_poses(simulated.scan, scenario.own_ship)
-        angle = scan.azimuth + scan.sensor_pose[:, 2]
-        x = scan.sensor_pose[:, 0] + scan.range * np.cos(angle)
-        y = scan.sensor_pose[:, 1] + scan.range * np.sin(angle)
-        for k, target in enumerate(simulated.origin):
-            truth = simulator.truth(scan.stamp + scan.time_offset[k])[target]
-            worst = max(worst, math.hypot(x[k] - truth[0], y[k] - truth[2]))
-    assert 0.0 < worst < 1.0
+FEW_RUNS = range(24)
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return dataclasses.replace(load_scenario("box"), scans=8)
+
+
+@pytest.fixture(scope="module")
+def expected(scenario):
+    return as_json(study(scenario, TSEPM, FEW_RUNS, SEED))
+
+
+@pytest.mark.long
+def test_workers_end_with_the_study_that_is_closed_early(scenario, expected):
+    results = study(scenario, TSEPM, FEW_RUNS, SEED, Workers(processes=2))
+    assert as_json([next(results)]) == expected[:1]
+    results.close()
+    assert multiprocessing.active_children() == []

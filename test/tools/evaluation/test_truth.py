@@ -1,7 +1,5 @@
 """Judging confirmed tracks: each is exactly one of true, redundant, misplaced and false."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -101,13 +99,6 @@ def test_the_border_is_measured_from_where_the_sensor_is():
     near = judge(tracks, ORIGINS, truth_at, SENSOR, lambda stamp: np.array([3000.0, 0.0]))
     assert outcomes(*tracks) == [TRUE]
     assert near[0].outcome is MISPLACED
-
-
-def test_the_truth_is_taken_at_the_track_s_stamp():
-    late = track([0] * 5, stamp=1000.0)
-    early = ConfirmedTrack(0, 100.0, late.state, late.covariance, late.hits, 0.0)
-    assert outcomes(late) == [TRUE]
-    assert outcomes(early) == [MISPLACED]
 
 
 def test_errors_are_those_from_the_target():

@@ -1,7 +1,5 @@
 """Labels of points: apart from each other where there is room, and written where there is none."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What pictures show of a run, and the files that it leaves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +10,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
-from tsepm_ros.tools.pictures.run_scene import (
-    RunScene,
-    ScanView,
-    headline,
-)
+from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, headline
 from tsepm_ros.tools.replay.offline import recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
@@ -32,19 +26,6 @@ def simulated():
     return simulator, *simulated_recording(simulator)
 
 
-def test_a_simulated_recording_has_what_the_simulator_says(simulated):
-    simulator, recording, origins = simulated
-    again = list(Simulator(simulator.scenario, 3, start=50.0))
-    for scan, origin, one in zip(recording.scans, origins, again, strict=True):
-        assert scan.time == one.scan.stamp
-        np.testing.assert_array_equal(scan.fields["range"], one.scan.range)
-        np.testing.assert_array_equal(scan.fields["azimuth"], one.scan.azimuth)
-        np.testing.assert_array_equal(scan.fields["time_offset"], one.scan.time_offset)
-        np.testing.assert_array_equal(origin, one.origin)
-    assert len(recording.targets) == 4
-    np.testing.assert_array_equal(recording.targets[2][5].state, again[5].truth[2])
-
-
 def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
     _, recording, _ = simulated
     mounting = Mounting(yaw=np.pi / 2)
@@ -53,16 +34,6 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
     assert result.scan.sensor_pose[0, 2] == pytest.approx(np.radians(130.0))
     view = ScanView.of(result, MOVING.sensor, mounting.yaw)
     assert view.sensor[2] == pytest.approx(np.radians(40.0))
-
-
-@pytest.mark.parametrize(
-    ("heading_deg", "bow"), [(0.0, (1.0, 0.0)), (90.0, (0.0, 1.0)), (210.0, (-0.866, -0.5))]
-)
-def test_the_ship_points_to_its_heading(heading_deg, bow):
-    pytest.importorskip("matplotlib")
-    from tsepm_ros.tools.pictures.plan_marks import ship
-
-    np.testing.assert_allclose(ship(np.radians(heading_deg)).vertices[0], bow, atol=1e-3)
 
 
 @pytest.mark.parametrize("velocity", [(6.0, 8.0), (-6.0, 8.0), (0.0, -9.0), (9.0, 0.0), (0.0, 0.0)])
@@ -97,21 +68,6 @@ def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
     line = here + np.linspace(0.0, 1.0, 500)[:, np.newaxis] * (end - here)
     assert not box.count_contains(line)
     assert np.hypot(*(box.get_points().mean(axis=0) - here)) < 60.0
-    plt.close(figure)
-
-
-@pytest.mark.parametrize(("since", "dashed"), [(0.0, False), (0.1, True)])
-def test_the_ellipse_of_a_track_that_coasts_is_dashed(since, dashed):
-    pytest.importorskip("matplotlib")
-    import matplotlib.pyplot as plt
-    from matplotlib.patches import Ellipse
-
-    from tsepm_ros.tools.pictures.plan_marks import draw_track
-
-    figure, axes = plt.subplots()
-    draw_track(axes, replace(track_at(1, 0.0), time_since_hit=since), 1.0, "#c05621", 1.0, 1.6)
-    (ellipse,) = (one for one in axes.patches if isinstance(one, Ellipse))
-    assert (ellipse.get_linestyle() not in ("-", "solid")) == dashed
     plt.close(figure)
 
 
@@ -226,20 +182,6 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"fixed echo", "own ship and its way", "held to the end: its trail"} <= set(labels)
     plt.close(figure)
-
-
-@pytest.mark.parametrize("size", [5.0, 2e4])
-def test_a_target_that_stands_still_is_enlarged_to_a_part_of_the_plan(size):
-    pytest.importorskip("matplotlib")
-    from tsepm_ros.tools.pictures.plan_marks import PlanLayout
-
-    nothing = TrackArrays.of([])
-    points = np.array([[0.0, 0.0], [size, size]])
-    scene = RunScene("run", [ScanView(0.0, points, None, nothing, nothing)])
-    scene.truth = [np.array([[0.0, 0.5 * size, 0.5 * size]])]
-    scene.judged = []
-    panel = PlanLayout.of(scene).panel_limits[0]
-    assert np.ptp(panel, axis=1) == pytest.approx([0.03 * 1.06 * size] * 2)
 
 
 def legend_of(scene: RunScene) -> set[str]:

@@ -1,11 +1,8 @@
 """Bags: what is read, found and refused, and that a run of one is repeatable to the bit."""
 
-from __future__ import annotations
-
 import copy
 import re
 import sqlite3
-import sys
 from itertools import pairwise
 
 import numpy as np
@@ -199,14 +196,6 @@ def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
 
 
 @BOTH
-def test_an_unusual_suffix_does_no_harm(tmp_path, storage):
-    file = storage_file(write_bag(tmp_path / "bag", simulated(), storage))
-    other = file.rename(file.with_suffix(file.suffix.upper()))
-    assert source_of(other) == (other, True)
-    assert fingerprint(run(other)[0]) == fingerprint(run(write_bag(tmp_path / "b", simulated()))[0])
-
-
-@BOTH
 @pytest.mark.parametrize("named", ["folder", "file"])
 def test_ros_reads_a_bag_to_the_same_tracks_where_it_is_sourced(
     tmp_path, monkeypatch, storage, named
@@ -246,13 +235,6 @@ def test_a_bag_that_ros_cannot_read_is_refused_by_name(tmp_path, monkeypatch):
         Bag(tmp_path)
 
 
-def test_without_rosbags_a_bag_is_refused_with_what_to_install(tmp_path, monkeypatch):
-    path = write_bag(tmp_path / "bag", simulated())
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(ValueError, match="pip install rosbags"):
-        Bag(path)
-
-
 # Topics
 
 
@@ -267,12 +249,6 @@ def test_topics_are_found_by_name_in_any_namespace():
     topics |= {"/boat/tracks/odometry": ODOMETRY}
     roles = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH)
     assert find_topics(topics, {}) == {role: f"/boat/{role}" for role in roles}
-
-
-def test_topics_may_be_given_with_or_without_the_slash():
-    topics = {"/a": POINTS, "/b": POINTS, "/c": ODOMETRY, "/d": ODOMETRY}
-    given = {DETECTIONS: "b", OWN_SHIP: "/c", TRACKED: "a"}
-    assert find_topics(topics, given) == {DETECTIONS: "/b", OWN_SHIP: "/c", TRACKED: "/a"}
 
 
 @pytest.mark.parametrize(
@@ -352,16 +328,6 @@ def test_poses_and_charts_that_cannot_be_read_are_dropped_with_a_reason(tmp_path
     assert session.dropped["own_ship_invalid"] == 1
     assert sum(number for reason, number in session.dropped.items() if "land" in reason) == 1
     assert sum(session.dropped.values()) == 2
-
-
-def test_detections_that_are_no_detections_are_dropped_with_the_nodes_reasons(tmp_path):
-    entries = simulated()
-    entries += [
-        Entry(entries[-1].time, "/detections", POINTS, cloud(1040.0, "sonar", colour=[1.0])),
-        Entry(entries[-1].time, "/tracked", POINTS, cloud(1040.0, "odom", colour=[1.0])),
-    ]
-    _, session = run(write_bag(tmp_path / "bag", entries))
-    assert session.dropped == {"missing_field": 1, "tracked_missing_field": 1}
 
 
 @pytest.mark.parametrize(("late", "lost"), [(1.5, 0), (30.0, 10)])

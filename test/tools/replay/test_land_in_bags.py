@@ -1,7 +1,5 @@
 """A chart in a bag, offline."""
 
-from __future__ import annotations
-
 import numpy as np
 from support.bag_files import GRID, PARAMETERS, Entry, grid, simulated, write_bag
 

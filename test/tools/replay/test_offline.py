@@ -1,7 +1,5 @@
 """Recordings through a session, without ROS."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -37,13 +35,6 @@ def test_scans_that_need_a_heading_are_dropped_where_none_was_recorded(angle):
     results, dropped = process_recording(recording, MOVING, "bow")
     assert results == []
     assert dropped == {"heading_unknown": 8}
-
-
-def test_a_long_recording_of_the_own_ship_loses_no_scan():
-    recording = Recording(scans(60), own_ship(720.0, period=0.05))
-    results, dropped = process_recording(recording, MOVING, "bow")
-    assert len(results) == 60
-    assert not dropped
 
 
 def test_recorded_echoes_without_times_are_of_range_over_sound_speed():

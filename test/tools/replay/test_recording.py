@@ -1,7 +1,5 @@
 """Recorded detections: what is read, what is refused, and the joyride."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -76,12 +74,6 @@ def test_spaces_and_a_byte_order_mark_do_no_harm(tmp_path):
     assert scan.fields["range"].tolist() == [1.0]
 
 
-def test_the_file_of_detections_names_the_recording_too(write):
-    folder = write(detections=DETECTIONS)
-    assert len(read_recording(folder / "detections.csv").scans) == 2
-    assert len(read_recording(str(folder)).scans) == 2
-
-
 def test_scans_known_to_the_own_ship_only_were_empty(write):
     own_ship = "scan,time_s,east_m,north_m\n0,0,1,2\n1,12,3,4\n2,24,5,6\n3,36,7,8\n"
     recording = read_recording(write(detections=DETECTIONS, own_ship=own_ship))
@@ -114,75 +106,48 @@ HEADER = "time_s,range_m,bearing_rad\n"
 @pytest.mark.parametrize(
     ("files", "sentence"),
     [
-        pytest.param({"detections": ""}, "detections.csv has no column 'time_s'", id="empty file"),
-        pytest.param(
+        ({"detections": ""}, "detections.csv has no column 'time_s'"),
+        (
             {"detections": "time_s,bearing_rad\n0,1\n"},
             "detections.csv has no column 'range_m'; it has",
-            id="no range",
         ),
-        pytest.param(
+        (
             {"detections": "time_s,range_m\n0,1\n"},
             "detections.csv must have one of the columns azimuth_rad and bearing_rad",
-            id="no angle",
         ),
-        pytest.param(
+        (
             {"detections": "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n"},
             "detections.csv must have one of the columns azimuth_rad and bearing_rad",
-            id="two angles",
         ),
-        pytest.param(
+        (
             {"detections": HEADER + "0,1,2\n0,far,2\n"},
             "detections.csv, line 3: expected 3 numbers, got ['0', 'far', '2']",
-            id="a word",
         ),
-        pytest.param(
-            {"detections": HEADER + "0,1,2\n0,,2\n"}, "detections.csv, line 3", id="an empty cell"
-        ),
-        pytest.param(
-            {"detections": HEADER + "0,1\n"}, "detections.csv, line 2", id="a cell too few"
-        ),
-        pytest.param(
-            {"detections": HEADER + "0,1,2,3\n"}, "detections.csv, line 2", id="a cell too many"
-        ),
-        pytest.param(
-            {"detections": HEADER + "nan,1,2\n"},
-            "detections.csv, line 2: time_s must",
-            id="no time",
-        ),
-        pytest.param(
+        ({"detections": HEADER + "0,1,2\n0,,2\n"}, "detections.csv, line 3"),
+        ({"detections": HEADER + "0,1\n"}, "detections.csv, line 2"),
+        ({"detections": HEADER + "0,1,2,3\n"}, "detections.csv, line 2"),
+        ({"detections": HEADER + "nan,1,2\n"}, "detections.csv, line 2: time_s must"),
+        (
             {"detections": DETECTIONS, "own_ship": "time_s,east_m\n0,1\n"},
             "own_ship.csv has no column 'north_m'",
-            id="own ship without north",
         ),
-        pytest.param(
+        (
             {"detections": DETECTIONS, "target": "time_s,east_m,north_m\n0,1,x\n"},
             "target.csv, line 2",
-            id="a word in the truth",
         ),
-        pytest.param(
-            {"detections": HEADER + "0,1,2\n7\n"},
-            "detections.csv, line 3",
-            id="a single cell",
-        ),
-        pytest.param(
-            {"detections": "scan," + HEADER + "nan,0,1,2\n"},
-            "detections.csv, line 2: scan must",
-            id="no scan number",
-        ),
-        pytest.param(
+        ({"detections": HEADER + "0,1,2\n7\n"}, "detections.csv, line 3"),
+        ({"detections": "scan," + HEADER + "nan,0,1,2\n"}, "detections.csv, line 2: scan must"),
+        (
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m\n0,nan,1\n"},
             "own_ship.csv, line 2: east_m must",
-            id="own ship nowhere",
         ),
-        pytest.param(
+        (
             {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m,roll_rad\n0,1,1,nan\n"},
             "own_ship.csv, line 2: roll_rad must",
-            id="roll not known",
         ),
-        pytest.param(
+        (
             {"detections": DETECTIONS, "target": "target,time_s,east_m,north_m\nnan,0,1,1\n"},
             "target.csv, line 2: target must",
-            id="no target number",
         ),
     ],
 )
@@ -190,10 +155,6 @@ def test_a_malformed_recording_is_refused_by_file_and_column_or_line(write, file
     with pytest.raises(ValueError) as refused:
         read_recording(write(**files))
     assert str(refused.value).startswith(sentence)
-
-
-def test_blank_lines_at_the_end_do_no_harm(write):
-    assert len(read_recording(write(detections=DETECTIONS + "\n\n")).scans) == 2
 
 
 def test_a_recording_without_rows_has_no_scans_and_says_so(write):

@@ -1,7 +1,5 @@
 """What a path names, and what is said of paths that name no recording."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 

@@ -1,20 +1,12 @@
 """Scenarios: what can be simulated, and files that are refused by their keys."""
 
-from __future__ import annotations
-
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.tools.simulation.scenario import (
-    OwnShipMotion,
-    TargetArea,
-    WaypointMotion,
-    scenario_from,
-)
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea, scenario_from
 
 
 def test_the_shipped_scenarios_load_and_run():
@@ -31,15 +23,6 @@ def test_the_box_is_the_paper_s_scene():
     assert (box.period, box.sensor.clutter_density) == (12.0, 1e-6)
     assert box.area == 6000.0**2
     assert box.duration == 15 * 12.0
-
-
-def test_a_file_loads_as_a_shipped_scenario_does(tmp_path):
-    path = tmp_path / "harbour.yaml"
-    path.write_text("period: 2\nscans: 3\nsensor: {max_range: 500}\nsound_speed: 1480.0\n")
-    scenario = load_scenario(str(path))
-    assert (scenario.name, scenario.period, scenario.scans) == ("harbour", 2, 3)
-    assert scenario.sensor.max_range == 500.0
-    assert scenario.sound_speed == 1480.0
 
 
 def test_degrees_are_read_where_a_key_says_so():
@@ -66,85 +49,73 @@ def course(**changes):
 
 
 REFUSED = [
-    pytest.param([], "must be a mapping", id="a list"),
-    pytest.param(None, "must be a mapping", id="nothing"),
-    pytest.param({"colour": 1}, "unknown key 'colour'", id="unknown key"),
-    pytest.param(
-        {"sensor": {"rnage_std": 1.0}}, "sensor: unknown key 'rnage_std'", id="sensor key"
-    ),
-    pytest.param({"sensor": {"azimuth_std": -1}}, "sensor: azimuth_std must be", id="sensor value"),
-    pytest.param({"sensor": None}, "sensor must be a mapping", id="no sensor"),
-    pytest.param({"own_ship": {"sped": 1.0}}, "own_ship: unknown key 'sped'", id="ship key"),
-    pytest.param({"own_ship": {"speed": math.nan}}, "own_ship.speed", id="ship value"),
-    pytest.param({"own_ship": 5}, "own_ship must be a mapping", id="ship"),
-    pytest.param(course(waypoints=None), "own_ship.waypoints must be a list", id="no way"),
-    pytest.param(
-        course(waypoints=[[0, 0], [1]]), "own_ship.waypoints[1] must be", id="half a place"
-    ),
-    pytest.param(
-        course(waypoints=[[0, 0]]), "own_ship: waypoints must be at least two", id="place"
-    ),
-    pytest.param(course(waypoints=[[0, 0]] * 2), "each apart from the one before", id="same place"),
-    pytest.param(course(turn_rate=0.01), "turns of 400 m radius do not fit", id="narrow"),
-    pytest.param(
-        course(waypoints=[[0, 0], [900, 0], [0, 0]]), "radius do not fit", id="turn on the spot"
-    ),
-    pytest.param(course(turn_rate=0.0), "turn_rate above 0", id="no turns"),
-    pytest.param(course(speed=-1.0), "speed must be at least 0", id="backwards"),
-    pytest.param(course(closed="yes"), "closed must be true or false", id="closed"),
-    pytest.param(course(yaw=1.0), "own_ship: unknown key 'yaw'", id="yaw beside waypoints"),
-    pytest.param({"scans": 0}, "scans", id="no scans"),
-    pytest.param({"warm_up": -1}, "warm_up must be from 0 to", id="negative warm-up"),
-    pytest.param({"name": "a/b"}, "name must be a text without /", id="folder in the name"),
-    pytest.param({"name": 5}, "name must be a text without /", id="number as a name"),
-    pytest.param({"period": 0.0}, "period", id="no period"),
-    pytest.param({"period": -12.0}, "period", id="negative period"),
-    pytest.param({"period": math.inf}, "period must be a finite number", id="endless period"),
-    pytest.param({"sound_speed": -1.0}, "sound_speed", id="negative sound speed"),
-    pytest.param({"clutter_box": [0, 1, 0]}, "clutter_box must be a list of 4", id="box of three"),
-    pytest.param({"clutter_box": "big"}, "clutter_box must be a list of 4", id="box of words"),
-    pytest.param({"targets": [5]}, "targets[0] must be a mapping", id="target"),
-    pytest.param(
-        {"targets": [{"state": [1, 2, 3]}]}, "targets[0].state must be a list", id="state"
-    ),
-    pytest.param(
-        {"targets": [{"state": [1, 2, 3, math.nan]}]}, "targets[0].state must be", id="nan state"
-    ),
-    pytest.param(
-        {"targets": [{"state": [1, 2, 3, 10**400]}]}, "targets[0].state must be", id="long state"
-    ),
-    pytest.param(area(ranges=None), "targets[0].ranges must be a list of 2", id="no ranges"),
-    pytest.param(area(azimuths=[0]), "targets[0].azimuths must be a list of 2", id="one azimuth"),
-    pytest.param(area(spede=1.0), "targets[0]: unknown key 'spede'", id="area key"),
-    pytest.param(
-        area(features={"colour": [1, 2]}),
-        "targets[0].features: unknown key 'colour'",
-        id="feature",
-    ),
-    pytest.param(
-        {"clutter_features": {"intensity": 5.0}},
-        "clutter_features.intensity must be a list of 2",
-        id="feature without a deviation",
-    ),
-    pytest.param(
+    ([], "must be a mapping"),
+    (None, "must be a mapping"),
+    ({"colour": 1}, "unknown key 'colour'"),
+    ({"sensor": {"rnage_std": 1.0}}, "sensor: unknown key 'rnage_std'"),
+    ({"sensor": {"azimuth_std": -1}}, "sensor: azimuth_std must be"),
+    ({"sensor": None}, "sensor must be a mapping"),
+    ({"own_ship": {"sped": 1.0}}, "own_ship: unknown key 'sped'"),
+    ({"own_ship": {"speed": math.nan}}, "own_ship.speed"),
+    ({"own_ship": 5}, "own_ship must be a mapping"),
+    (course(waypoints=None), "own_ship.waypoints must be a list"),
+    (course(waypoints=[[0, 0], [1]]), "own_ship.waypoints[1] must be"),
+    (course(waypoints=[[0, 0]]), "own_ship: waypoints must be at least two"),
+    (course(waypoints=[[0, 0]] * 2), "each apart from the one before"),
+    (course(turn_rate=0.01), "turns of 400 m radius do not fit"),
+    (course(waypoints=[[0, 0], [900, 0], [0, 0]]), "radius do not fit"),
+    (course(turn_rate=0.0), "turn_rate above 0"),
+    (course(speed=-1.0), "speed must be at least 0"),
+    (course(closed="yes"), "closed must be true or false"),
+    (course(yaw=1.0), "own_ship: unknown key 'yaw'"),
+    ({"scans": 0}, "scans"),
+    ({"warm_up": -1}, "warm_up must be from 0 to"),
+    ({"name": "a/b"}, "name must be a text without /"),
+    ({"name": 5}, "name must be a text without /"),
+    ({"period": 0.0}, "period"),
+    ({"period": -12.0}, "period"),
+    ({"period": math.inf}, "period must be a finite number"),
+    ({"sound_speed": -1.0}, "sound_speed"),
+    ({"clutter_box": [0, 1, 0]}, "clutter_box must be a list of 4"),
+    ({"clutter_box": "big"}, "clutter_box must be a list of 4"),
+    ({"targets": [5]}, "targets[0] must be a mapping"),
+    ({"targets": [{"state": [1, 2, 3]}]}, "targets[0].state must be a list"),
+    ({"targets": [{"state": [1, 2, 3, math.nan]}]}, "targets[0].state must be"),
+    ({"targets": [{"state": [1, 2, 3, 10**400]}]}, "targets[0].state must be"),
+    (area(ranges=None), "targets[0].ranges must be a list of 2"),
+    (area(azimuths=[0]), "targets[0].azimuths must be a list of 2"),
+    (area(spede=1.0), "targets[0]: unknown key 'spede'"),
+    (area(features={"colour": [1, 2]}), "targets[0].features: unknown key 'colour'"),
+    ({"clutter_features": {"intensity": 5.0}}, "clutter_features.intensity must be a list of 2"),
+    (
         {"clutter_features": {"intensity": [5.0, -1.0]}},
         "clutter_features.intensity: standard deviation",
-        id="negative deviation",
     ),
-    pytest.param({"clutter_patches": 5}, "clutter_patches must be a list", id="patches"),
-    pytest.param(
+    ({"clutter_patches": 5}, "clutter_patches must be a list"),
+    (
         {"clutter_patches": [{"box": [0, 1, 0], "density": 1e-6}]},
         "clutter_patches[0].box must be a list of 4",
-        id="box of a patch",
     ),
-    pytest.param(
+    (
         {"clutter_patches": [{"box": [0, 1, 0, 1], "density": -1e-6}]},
         "clutter_patches[0].density must be at least 0",
-        id="density of a patch",
     ),
-    pytest.param(
-        {"clutter_patches": [{"box": [0, 1, 0, 1]}]}, "clutter_patches[0]:", id="no density"
-    ),
+    ({"clutter_patches": [{"box": [0, 1, 0, 1]}]}, "clutter_patches[0]:"),
+    ({"targets": None}, "targets"),
+    ({"targets": 5}, "targets"),
+    ({"scans": "16"}, "scans"),
+    ({"scans": 2.5}, "scans"),
+    ({"period": "12"}, "period"),
+    ({"sound_speed": None}, "sound_speed"),
+    ({"own_ship": {"speed": "fast"}}, "own_ship"),
+    ({"own_ship": {"yaw_deg": "east"}}, "own_ship"),
+    (area(count=-1), "count"),
+    (area(count=1.5), "count"),
+    (area(speed="fast"), "speed"),
+    (area(ranges=[20, 10]), "ranges"),
+    ({"clutter_box": [8000, 2000, 0, 1]}, "clutter_box"),
+    ({"targets": [{"state": [1, 2, 3, 4], "sped": 1}]}, "sped"),
+    ({"areas": 5}, "areas"),
 ]
 
 
@@ -155,31 +126,6 @@ def test_a_bad_scenario_is_refused_by_its_key(content, sentence):
     assert sentence in str(refused.value)
 
 
-NOT_REFUSED = [
-    pytest.param({"targets": None}, "targets", id="targets: nothing"),
-    pytest.param({"targets": 5}, "targets", id="targets: a number"),
-    pytest.param({"scans": "16"}, "scans", id="scans: a text"),
-    pytest.param({"scans": 2.5}, "scans", id="scans: a fraction"),
-    pytest.param({"period": "12"}, "period", id="period: a text"),
-    pytest.param({"sound_speed": None}, "sound_speed", id="sound_speed: nothing"),
-    pytest.param({"own_ship": {"speed": "fast"}}, "own_ship", id="own_ship.speed: a text"),
-    pytest.param({"own_ship": {"yaw_deg": "east"}}, "own_ship", id="own_ship.yaw_deg: a text"),
-    pytest.param(area(count=-1), "count", id="count: negative"),
-    pytest.param(area(count=1.5), "count", id="count: a fraction"),
-    pytest.param(area(speed="fast"), "speed", id="speed: a text"),
-    pytest.param(area(ranges=[20, 10]), "ranges", id="ranges: reversed"),
-    pytest.param({"clutter_box": [8000, 2000, 0, 1]}, "clutter_box", id="clutter_box: reversed"),
-    pytest.param({"targets": [{"state": [1, 2, 3, 4], "sped": 1}]}, "sped", id="key beside state"),
-    pytest.param({"areas": 5}, "areas", id="areas"),
-]
-
-
-@pytest.mark.parametrize(("content", "key"), NOT_REFUSED)
-def test_a_bad_value_is_refused_when_the_scenario_is_made(content, key):
-    with pytest.raises(ValueError, match=key):
-        scenario_from(content)
-
-
 def test_an_unknown_name_is_refused_and_the_shipped_are_named():
     with pytest.raises(ValueError, match=r"box, encounter, four_targets.*got 'harbour'"):
         load_scenario("harbour")
@@ -188,9 +134,10 @@ def test_an_unknown_name_is_refused_and_the_shipped_are_named():
 def test_a_missing_or_malformed_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match="scenario file cannot be read"):
         load_scenario(str(tmp_path / "none.yaml"))
-    (tmp_path / "bad.yaml").write_text("a: [1, 2")
-    with pytest.raises(ValueError, match="is not valid YAML"):
-        load_scenario(str(tmp_path / "bad.yaml"))
+    for content in ("a: [1, 2", "targets: " + "[" * 20_000):
+        (tmp_path / "bad.yaml").write_text(content)
+        with pytest.raises(ValueError, match="is not valid YAML"):
+            load_scenario(str(tmp_path / "bad.yaml"))
 
 
 def integrated(motion: OwnShipMotion, time: float, steps: int = 20_000) -> np.ndarray:
@@ -269,14 +216,6 @@ def test_a_closed_course_repeats_and_an_open_one_goes_straight_on():
     assert way.pose(1e4)[1] == pytest.approx(400.0)
 
 
-def test_a_platform_that_does_not_run_its_course_stays_at_its_begin():
-    motion = scenario_from(course(speed=0.0, closed=True)).own_ship
-    assert isinstance(motion, WaypointMotion)
-    for time in (-1.0, 0.0, 1e6):
-        assert motion.pose(time).tolist() == [0.0, 0.0, 0.0]
-    assert motion.rates(5.0).tolist() == [0.0, 0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     "one",
     [
@@ -298,11 +237,6 @@ def test_drawn_targets_stay_within_their_ranges_for_the_whole_run(one):
         assert (distance <= one.ranges[1] + 1e-9).all()
 
 
-def test_targets_that_cannot_stay_are_refused():
-    with pytest.raises(ValueError, match="targets: no target stays"):
-        TargetArea(1, (100.0, 101.0), (0.0, 6.0), 50.0).draw(np.random.default_rng(1), 60.0)
-
-
 def test_still_targets_are_drawn_with_equal_probability_per_area():
     # Radii squared are uniform: Kolmogorov-Smirnov on 2000 draws at 0.1 %, distance 0.044.
     one = TargetArea(2000, (1000.0, 3000.0), (0.0, 1.0), 0.0)
@@ -310,18 +244,3 @@ def test_still_targets_are_drawn_with_equal_probability_per_area():
     square = (np.square(states[:, 0]) + np.square(states[:, 2]) - 1e6) / 8e6
     gap = np.abs(np.sort(square) - (np.arange(2000) + 0.5) / 2000).max()
     assert gap < 0.044
-
-
-def test_values_of_a_scenario_can_be_changed():
-    changes = {"scans": 5, "sensor.clutter_density": 2e-6, "own_ship.speed": 3.0}
-    box, changed = load_scenario("box"), load_scenario("box", changes)
-    assert changed.scans == 5
-    assert changed.own_ship.speed == 3.0
-    assert changed.sensor == dataclasses.replace(box.sensor, clutter_density=2e-6)
-
-
-def test_deep_yaml_is_refused_with_a_sentence(tmp_path):
-    path = tmp_path / "deep.yaml"
-    path.write_text("targets: " + "[" * 20_000)
-    with pytest.raises(ValueError, match="is not valid YAML"):
-        load_scenario(str(path))

@@ -1,7 +1,5 @@
 """Strengths of simulated echoes: their laws, texture, and fluctuating targets."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

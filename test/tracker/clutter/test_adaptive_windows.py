@@ -1,7 +1,5 @@
 """Bounds of the density by windows, against loops over windows and cells."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.clutter.density import ARCS, MIN_STEP, PER_SIDE, Bounds, squares
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, BlockSums, PolarGrid, poisson_bound
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, PolarGrid, poisson_bound
 
 TARGET = 3.0
 """Detections of an unknown target."""
@@ -83,15 +81,3 @@ def test_densities_are_those_of_a_loop_over_windows(sensor, kind, mean):
     expected = looped(grid.shape, sizes, counts, (seen, whole, 1.1), grid.wraps, start)
     np.testing.assert_allclose(found, expected, rtol=1e-11)
     assert mean < 0.5 or np.ptp(found) > 0.0
-
-
-@pytest.mark.parametrize("wraps", [False, True])
-def test_sums_of_blocks_are_those_of_a_loop(wraps):
-    rng = np.random.default_rng(4)
-    values = rng.random((6, 20))
-    sums = BlockSums(values, wraps)
-    for row, middle, half in rng.integers([0, 0, 0], [7, 20, 6], (60, 3)):
-        columns = np.arange(middle - half, middle + half + 1)
-        columns = columns % 20 if wraps else columns[(columns >= 0) & (columns < 20)]
-        found = sums.of(np.array(0), row, middle - half, 2 * half + 1)
-        assert found == pytest.approx(values[:row, columns].sum())

@@ -1,18 +1,14 @@
 """The predictive density of clutter: closed forms, loops, and lumpy and even seas."""
 
-from __future__ import annotations
-
 import math
 from copy import deepcopy
 
 import numpy as np
 import pytest
 from scipy import stats
-from support.builders import AS_GIVEN, scan_at
 from support.lumpy_seas import LumpySea
 
-from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros import SensorModel
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
     MAX_VARIANCE,
@@ -210,11 +206,3 @@ def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
         made.update(cells, np.ones(20))
         taken(clumps, made, cells, np.ones(20))
     assert 0.0 <= clumps.variance <= MAX_VARIANCE
-
-
-@pytest.mark.parametrize(("options", "uncertain"), [(AS_GIVEN, False), ({}, True)])
-def test_only_a_density_that_is_learned_is_uncertain(options, uncertain):
-    initiator = make_initiator("score", sensor=SONAR, **options)
-    scan = scan_at(0.0, np.array([[3000.0, 3000.0], [-3000.0, 100.0]]))
-    observed = initiator.observe(scan, TimeLimit())
-    assert (observed.predictive is not None) == uncertain

@@ -1,7 +1,5 @@
 """The clutter density, estimated on a grid that adapts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -147,18 +145,6 @@ def test_windows_go_round_where_the_coverage_does():
     seen = np.abs(azimuth) < 0.9
     assert np.abs(np.log(ratio[seen])).max() < 0.25
     assert np.exp(np.log(ratio).mean()) == pytest.approx(1.0, abs=0.1)
-
-
-def test_what_is_a_target_s_does_not_count():
-    rng = np.random.default_rng(3)
-    with_target, without = ClutterMap(SONAR), ClutterMap(SONAR)
-    for _ in range(30):
-        range_, azimuth = disc(rng, 2e-7)
-        without.update(without.grid.cells(range_, azimuth), np.ones(len(range_)))
-        weight = np.append(np.ones(len(range_)), 0.0)
-        cells = with_target.grid.cells(np.append(range_, 5000.0), np.append(azimuth, 0.3))
-        with_target.update(cells, weight)
-    np.testing.assert_array_equal(everywhere(with_target), everywhere(without))
 
 
 def test_what_was_long_ago_fades():

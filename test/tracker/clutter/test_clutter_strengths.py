@@ -1,17 +1,16 @@
 """Strengths of clutter, learned from scan to scan: units, gain, texture, targets and restarts."""
 
-from __future__ import annotations
-
 import dataclasses
+from collections import deque
 from functools import partial
 
 import numpy as np
 import pytest
 
-from tsepm_ros import SensorModel
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
 from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes, Judged
+from tsepm_ros.tracker.clutter.amplitude_law import MAX_PER_PING, MAX_PINGS, REFERENCE, References
 from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 
 BOX = load_scenario("box")
@@ -69,15 +68,6 @@ def test_exponents_of_clutter_are_exponential_in_any_unit(changed):
     found = exponents(sea.pings(40, changed))
     assert found.mean() == pytest.approx(1.0, abs=0.12)
     assert np.mean(found > 3.0) == pytest.approx(np.exp(-3.0), abs=0.025)
-
-
-def test_another_unit_gives_the_same_ranks():
-    plain, amplitude = Sea(), Sea()
-    plain.pings(16)
-    amplitude.pings(16, lambda strength, range_: 255.0 * np.sqrt(strength))
-    one = exponents(plain.pings(4))
-    other = exponents(amplitude.pings(4, lambda strength, range_: 255.0 * np.sqrt(strength)))
-    np.testing.assert_allclose(one, other, atol=0.2)
 
 
 def test_nothing_is_said_before_there_are_references():
@@ -221,13 +211,7 @@ def test_negative_strengths_begin_anew_as_decibels():
     assert sea.learner.memory[2]
 
 
-def test_replays_are_equal_to_the_bit():
-    one, other = (exponents(sea.pings(30)[2:]) for sea in (Sea(), Sea()))
-    assert one.tobytes() == other.tobytes()
-
-
 def test_a_large_scan_is_bounded_in_memory():
-    sensor = SensorModel()
     learner = ClutterAmplitudes(MAP.grid.shape, MAP.grid.wraps)
     rng = np.random.default_rng(1)
     for scan in range(3):
@@ -238,4 +222,42 @@ def test_a_large_scan_is_bounded_in_memory():
         learner.judge(rng.exponential(size=n), scan, np.arange(n), cells, position)
         learner.update(np.ones(n), 500.0, REACH)
     assert len(learner.memory[0]) == 256 and learner.memory[1] <= 3 * 64
-    assert sensor.max_range > 0.0
+
+
+def rows_of(raw: np.ndarray) -> np.ndarray:
+    rows = np.zeros(len(raw), REFERENCE)
+    rows["raw"] = rows["value"] = raw
+    return rows
+
+
+@pytest.mark.parametrize("size", ["full", "random"])
+def test_the_last_pings_are_those_of_a_plain_list(size):
+    """Also where the array is full and its rows move to its begin."""
+    rng = np.random.default_rng(1)
+    references, plain = References(), deque(maxlen=MAX_PINGS)
+    for ping in range(5 * MAX_PINGS):
+        number = MAX_PER_PING if size == "full" else rng.integers(1, MAX_PER_PING + 1)
+        raw = rng.standard_normal(number)
+        references.append(rows_of(raw), float(ping))
+        plain.append((raw, float(ping)))
+        if size == "random" and rng.random() < 0.02:
+            references.drop(10)
+            plain = deque(list(plain)[10:], maxlen=MAX_PINGS)
+        assert len(references) == len(plain)
+        assert list(references.levels) == [level for _, level in plain]
+        np.testing.assert_array_equal(
+            references.rows["raw"], np.concatenate([raw for raw, _ in plain] or [[]])
+        )
+        last = [raw for raw, _ in plain][-3:]
+        np.testing.assert_array_equal(references.last(3)["raw"], np.concatenate(last or [[]]))
+        assert references.begins(3) == [0, *np.cumsum([len(raw) for raw in last])[:-1].tolist()]
+
+
+def test_another_level_changes_the_pings_that_have_the_level():
+    references = References()
+    for level in (1.0, 2.0, 1.0):
+        references.append(rows_of(np.arange(3.0)), level)
+    references.relevel(1.0, 4.0)
+    assert list(references.levels) == [4.0, 2.0, 4.0]
+    values = references.rows["value"].reshape(3, 3).tolist()
+    assert values == [[-4.0, -3.0, -2.0], [0.0, 1.0, 2.0], [-4.0, -3.0, -2.0]]

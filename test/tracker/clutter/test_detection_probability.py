@@ -1,13 +1,12 @@
 """Detection probability, estimated from the tracks held."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.builders import reconfigured
+from support.score_scenes import clutter, score
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.score import Score
@@ -124,3 +123,17 @@ def test_forgetting_all_forgets_it_and_another_data_sheet_counts_at_once():
     assert initiator.estimated_detection_probability < before
     initiator.reset()
     assert initiator.estimated_detection_probability == pytest.approx(0.5)
+
+
+@pytest.mark.long
+def test_a_sea_without_targets_leaves_the_detection_probability_as_given():
+    # Five false tracks a minute are allowed; each is missed most of the time.
+    sensor = SensorModel(max_range=4000.0, clutter_density=2e-6, detection_probability=0.8)
+    initiator = score(sensor, false_tracks_per_hour=300.0)
+    rng = np.random.default_rng(4)
+    for k in range(60):
+        range_, azimuth = clutter(rng, 2e-6)
+        near = range_ < 4000.0
+        initiator.process(Scan(12.0 * k, range_[near], azimuth[near]))
+    assert initiator.totals.confirmed > 15
+    assert initiator.detection_probability > 0.65

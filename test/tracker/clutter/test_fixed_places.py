@@ -1,7 +1,5 @@
 """Clutter that stays in place, against a loop over cells; a quay and what is no quay."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Land on a chart: which detections are left out, and what that changes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What was learned survives a restart, as far as it is fresh and of the same sensor."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections import Counter

@@ -1,7 +1,5 @@
 """Errors of range and azimuth, from the innovations of held tracks' detections."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

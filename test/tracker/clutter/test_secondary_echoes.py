@@ -1,7 +1,5 @@
 """Clutter behind echoes: even clutter, spokes of interference, ghosts, and a second target."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ranges and the sector in which clutter is seen."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

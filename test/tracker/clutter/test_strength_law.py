@@ -1,7 +1,5 @@
 """The law of the strength of clutter: ranks in its body, a tail with both parameters integrated."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

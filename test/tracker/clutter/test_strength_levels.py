@@ -1,7 +1,5 @@
 """Levels of strength: of pings, and of places."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

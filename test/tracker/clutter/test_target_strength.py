@@ -1,7 +1,5 @@
 """The likelihood ratio of strengths along a path."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,7 +10,6 @@ from tsepm_ros.tracker.clutter.amplitude_likelihood import (
     FIGURES_DB,
     LAW_KNOWN,
     PathRatio,
-    ScanAmplitudes,
     log_ratio,
     ratio_db,
     ratio_prior,
@@ -54,19 +51,6 @@ def test_table_agrees_with_the_formula():
     expected = log_ratio(hits.astype(float), total, table.count)
     np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)
     assert abs(table.count / 200.0 - 1.0) < 0.1
-
-
-def test_a_path_without_strengths_has_exactly_the_ratio_1():
-    strengths = ScanAmplitudes.of(np.full(3, np.nan), 100.0, 16)
-    assert not strengths.told.any()
-    assert (strengths.ratio.at(np.zeros(3, np.int64), strengths.scaled) == 0.0).all()
-
-
-def test_less_is_said_the_less_the_law_is_known():
-    hits, total = np.full(3, 5.0), np.full(3, 30.0)
-    found = [log_ratio(hits, total, samples)[0] for samples in (1.0, 10.0, 100.0, 1e6)]
-    assert found == sorted(found)
-    assert found[0] < 1.0 < 10.0 < found[-1]
 
 
 def test_ratio_of_many_hits_is_that_of_their_mean():

@@ -1,7 +1,5 @@
 """What the tests of held tracks share."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,19 +1,15 @@
 """Whether a target exists, and which detection is its: integrated data association."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.builders import detections
-from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
+from support.held import MAX_SPEED, P_D, holding, step, tracks
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.maintenance import data_association
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
     SCANS_OF_FADING,
@@ -22,21 +18,6 @@ from tsepm_ros.tracker.maintenance.data_association import (
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
-from tsepm_ros.tracker.merging import SAME_SCANS
-
-
-@pytest.mark.parametrize("existence", [0.5, 0.9])
-def test_every_miss_makes_the_target_less_likely_by_bayes(straight, existence):
-    hold = holding(1, existence=existence)
-    for scan in itertools.count(1):
-        step(hold, 12.0 * scan, detectable=P_D)
-        missed = (1.0 - P_D * GATE_PROBABILITY) ** scan
-        expected = existence * missed / (existence * missed + 1.0 - existence)
-        if expected < MIN_EXISTENCE:
-            break
-        assert ids(hold) == [1]
-        np.testing.assert_allclose(hold.held.existence, [expected])
-    assert hold.ended == {1: "missed"}
 
 
 @pytest.mark.parametrize("interval", [0.1, 12.0])
@@ -88,29 +69,6 @@ def test_what_another_target_explains_leaves_a_track_its_own(straight):
     assert aside[1][2] < 0.2 * aside[0][2]
 
 
-def test_of_two_tracks_on_one_target_one_is_believed(straight):
-    hold = holding(1)
-    again = replace(tracks(1), track_id=np.array([7]))
-    hold.add(again, 0.5)
-    for scan in range(1, SAME_SCANS):
-        found = detections([[2000.0 + 60.0 * scan, 1000.0]], 12.0 * scan)
-        assert step(hold, 12.0 * scan, found, P_D)[0] > 100.0 * CLUTTER
-    assert ids(hold) == [1]
-    assert hold.held.existence[0] > 0.99
-
-
-@pytest.mark.parametrize("interval", [0.1, 12.0])
-def test_a_target_that_left_the_coverage_stays_away_or_comes_back_within_some_scans(interval):
-    hold = holding(1, existence=0.9)
-    for scan in itertools.count(1):
-        step(hold, interval * scan, detectable=0.0)
-        expected = 0.9 * (1.0 - 1.0 / SCANS_OF_FADING) ** scan
-        if expected < MIN_EXISTENCE:
-            break
-        np.testing.assert_allclose(hold.held.existence, [expected])
-    assert hold.ended == {1: "left"}
-
-
 def test_what_is_detected_beyond_the_coverage_is_taken_all_the_same():
     hold = holding(1)
     step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), detectable=0.0)
@@ -147,15 +105,3 @@ def test_a_target_that_vanishes_in_clutter_is_given_up(clutter):
                 break
         scans_after.append(scan - 30)
     assert np.median(scans_after) <= 12
-
-
-def test_a_detection_of_two_targets_is_shared():
-    # Both targets surely exist and expect the one detection; each explains it against the other.
-    ratios, row = np.full((2, 3, 1), 0.9), np.zeros((2, 2, 1), np.int64)
-    modes, empty = np.array([[0.4, 0.6]] * 2), np.array([0.1, 0.1])
-    found = data_association.associate(np.ones(2), empty, modes, ratios, row, np.array([1e-6]))
-    factor = (0.1 + 0.9) / 0.1
-    competing = 0.9 / factor
-    np.testing.assert_allclose(found.ratio, competing)
-    np.testing.assert_allclose(found.probability, competing / (0.1 + competing))
-    np.testing.assert_allclose(found.held_density, 1e-6 * (factor**2 - 1.0))

@@ -1,13 +1,11 @@
 """What a downstream tracker lists replaces what is held, as long as it is heard."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.builders import detections
-from support.held import CLUTTER, MAX_SPEED, P_D, holding, ids, step, tracks
+from support.held import MAX_SPEED, P_D, holding, ids, step, tracks
 
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
 from tsepm_ros.tracker.maintenance.track_maintenance import (
@@ -45,20 +43,6 @@ def test_the_tracker_s_state_replaces_the_held_and_what_it_alone_has_joins(strai
     )
 
 
-def test_what_the_tracker_listed_and_lists_no_more_ends_once():
-    hold = holding(1, 2)
-    follow_tracker(hold, 0.0, 1, 2, 7)
-    step(hold, 12.0)
-    follow_tracker(hold, 12.0, 2)
-    step(hold, 24.0)
-    assert (list(hold.ended), ids(hold)) == ([1, 7], [2])
-    follow_tracker(hold, 24.0)
-    step(hold, 36.0)
-    assert (list(hold.ended), ids(hold)) == ([2], [])
-    step(hold, 48.0)
-    assert list(hold.ended) == []
-
-
 def test_a_track_that_the_tracker_has_not_listed_ends_when_it_had_time_to():
     hold = holding(1)
     for stamp in (10.0, 20.0, 30.0, 60.0):
@@ -80,14 +64,6 @@ def test_the_time_to_list_a_track_counts_only_while_the_tracker_is_heard():
         assert 1 in ids(hold)
     follow_tracker(hold, 1060.1, 7)
     step(hold, 1061.0)
-    assert list(hold.ended) == [1]
-
-
-def test_a_track_that_is_not_listed_yet_is_held_by_the_own_rules():
-    hold = holding(1, hold_time=30.0)
-    for stamp in (0.0, 12.0, 24.0):
-        follow_tracker(hold, stamp)
-        step(hold, stamp + 7.0)
     assert list(hold.ended) == [1]
 
 
@@ -115,20 +91,6 @@ def test_what_is_tracked_is_not_ended_as_a_repetition(straight):
     assert (hold.tracker, ids(hold)) == (ExternalTracker.SILENT, [1])
 
 
-def test_a_silent_tracker_s_tracks_are_held_for_their_time_from_what_it_said_last():
-    hold = holding(hold_time=100.0)
-    follow_tracker(hold, 0.0, 1)
-    assert hold.tracker is ExternalTracker.ALIVE
-    step(hold, 60.0)
-    assert hold.tracker is ExternalTracker.ALIVE
-    step(hold, 61.0)
-    assert (hold.tracker, ids(hold)) == (ExternalTracker.SILENT, [1])
-    step(hold, 100.0)
-    assert ids(hold) == [1]
-    step(hold, 100.1)
-    assert list(hold.ended) == [1]
-
-
 def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
     hold = holding()
     follow_tracker(hold, 0.0, 1, 2)
@@ -140,53 +102,6 @@ def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
     follow_tracker(hold, 160.1, 2)
     step(hold, 161.0)
     assert (list(hold.ended), ids(hold)) == ([1], [2])
-
-
-def test_a_tracker_ahead_of_the_scan_is_carried_back(straight):
-    hold = holding()
-    hold.follow(30.0, tracks(1, stamp=30.0))
-    step(hold, 10.0)
-    (track,) = hold.current
-    np.testing.assert_allclose(track.state, [1900.0, 5.0, 1000.0, 0.0], atol=1e-12)
-    # Uncertainty grows backward too.
-    np.testing.assert_allclose(track.covariance[1, 1], 4.0 + PROCESS_NOISE * 20.0)
-    np.testing.assert_allclose(
-        track.covariance[0, 0], 2500.0 + 4.0 * 20.0**2 + PROCESS_NOISE * 20.0**3 / 3.0
-    )
-    np.testing.assert_allclose(track.covariance[0, 1], -4.0 * 20.0 - PROCESS_NOISE * 20.0**2 / 2.0)
-
-
-def test_a_target_may_have_turned_on_the_way_back_too():
-    forward, backward = holding(), holding()
-    forward.follow(0.0, tracks(1))
-    backward.follow(40.0, tracks(1, stamp=40.0))
-    for hold in (forward, backward):
-        step(hold, 20.0)
-    one, other = forward.current[0], backward.current[0]
-    np.testing.assert_allclose(one.covariance.diagonal(), other.covariance.diagonal())
-    assert other.covariance[1, 1] > 4.0 + 2.0 * PROCESS_NOISE * 20.0
-
-
-def test_a_tracker_ahead_of_the_scan_makes_no_target_more_probable_than_it_said():
-    hold = holding()
-    hold.follow(50.0, tracks(1, stamp=50.0))
-    step(hold, 10.0)
-    assert (hold.held.existence <= TRACKED_EXISTENCE).all()
-
-
-def test_what_is_tracked_takes_detections_and_explains_them_as_what_is_held():
-    found = detections([[2060.0, 1020.0], [9000.0, 1000.0]], 12.0)
-    held, tracked = holding(1, existence=TRACKED_EXISTENCE), holding()
-    tracked.follow(0.0, tracks(1))
-    explained = step(tracked, 12.0, found, P_D)
-    np.testing.assert_array_equal(explained, step(held, 12.0, found, P_D))
-    assert explained[0] > 10 * CLUTTER and explained[1] == 0.0
-    assert_equal_tracks(tracked, held)
-
-
-def assert_equal_tracks(one: TrackMaintenance, other: TrackMaintenance) -> None:
-    np.testing.assert_array_equal(one.held.tracks.state, other.held.tracks.state)
-    np.testing.assert_array_equal(one.held.tracks.covariance, other.held.tracks.covariance)
 
 
 def test_clearing_forgets_the_tracker():

@@ -1,7 +1,5 @@
 """Tracks that repeat an older one end, and no others."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -72,25 +70,6 @@ def test_tracks_with_plots_of_their_own_are_two_targets():
     assert agrees(0.0, 10.0, plots=(3, NO_HIT)) == [False, True]
 
 
-def test_only_located_tracks_agree():
-    state = np.zeros((2, 4))
-    covariance = np.stack(
-        [np.diag([90.0**2, 4.0, 10.0**2, 4.0]), np.diag([5.0, 1.0, 5.0, 1.0]) ** 2]
-    )
-    known = merging.located(covariance, np.array([10.0, 10.0]))
-    assert known.tolist() == [False, True]
-    unknown = np.full(2, NO_HIT)
-    assert merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
-        False,
-        False,
-    ]
-    known = merging.located(covariance, np.array([45.1, 45.1]))
-    assert merging.agrees_with_older(state, covariance, unknown, known).tolist() == [
-        False,
-        True,
-    ]
-
-
 def test_a_vague_older_track_does_not_end_one_that_is_on_its_target():
     # The older was missed until its gate holds everything; the younger is detected at each scan.
     hold = TrackMaintenance(1e6)
@@ -101,18 +80,6 @@ def test_a_vague_older_track_does_not_end_one_that_is_on_its_target():
         stamp = 2.0 * scan
         step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, variance=100.0), P_D)
     assert 2 in ids(hold)
-
-
-def test_scans_in_which_a_track_is_vague_count_neither_way():
-    hold = TrackMaintenance(1e6)
-    hold.add(tracks(1), 0.99)
-    hold.add(replace(tracks(1), track_id=np.array([2])), 0.99)
-    for stamp in (2.0, 4.0):
-        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, variance=2500.0), P_D)
-    before = hold.held.agreeing_scans.tolist()
-    assert before[1] > 0
-    step(hold, 6.0)  # nothing says how well a track is located
-    assert hold.held.agreeing_scans.tolist() == before
 
 
 def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
@@ -220,11 +187,3 @@ def test_continuations_by_a_bound_are_those_of_all_pairs():
         free.discard(expected[-1])
     assert 3 < expected.count(-1) < 20
     assert merging.continued(starts, lost, existence, {}, births).tolist() == expected
-
-
-def test_starts_far_from_lost_tracks_solve_nothing(monkeypatch):
-    monkeypatch.delattr(merging, "solve")
-    lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
-    starts = starts_at((1e4, 0.0), (0.0, 1e4))
-    found = merging.continued(starts, lost, np.full(2, 0.9), {}, 1e-9)
-    assert found.tolist() == [-1, -1]

@@ -1,7 +1,5 @@
 """Closest point of approach, and which targets meet."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

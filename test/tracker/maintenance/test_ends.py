@@ -1,7 +1,5 @@
 """Every end of a track has its reason; a track that is found again goes on under its id."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -15,12 +13,7 @@ from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
-from tsepm_ros.tracker.maintenance.stationary import (
-    SpeedPrior,
-    StraightFits,
-    stands_still,
-    statuses,
-)
+from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -231,11 +224,3 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
     assert stands_still(held, SpeedPrior()).tolist() == [False]
     expected = Status.FIXED if still else Status.PUBLISHED
     assert statuses(held, SpeedPrior(0.5, 10.0), 0.0, 400.0).tolist() == [expected]
-
-
-def test_of_a_velocity_that_says_nothing_a_fifth_of_the_starts_stand_still():
-    vague = np.diag([50.0, 1e4, 50.0, 1e4])[None] ** 2
-    fit = StraightFits.of(np.zeros((1, 4)), vague)
-    assert fit.share.tolist() == [0.2]
-    found = fit.stationary_probability(SpeedPrior(0.5, 10.0), np.zeros(1))
-    np.testing.assert_allclose(found, [0.2], rtol=1e-3)

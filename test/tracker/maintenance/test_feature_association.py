@@ -1,7 +1,5 @@
 """Clutter zones and encounters: what they change in the association."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Held tracks are maintained as in plain loops: by track, detection and mode of motion."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Held tracks that are not published: they claim their detections and nobody hears of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.builders import detections

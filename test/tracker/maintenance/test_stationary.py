@@ -1,7 +1,5 @@
 """Whether targets stand still: the prior of speeds, and the fits that are judged by it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -84,22 +82,6 @@ def test_velocities_certain_to_move_have_the_probability_of_the_integral(min_spe
     velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
     assert prior.stationary_probability(state, covariance, 0.9) == 0.0
     assert prior._integrated(velocity, spread, 0.9) < 1e-12
-
-
-def test_only_velocities_that_the_prior_allows_are_certain(monkeypatch):
-    prior = SpeedPrior(0.5, 5.0)
-    asked = []
-    monkeypatch.setattr(
-        SpeedPrior,
-        "_integrated",
-        lambda self, velocity, *others: asked.extend(velocity[:, 0]) or np.ones(len(velocity)),
-    )
-    cases = [(4.9, 0.01), (5.1, 0.01), (0.6, 0.01), (0.6, 0.005), (4.9, 0.0), (math.nan, 0.01)]
-    parts = [moving(*case) for case in cases]
-    state, covariance = (np.concatenate(part) for part in zip(*parts, strict=True))
-    found = prior.stationary_probability(state, covariance, np.full(len(cases), 0.9))
-    np.testing.assert_array_equal(found, [0.0, 1.0, 1.0, 0.0, 1.0, 1.0])
-    np.testing.assert_array_equal(asked, [5.1, 0.6, 4.9, math.nan])
 
 
 def batch_fit(times, positions, variance, stamp):

@@ -1,87 +1,15 @@
 """Confirmed tracks are carried, updated by their own detections, and ended."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, step, tracks
+from support.held import CLUTTER, MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, step, tracks
 
-from tsepm_ros import Scan
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
-from tsepm_ros.tracker.motion import PROCESS_NOISE
-
-
-def test_a_track_is_held_for_its_time_and_ends_once_at_the_first_scan_after():
-    hold = holding(1, hold_time=30.0)
-    step(hold, 30.0)
-    assert ids(hold) == [1]
-    assert list(hold.ended) == []
-    step(hold, 30.1)
-    assert ids(hold) == []
-    assert list(hold.ended) == [1]
-    step(hold, 40.0)
-    assert list(hold.ended) == []
-
-
-def test_tracks_are_carried_to_the_scan_s_stamp_at_constant_velocity(straight):
-    hold = holding(1)
-    hold.add(tracks(2, stamp=0.0), 0.9)
-    step(hold, 10.0)
-    step(hold, 25.0)
-    first, second = hold.current
-    assert (first.stamp, first.age) == (25.0, 25.0)
-    np.testing.assert_allclose(first.state, [2125.0, 5.0, 1000.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(second.state, [2125.0, 5.0, 2000.0, 0.0], atol=1e-12)
-    # White acceleration over 25 s: q t, and position q t^3 / 3 beside the velocity's own part.
-    np.testing.assert_allclose(first.covariance[1, 1], 4.0 + PROCESS_NOISE * 25.0)
-    np.testing.assert_allclose(
-        first.covariance[0, 0], 2500.0 + 4.0 * 25.0**2 + PROCESS_NOISE * 25.0**3 / 3.0
-    )
-
-
-def test_a_detection_of_its_own_lets_a_track_live_on():
-    hold = holding(1, hold_time=30.0)
-    step(hold, 24.0, detections([[2120.0, 1000.0]], 24.0), P_D)
-    step(hold, 50.0)
-    assert ids(hold) == [1]
-    step(hold, 54.1)
-    assert list(hold.ended) == [1]
-
-
-def test_a_detection_far_off_is_not_its_own():
-    hold = holding(1, hold_time=30.0)
-    step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), P_D)
-    step(hold, 30.1)
-    assert list(hold.ended) == [1]
-
-
-def test_a_track_that_is_over_its_time_takes_nothing_any_more():
-    hold = holding(1, hold_time=30.0)
-    explained = step(hold, 30.1, detections([[2150.5, 1000.0]], 30.1), P_D)
-    assert explained.tolist() == [0.0]
-    assert list(hold.ended) == [1]
-
-
-def test_clearing_ends_every_track_and_the_next_step_names_it_once():
-    hold = holding(1, 5)
-    hold.clear()
-    assert ids(hold) == []
-    step(hold, 10.0)
-    assert list(hold.ended) == [1, 5]
-    step(hold, 20.0)
-    assert list(hold.ended) == []
-
-
-def test_ended_tracks_are_not_remembered_for_ever():
-    hold = TrackMaintenance(5.0)
-    for scan in range(100):
-        hold.add(tracks(scan, stamp=12.0 * scan), 0.9)
-        step(hold, 12.0 * scan + 12.0)
-        assert list(hold.ended) == [scan]
 
 
 def test_a_changed_hold_time_counts_at_the_next_scan():
@@ -107,17 +35,6 @@ def test_without_a_hold_time_the_longest_coast_is_fifty_scans(interval):
             interval,
         )
         assert hold.ended == ({} if scan < 51 else {1: "not_detected"})
-
-
-def test_claims_are_those_of_the_last_scan():
-    hold = holding(1)
-    step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), P_D)
-    assert [one.tolist() for one in hold.held_association] == [[0], pytest.approx([1.0], abs=0.01)]
-    step(hold, 24.0, detections([[9000.0, 1000.0]], 24.0), P_D)
-    assert [len(one) for one in hold.held_association] == [0, 0]
-    step(hold, 36.0, detections([[2180.0, 1000.0]], 36.0), P_D)
-    hold.clear()
-    assert [len(one) for one in hold.held_association] == [0, 0]
 
 
 def follow(velocity_at, *, misses: frozenset[int] = frozenset(), scans: int = 60):
@@ -163,3 +80,43 @@ def test_no_held_speed_is_above_the_maximum_however_detections_jump():
     assert max(speeds) > 8.0, "detections go by at 9.5 m/s"
     assert max(speeds) <= MAX_SPEED
     np.testing.assert_array_less(0.0, np.linalg.eigvalsh(hold.current.covariance))
+
+
+@pytest.mark.long
+def test_covariances_stay_positive_definite_and_numbers_finite():
+    hold = holding(1, 2, 3)
+    rng = np.random.default_rng(2)
+    for scan in range(1, 1000):
+        time = 0.1 * scan
+        points = [*rng.uniform([0, 0], [8000, 4000], (rng.integers(0, 20), 2))]
+        points += [[2000.0 + 5.0 * time, 1000.0 * k] for k in (1, 2, 3)]
+        explained = step(hold, time, detections(points, time), P_D)
+        assert np.isfinite(explained).all()
+        assert np.linalg.eigvalsh(hold.held.tracks.covariance).min() > 0
+        np.testing.assert_array_equal(
+            hold.held.tracks.covariance, np.swapaxes(hold.held.tracks.covariance, 1, 2)
+        )
+    assert ids(hold) == [1, 2, 3]
+    assert np.isfinite(hold.held.existence).all()
+
+
+def test_a_fast_target_seen_exactly_is_not_lost_by_the_time_of_its_echo():
+    sensor = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-3)
+    hold = TrackMaintenance(120.0)
+    hold.add(tracks(1), 0.9)
+    for scan in range(1, 20):
+        stamp, lag = 12.0 * scan, 3.3
+        found = convert(
+            Scan(
+                stamp,
+                [math.hypot(2000.0 + 5.0 * (stamp + lag), 1000.0)],
+                [math.atan2(1000.0, 2000.0 + 5.0 * (stamp + lag))],
+                time_offset=[lag],
+            ),
+            sensor,
+            scan,
+        )
+        hold.step(stamp, found, np.full(1, CLUTTER), lambda x: np.full(len(x), P_D), sensor, 20.0)
+        assert hold.held.existence[0] > 0.9
+    (track,) = hold.current
+    assert np.hypot(*(track.position - [2000.0 + 5.0 * stamp, 1000.0])) < 5.0

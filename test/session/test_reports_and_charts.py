@@ -1,26 +1,13 @@
-"""What a downstream tracker says, from its arrival to the scan that uses it."""
-
-from __future__ import annotations
+"""Reports of a downstream tracker and charts, from their arrival to the scan that uses them."""
 
 import dataclasses
 import math
-from collections import Counter
 
 import numpy as np
 import pytest
-from support.sessions import (
-    held,
-    moving,
-    ping,
-    play,
-    play_empty,
-    sail,
-    session,
-    settings,
-)
+from support.sessions import arrived, held, moving, ping, play, play_empty, sail, session, settings
 
-from tsepm_ros import ConfirmedTrack
-from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros import ConfirmedTrack, LandMask, Scan
 from tsepm_ros.session.session import Session
 from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
 from tsepm_ros.tracker.options import CommonOptions
@@ -48,20 +35,6 @@ def tell(one: Session, stamp: float, *listed: int, frame_id: str = "sonar") -> N
     one.add_tracked(TrackerReport(stamp, frame_id, tracked(stamp, *listed)))
 
 
-def test_the_newest_report_counts_at_the_next_scan():
-    one = session()
-    tell(one, 0.0, 70, 71)
-    tell(one, 1.0, 71, 72)
-    first, *_, third = play(one, [2, 14, 26])
-    assert held(first) == [71, 72]
-    assert held(third) == [71, 72, third.new[0].track_id]
-    tell(one, 27.0, 72)
-    assert held(third) == [71, 72, 0], "nothing changes before the next scan"
-    (fourth,) = play(one, [38])
-    assert (held(fourth), fourth.ended) == ([72, 0], {71: "tracker"})
-    assert one.dropped == Counter()
-
-
 def test_a_report_counts_before_the_scan_that_waited_for_own_ship_data():
     one = moving()
     one.add_scan(ping(10.0), 0.0)
@@ -70,20 +43,6 @@ def test_a_report_counts_before_the_scan_that_waited_for_own_ship_data():
     (result,) = one.process(0.0)
     assert held(result) == [70]
     assert result.current[0].stamp == 10.0
-
-
-def test_what_is_tracked_in_another_frame_is_dropped_as_soon_as_the_frame_is_known():
-    one = session()
-    tell(one, 0.0, 70, frame_id="map")
-    assert one.dropped == Counter(), "the frame is not known yet"
-    (result,) = play(one, [1])
-    assert (held(result), one.dropped) == ([], {"tracked_frame": 1})
-    tell(one, 2.0, 70)
-    tell(one, 3.0, 71, frame_id="map")
-    assert one.dropped == {"tracked_frame": 2}
-    (result,) = play(one, [4])
-    assert held(result) == [70]
-    assert one.heard == ["tracked_frame"] * 2
 
 
 def test_a_report_older_than_the_last_is_dropped():
@@ -139,54 +98,6 @@ def test_a_bad_tracked_target_is_dropped_and_the_others_are_kept(fault):
     assert np.isfinite(result.current.covariance).all()
 
 
-def test_a_restart_forgets_what_is_tracked():
-    one = session()
-    tell(one, 1000.0, 70)
-    play(one, [1000])
-    tell(one, 1001.0, 70, 71)
-    result, _ = play_empty(one, [0, 12])
-    assert (result.arrival, held(result), result.ended) == (Arrival.RESTART, [], {70: "cleared"})
-    assert one.figures().tracker == "none"
-    tell(one, 1013.0, 71)  # still of the run before
-    (result,) = play_empty(one, [24])
-    assert (held(result), one.dropped) == ([], {"tracked_stale": 1})
-    tell(one, 25.0, 72)
-    (result,) = play_empty(one, [36])
-    assert held(result) == [72]
-
-
-def test_reset_forgets_what_is_tracked_and_its_stamps():
-    one = session()
-    tell(one, 1000.0, 70)
-    play(one, [1000])
-    tell(one, 1001.0, 71)
-    one.reset()
-    (result,) = play(one, [990])
-    assert held(result) == []
-    tell(one, 991.0, 72)
-    (result,) = play(one, [1002])
-    assert (held(result), one.dropped) == ([72], Counter())
-
-
-def test_a_tracker_s_silence_and_its_return_are_said_once_each():
-    one = session(CommonOptions(tracked_timeout=30.0))
-    assert one.figures().tracker == "none"
-    tell(one, 0.0, 70)
-    for stamp, state, said in [
-        (12, "alive", []),
-        (24, "alive", []),
-        (36, "silent", ["tracker_silent"]),
-        (48, "silent", ["tracker_silent"]),
-    ]:
-        play_empty(one, [stamp])
-        assert (one.figures().tracker, list(one.heard)) == (state, said)
-    for stamp in (60, 72):
-        tell(one, float(stamp), 70)
-        play_empty(one, [stamp])
-    assert one.heard == ["tracker_silent", "tracker_back"]
-    assert one.figures().tracker == "alive"
-
-
 def test_the_tracker_s_timeout_may_change_and_another_method_keeps_what_it_tracks():
     one = session()
     tell(one, 0.0, 70)
@@ -200,3 +111,63 @@ def test_the_tracker_s_timeout_may_change_and_another_method_keeps_what_it_track
     tell(one, 24.0, 70)
     play_empty(one, [60])
     assert one.figures().tracker == "alive"
+
+
+AHEAD = LandMask(np.ones((10, 10)), 10.0, (2950.0, -50.0, 0.0))
+"""Land where `ping` has its target."""
+ASTERN = LandMask(np.ones((10, 10)), 10.0, (-2950.0, -50.0, 0.0))
+
+
+def test_a_chart_in_another_frame_is_refused_and_the_former_stays():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    play(one, [0])
+    for frame in ("map", ""):
+        one.add_land(ASTERN, frame)
+        (result,) = play(one, [12.0 if frame else 24.0])
+        assert result.statistics.on_land == 1
+    assert one.dropped["land_frame"] == 2
+    assert one.heard == ["land", "land_frame", "land_frame"]
+
+
+def test_a_chart_is_of_the_fixed_frame_not_the_sensor_s():
+    one = moving()
+    sail(one, 0.0, 60.0)
+    one.add_land(LandMask([[True]], 20.0, (990.0, 0.0, 0.0)), "odom")
+    distance = np.hypot(1000.0, 0.0)
+    one.add_scan(arrived(Scan(0.0, [distance], [-0.5])), 0.0)
+    (result,) = one.process(0.0)
+    assert result.statistics.on_land == 1
+
+
+def test_a_reset_keeps_the_chart_for_its_frame():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    play(one, [0])
+    one.reset()
+    (result,) = play(one, [0])
+    assert result.statistics.on_land == 1
+    one.reset()
+    one.add_scan(arrived(Scan(0.0, [3000.0], [0.0]), "other"), 0.0)
+    (result,) = one.process()
+    assert result.statistics.on_land == 0
+    assert one.dropped == {"land_frame": 1}
+
+
+def test_a_restart_and_a_change_of_method_keep_the_chart():
+    one = session()
+    one.add_land(AHEAD, "sonar")
+    results = play(one, [1000, 1012, 0, 12])
+    assert [result.statistics.on_land for result in results] == [1] * 4
+    one.configure(session(method="score").settings)
+    (result,) = play(one, [24])
+    assert result.statistics.on_land == 1
+
+
+def test_a_chart_of_another_frame_that_comes_before_the_frame_is_refused_then():
+    one = moving()
+    one.add_land(AHEAD, "map")
+    assert one.dropped == {}
+    sail(one, 0.0, 60.0)
+    play(one, [0, 12])
+    assert one.dropped == {"land_frame": 1}
