@@ -85,12 +85,10 @@ def read_image(
 
 def _above_zero(ping: ImagePing) -> ImagePing:
     """The ping without the cells at range 0; ranges and azimuths are checked by the detector."""
-    there = ping.range > 0.0
-    if there.all():
-        return ping
-    if not there.any():
+    first = int((ping.range <= 0.0).sum())
+    if first == len(ping.range):
         raise MessageError("bad_geometry", "no cell has a range above 0")
-    return replace(ping, range=ping.range[there], intensity=ping.intensity[:, there])
+    return replace(ping, range=ping.range[first:], intensity=ping.intensity[:, first:])
 
 
 def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
@@ -119,7 +117,6 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     if not message.sample_rate > 0.0:
         raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
     speed, assumptions = _sound_speed(message, sound_speed)
-    sample = int(message.sample0) + np.arange(samples)
     delays = np.array(message.tx_delays, float)
     if len(delays) not in (0, 1, len(angles)):
         raise MessageError(
@@ -128,7 +125,10 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
-        np.asarray(0.5 * speed / message.sample_rate * sample, float),
+        0.5
+        * speed
+        / message.sample_rate
+        * (int(message.sample0) + np.arange(samples, dtype=float)),
         -angles,
         _table(message.image, len(angles), samples, layout.rows != "ranges"),
         time_offset=np.broadcast_to(delays, angles.shape) if delays.any() else None,
@@ -145,13 +145,12 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     if len(lengths) != 1 or not lengths[0]:
         raise MessageError("wrong_length", f"rays must have equal numbers of echoes; got {lengths}")
     number = np.arange(len(rays))
-    sign = -1.0 if layout.clockwise else 1.0
     step = message.time_increment.sec + 1e-9 * message.time_increment.nanosec
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
         np.linspace(message.range_min, message.range_max, lengths[0], dtype=np.float64),
-        sign * (message.angle_start + message.angle_increment * number),
+        (message.angle_start + message.angle_increment * number) * (-1 if layout.clockwise else 1),
         np.array(rays),
         time_offset=step * number if step else None,
         is_part=True,
@@ -198,14 +197,13 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
     if layout.rows == "fan":
         range_, azimuth, intensity = _unwarped(picture, layout, sensor)
     else:
-        intensity = picture if layout.rows == "beams" else picture.T
-        intensity = intensity if layout.near_first else intensity[:, ::-1]
+        by_beam = picture if layout.rows == "beams" else picture.T
+        intensity = by_beam[:, :: 1 if layout.near_first else -1]
         b, m = intensity.shape
         range_ = sensor.min_range + (np.arange(m) + 0.5) * (
             (sensor.max_range - sensor.min_range) / m
         )
-        azimuth = _bearings(sensor, b)
-        azimuth = azimuth[::-1] if layout.port_first else azimuth
+        azimuth = _bearings(sensor, b)[:: -1 if layout.port_first else 1]
     return ImagePing(
         time_to_ns(message.header.stamp), message.header.frame_id, range_, azimuth, intensity
     )
@@ -213,8 +211,8 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
 
 def _bearings(sensor: SensorModel, number: int) -> FloatArray:
     """Middles of beams over the sector, (number,), rad, ascending."""
-    step = (sensor.azimuth_max - sensor.azimuth_min) / number
-    return np.asarray(sensor.azimuth_min + (np.arange(number) + 0.5) * step, float)
+    part = (np.arange(number) + 0.5) / number
+    return np.asarray(sensor.azimuth_min + (sensor.azimuth_max - sensor.azimuth_min) * part, float)
 
 
 def _unwarped(
@@ -225,8 +223,7 @@ def _unwarped(
     whole = sensor.azimuth_max - sensor.azimuth_min > math.pi + 1e-3
     cells = min(height, width) // 2 if whole else height
     pixel = sensor.max_range / cells
-    range_ = (np.arange(cells) + 0.5) * pixel
-    range_ = range_[range_ >= sensor.min_range]
+    range_ = (np.arange(math.ceil(sensor.min_range / pixel - 0.5), cells) + 0.5) * pixel
     azimuth = _bearings(
         sensor,
         max(round((sensor.azimuth_max - sensor.azimuth_min) * cells / 2.0), 2),

@@ -72,10 +72,8 @@ class ImageTurns:
     """
 
     def __init__(self) -> None:
-        self.unused = 0
-        self._learner, self._turn = TurnLearner(), None  # type: tuple[TurnLearner, Turn | None]
-        self._parts: list[ImagePing] = []
-        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self.unused, self._parts = 0, list[ImagePing]()
+        self._start_over()
 
     def add(self, ping: ImagePing) -> list[ImagePing]:
         """Take a message; returns the pings that are complete by it."""
@@ -105,8 +103,9 @@ class ImageTurns:
     def _start_over(self) -> None:
         """Forget the bearings so far: the ranges, or the run, are others."""
         self.unused += len(self._parts)
-        self._parts, self._grid = [], None
-        self._learner, self._turn = TurnLearner(), None
+        self._parts = []
+        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self._learner, self._turn = TurnLearner(), None  # type: tuple[TurnLearner, Turn | None]
 
     def _learn(self, ping: ImagePing, stamp: float, arc: Arc) -> None:
         self.unused += 1
