@@ -22,7 +22,7 @@ def test_methods_are_listed_with_what_they_are(capsys):
     assert [line.split(":")[0] for line in lines] == list(available_methods())
 
 
-@pytest.mark.parametrize("node", ["track_initiator", "sonar_simulator", "scan_player"])
+@pytest.mark.parametrize("node", NODES)
 def test_parameters_are_a_parameter_file(capsys, node):
     assert main(["parameters", node]) == 0
     assert list(yaml.safe_load(capsys.readouterr().out)) == ["/**"]
