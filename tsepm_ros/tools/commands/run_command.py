@@ -28,7 +28,7 @@ from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
-from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
+from tsepm_ros.settings.parameter_files import add_values, given_values, unused_files, yaml_text
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
@@ -263,12 +263,18 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         )
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
-    of_detector, of_tracker = _shared_out(values) if shown else ({}, values)
-    session, node, notes = _session(source, bag.notes, of_tracker)
+    session, node, notes = _session(source, bag.notes, _shared_out(values)[1] if shown else values)
     if session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
     if shown:
+        node_name = "/sonar_detector"  # a file may be the tracker's alone
+        fitting = [
+            one
+            for one in options.parameter
+            if isinstance(one, str) or not unused_files(["--params-file", str(one)], node_name)
+        ]
+        of_detector, _ = _shared_out(given_values(fitting, node_name))
         groups = make_groups(SONAR_DETECTOR, of_detector)
         images = ImageInput(groups, session.drop, lambda one: notes.update({one: one}))
     return Run(
