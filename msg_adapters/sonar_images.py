@@ -44,6 +44,8 @@ DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
 ENCODINGS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "32FC1": "f4"}
 """Types of sensor_msgs/Image by its encoding."""
+MOST = 1e4
+"""Largest angle of a bearing, rad, and largest time of one after the stamp, s."""
 LEVEL = 0.1
 """Elevation of beams from which on an assumption is stated, rad."""
 
@@ -80,12 +82,15 @@ def read_image(
         raise MessageError(
             "unknown_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
         )
-    return _above_zero(read_by(IMAGES[name], message, layout, sensor, sound_speed))
+    return _checked(read_by(IMAGES[name], message, layout, sensor, sound_speed))
 
 
-def _above_zero(ping: ImagePing) -> ImagePing:
-    """The ping without the cells at range 0; ranges and azimuths are checked by the detector."""
-    first = int((ping.range <= 0.0).sum())
+def _checked(ping: ImagePing) -> ImagePing:
+    """The ping without the cells at range 0; all else but bearings is checked by the detector."""
+    first, delays = int((ping.range <= 0.0).sum()), ping.time_offset
+    of_bearings = ping.azimuth if delays is None else np.concatenate([ping.azimuth, delays])
+    if not (np.abs(of_bearings) < MOST).all():
+        raise MessageError("bad_geometry", "bearings and their times must be finite")
     if first == len(ping.range):
         raise MessageError("bad_geometry", "no cell has a range above 0")
     return replace(ping, range=ping.range[first:], intensity=ping.intensity[:, first:])
@@ -116,6 +121,7 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
     if not message.sample_rate > 0.0:
         raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
+    table = _table(message.image, len(angles), samples, layout.rows != "ranges")
     speed, assumptions = _sound_speed(message, sound_speed)
     delays = np.array(message.tx_delays, float)
     if len(delays) not in (0, 1, len(angles)):
@@ -130,7 +136,7 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
         / message.sample_rate
         * (int(message.sample0) + np.arange(samples, dtype=float)),
         -angles,
-        _table(message.image, len(angles), samples, layout.rows != "ranges"),
+        table,
         time_offset=np.broadcast_to(delays, angles.shape) if delays.any() else None,
         sound_speed=speed,
         is_part=len(angles) == 1,
@@ -221,13 +227,11 @@ def _unwarped(
     """Ranges, azimuths and intensities (b, m) of a fan, ahead upwards; NaN outside of it."""
     height, width = picture.shape
     whole = sensor.azimuth_max - sensor.azimuth_min > math.pi + 1e-3
-    cells = min(height, width) // 2 if whole else height
+    cells = (min(height, width) + 1) // 2 if whole else height
     pixel = sensor.max_range / cells
     range_ = (np.arange(math.ceil(sensor.min_range / pixel - 0.5), cells) + 0.5) * pixel
-    azimuth = _bearings(
-        sensor,
-        max(round((sensor.azimuth_max - sensor.azimuth_min) * cells / 2.0), 2),
-    )
+    span = sensor.azimuth_max - sensor.azimuth_min
+    azimuth = _bearings(sensor, min(max(round(span * cells / 2.0), 2), 2 * width + 2))
     ahead = np.cos(azimuth)[:, None] * range_ / pixel
     port = np.sin(azimuth)[:, None] * range_ / pixel
     apex = 0.5 * height if whole else float(height)
@@ -297,11 +301,12 @@ class ImageInput:
         self._options = options
 
     def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
-        """Take a message; the pings that it completes and their detections, each at its time."""
+        """Take a message; the pings that it completes and the detections of each."""
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
-        sensor, layout = self._options[SensorModel], self._options[ImageLayout]
         try:
-            ping = read_image(message, layout, sensor, given.sound_speed)
+            ping = read_image(
+                message, self._options[ImageLayout], self._options[SensorModel], given.sound_speed
+            )
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")
             return
@@ -309,27 +314,31 @@ class ImageInput:
             self._said.add(assumption)
             self._say(assumption)
         for whole in self.turns.add(ping):
-            stamp, axes = 1e-9 * whole.stamp_ns, (whole.range, whole.azimuth)
             try:
-                image = SonarImage(stamp, *axes, whole.intensity, time_offset=whole.time_offset)
+                image = SonarImage(
+                    1e-9 * whole.stamp_ns,
+                    whole.range,
+                    whole.azimuth,
+                    whole.intensity,
+                    time_offset=whole.time_offset,
+                )
                 scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
-            yield whole, _timed(scan, whole, given.sound_speed)
+            yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
 
 
-def _timed(scan: Scan, ping: ImagePing, sound_speed: float) -> Scan:
-    """The scan with the time of each echo at its target, where the speed of sound is known."""
-    offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
-    speed = ping.sound_speed or sound_speed
-    return replace(scan, time_offset=offset + (scan.range / speed if speed else 0.0))
+def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
+    """What a message of a ping's detections has: fields of `detections_cloud`, (n,) each.
 
-
-def detection_fields(scan: Scan) -> dict[str, Any]:
-    """What a message of a scan's detections has: fields of `detections_cloud`, (n,) each."""
-    names = ("range", "azimuth", "range_std", "azimuth_std", "time_offset")
-    return {name: getattr(scan, name) for name in names} | dict(scan.features)
+    Each echo has the time of its bearing and that of its travel, 0 where no sound speed is known.
+    """
+    sent = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+    travel = 2.0 * scan.range / (ping.sound_speed or np.inf)
+    times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
+    names = ("range", "azimuth", "range_std", "azimuth_std")
+    return {name: getattr(scan, name) for name in names} | times | dict(scan.features)
 
 
 IMAGES: dict[str, Reader] = {

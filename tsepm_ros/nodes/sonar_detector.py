@@ -61,7 +61,7 @@ class SonarDetector(ParameterisedNode):
             options.image_type,
             options.image_reliability,
             options.image_depth,
-            self._take,
+            self.take_image,
             QosWatch(self),
             topic=IMAGE,
             readable=tuple(IMAGES),
@@ -80,15 +80,15 @@ class SonarDetector(ParameterisedNode):
         self._dropped[reason] += 1
         self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
 
-    def _take(self, message: Any) -> None:
-        """Take a message of an image, or of some bearings."""
+    def take_image(self, message: Any) -> None:
+        """Take a message of an image, or of some bearings, of any supported type."""
         for ping, scan in self._input.take(message):
             self._follow(ping)
             self._publish(scan, ping)
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
         header = make_header(ping.stamp_ns, ping.frame_id)
-        self._detections.publish(detections_cloud(header, **detection_fields(scan)))
+        self._detections.publish(detections_cloud(header, **detection_fields(ping, scan)))
         if self._markers.get_subscription_count():
             size = 0.01 * float(ping.range[-1])
             self._markers.publish(detection_markers(header, scan, size))
