@@ -18,16 +18,16 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, maximum_filter1d
 
 from msg_adapters.ping import SOUND_SPEED, read_by, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
-from tsepm_ros.detector.detector import Detector
+from tsepm_ros.detector.detector import Detector, Stages
 from tsepm_ros.detector.detector_options import DetectorOptions
 from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
@@ -37,6 +37,7 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 if TYPE_CHECKING:
+    from nav_msgs.msg import OccupancyGrid
     from sensor_msgs.msg import Image
     from std_msgs.msg import Header
 
@@ -44,6 +45,12 @@ DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
 ENCODINGS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "32FC1": "f4"}
 """Types of sensor_msgs/Image by its encoding."""
+PLAN_SIDE = 128
+"""Cells along a side of a plan."""
+PLAN_PERIOD = 0.5
+"""Least time between two plans, s."""
+MOST_PLANS = 500
+"""Most plans of an offline run."""
 MOST = 1e4
 """Largest angle of a bearing, rad, and largest time of one after the stamp, s."""
 LEVEL = 0.1
@@ -282,6 +289,8 @@ class ImageInput:
     ----------
     detector : Detector
     turns : ImageTurns
+    plans : list of Plan or None
+        Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
 
     def __init__(
@@ -292,6 +301,7 @@ class ImageInput:
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
         self._said: set[str] = set()
+        self.plans: list[Plan] | None = None
         self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
@@ -326,7 +336,16 @@ class ImageInput:
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
+            self._draw(whole)
             yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
+
+    def _draw(self, ping: ImagePing) -> None:
+        """Keep the plan of an image, where these are kept."""
+        stages, plans = self.detector.stages, self.plans
+        if stages is None or plans is None or len(plans) >= MOST_PLANS:
+            return
+        if not plans or abs(ping.stamp_ns - plans[-1].stamp_ns) >= 1e9 * PLAN_PERIOD:
+            plans.append(plan_of(ping, stages))
 
 
 def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
@@ -339,6 +358,55 @@ def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
     times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
     names = ("range", "azimuth", "range_std", "azimuth_std")
     return {name: getattr(scan, name) for name in names} | times | dict(scan.features)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An image in the plane of the sensor, for displays.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    cell : float
+        Side of a cell, m.
+    levels : (PLAN_SIDE, PLAN_SIDE) ndarray of int8
+        0 to 100, the threshold is 50; -1 outside of the image. Rows from starboard to port, columns
+        from astern to ahead; the sensor is in the middle.
+    """
+
+    stamp_ns: int
+    cell: float
+    levels: NDArray[Any]
+
+
+def plan_of(ping: ImagePing, stages: Stages) -> Plan:
+    """The plan of an image's smoothed values: the largest near each cell."""
+    cell = 2.0 * float(ping.range[-1]) / PLAN_SIDE
+    along = (np.arange(PLAN_SIDE) + 0.5 - 0.5 * PLAN_SIDE) * cell
+    distance, angle = np.hypot(along, along[:, None]), np.arctan2(along[:, None], along)
+    wrapped = np.angle(np.exp(1j * ping.azimuth))
+    order = np.argsort(wrapped)
+    row = order[np.searchsorted(0.5 * (wrapped[order][1:] + wrapped[order][:-1]), angle)]
+    column = np.searchsorted(0.5 * (ping.range[1:] + ping.range[:-1]), distance)
+    width = max(round(cell / float(np.diff(ping.range).mean())), 1)
+    largest = maximum_filter1d(stages.smoothed, width, axis=1)[row, column]
+    step = np.ptp(ping.azimuth) / max(len(ping.azimuth) - 1, 1)
+    aside = np.abs(np.angle(np.exp(1j * (angle - wrapped[row]))))
+    seen = (aside <= step) & (distance <= ping.range[-1]) & np.isfinite(largest)
+    levels = np.clip(largest * (50.0 / max(stages.threshold, 1e-3)), 0.0, 100.0)
+    return Plan(ping.stamp_ns, cell, np.where(seen, np.nan_to_num(levels), -1).astype(np.int8))
+
+
+def plan_message(header: Header, plan: Plan) -> OccupancyGrid:
+    """Make a grid of a plan, in the frame of the sensor."""
+    from nav_msgs.msg import OccupancyGrid
+
+    message = OccupancyGrid(header=header, data=array.array("b", plan.levels.tobytes()))
+    message.info.resolution, message.info.map_load_time = plan.cell, header.stamp
+    message.info.width = message.info.height = PLAN_SIDE
+    message.info.origin.position.x = message.info.origin.position.y = -0.5 * PLAN_SIDE * plan.cell
+    message.info.origin.orientation.w = 1.0
+    return message
 
 
 IMAGES: dict[str, Reader] = {

@@ -335,7 +335,6 @@ def live(world: Any, bag: StandInBag, driver: Driver, number: int) -> list[list[
     """Messages on `tracks` and `tracks/current` of the nodes beside the driver."""
     detector, tracker = given(driver)
     heard = [world.listen(PointCloud2, topic) for topic in ("tracks", "tracks/current")]
-    scans = world.listen(PointCloud2, "detections")
     poses = world.observer.create_publisher(Odometry, "own_ship/odometry", RELIABLE)
     node = world.make(SonarDetector, detector)
     world.make(TrackInitiator, tracker)
@@ -347,7 +346,8 @@ def live(world: Any, bag: StandInBag, driver: Driver, number: int) -> list[list[
             world.spin_once(0.0)
         else:  # the packages of most types are not there to publish with
             node.take_image(entry.content)
-        world.until(lambda: len(heard[0]) >= len(scans) - 2, "the tracks of the scans before")
+        made = node._input.detector.measured["images"]
+        world.until(lambda made=made: len(heard[0]) >= made - 2, "the tracks of the scans before")
     world.until(lambda: {*map(len, heard)} == {number}, "an answer to every scan")
     assert world.dropped() == {}
     return heard

@@ -23,8 +23,8 @@ EVERYTHING = {
     "track_bridge": {"nmea_address": ""},
 }
 """Parameters with which a node has all of its topics but `UNSEEN`."""
-UNSEEN = {"/tf", "/tf_static", "/clock", "/tracks/objects", "/tracks/radar"}
-"""Topics of tf, of simulated time, and of messages whose packages are not installed."""
+UNSEEN = {"/tf", "/tf_static", "/clock", "/tracks/objects", "/tracks/radar", "/image/plan"}
+"""Topics of tf, of simulated time, of packages that are not installed, and of a browser's wish."""
 
 pytestmark = pytest.mark.skipif(not POLICY.exists(), reason="only in the source tree")
 

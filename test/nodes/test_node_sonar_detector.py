@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
+from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import SetParametersResult
 from sensor_msgs.msg import Image, PointCloud2
 from support.ros_world import BEST_EFFORT, WARN
@@ -130,6 +133,20 @@ def test_markers_and_the_normalised_image_are_published_where_they_are_asked_for
     world.until(lambda: markers and images, "markers and the normalised image")
     assert (images[-1].height, images[-1].width, images[-1].encoding) == (BEAMS, CELLS, "32FC1")
     assert markers[-1].markers[-1].points
+
+
+def test_the_plan_is_published_while_it_is_watched_and_at_most_twice_a_second(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector, COVERAGE)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    plans = world.listen(OccupancyGrid, "image/plan")
+    world.until_connected()
+    begin = time.monotonic()
+    pings(world, sonar, heard, 20, lambda k: [(20.0, 0.5)])
+    world.until(lambda: plans, "a plan")
+    assert len(plans) <= 2.0 * (time.monotonic() - begin) + 1.0
+    assert plans[-1].header.frame_id == "sonar"
+    assert max(plans[-1].data) > 50
 
 
 def test_a_tracker_that_starts_later_or_again_is_told_the_coverage_of_the_images(world):

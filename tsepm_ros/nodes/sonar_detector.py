@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -16,7 +18,15 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections_cloud, diagnostics, make_header
-from msg_adapters.sonar_images import IMAGES, ImageInput, detection_fields, normalised_image
+from msg_adapters.sonar_images import (
+    IMAGES,
+    PLAN_PERIOD,
+    ImageInput,
+    detection_fields,
+    normalised_image,
+    plan_message,
+    plan_of,
+)
 from msg_adapters.track_markers import detection_markers
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
@@ -54,6 +64,7 @@ class SonarDetector(ParameterisedNode):
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
         self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
+        self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
         options, self._asked = self._options, Future()
         self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
         self._images = DetectionsSubscription(
@@ -92,9 +103,13 @@ class SonarDetector(ParameterisedNode):
         if self._markers.get_subscription_count():
             size = 0.01 * float(ping.range[-1])
             self._markers.publish(detection_markers(header, scan, size))
-        stages = self._input.detector.stages
+        stages, now = self._input.detector.stages, time.monotonic()
         if self._options.publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
+        is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
+        if is_due and stages is not None:
+            self._planned = now
+            self._plan.publish(plan_message(header, plan_of(ping, stages)))
 
     def _follow(self, ping: ImagePing) -> None:
         """Note the coverage of the images where it has changed."""
