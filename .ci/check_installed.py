@@ -19,8 +19,10 @@ from support.patience import WAIT
 PACKAGE = "tsepm_ros"
 EXECUTABLES = [
     *("track_initiator", "sonar_detector", "sonar_simulator", "scan_player", "track_viewer"),
-    *("track_bridge", "tsepm"),
+    *("track_bridge", "tsepm", "tsepm_demo"),
 ]
+NODES = [name for name in EXECUTABLES if name not in ("scan_player", "tsepm", "tsepm_demo")]
+"""Executables that run without parameters until they are interrupted."""
 SHARED = ["package.xml", "config/*.yaml", "launch/*.xml"]
 OF_CONFIG = ["rviz/*", "foxglove/*", "sros2/*"]
 """Of config/ in the source tree, and beside it in the share directory."""
@@ -72,7 +74,7 @@ def main() -> None:
     check_files(prefix)
     subprocess.run([prefix / "lib" / PACKAGE / "tsepm", "--help"], check=True)
     rclpy.init(domain_id=DOMAIN)
-    for name in ["track_initiator", "sonar_simulator", "track_viewer"]:
+    for name in NODES:
         check_node(prefix / "lib" / PACKAGE / name)
     rclpy.shutdown()
     print("executables, share files and nodes are in order")

@@ -4,9 +4,11 @@ The node is a process of its own. This process publishes pings of an imaging son
 false detections at a fixed rate, and notes the time from a ping's publication to the arrival of its
 message on `tracks`. The processor time is the system's figure for all the node's threads. Beside it
 stands a bare node, which has the same imports and subscribes to the same topic: what the middleware
-costs. The clutter density and P_D are learned, as by default.
+costs. The clutter density and P_D are learned, as by default. With --images the detections are made
+by sonar_detector, another process, of images of 500 ranges and 256 beams.
 
     python benchmarks/node_load.py [--rate 20] [--targets 10] [--detections 25] [--seconds 60]
+    python benchmarks/node_load.py --images [--rate 10] [--targets 4]
 
 With `--bridge`, `track_bridge` beside a bare subscriber of the same messages, both at once: held
 tracks and own ship at the rate, with TTM once a second, as by default, and in each ping.
@@ -35,7 +37,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Image, PointCloud2
 
 from msg_adapters import (
     detections_cloud,
@@ -47,10 +49,14 @@ from msg_adapters import (
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
+CELLS, BEAMS = 500, 256
+SECTOR = {"sensor.azimuth_min": -1.1, "sensor.azimuth_max": 1.1, "sensor.max_range": 300.0}
+"""Coverage of the images."""
 MAX_RANGE, RANGE_STD, AZIMUTH_STD = 300.0, 0.3, 0.01
 DETECTION_PROBABILITY, MAX_SPEED = 0.9, 5.0
 SETTLING = 20.0
 """Time of pings until the tracks are held and the clutter is learned, s."""
+DETECTOR = "from tsepm_ros.nodes.sonar_detector import main; main()"
 NODES = {
     "track_initiator": "from tsepm_ros.nodes.track_initiator import main; main()",
     "bare node": """
@@ -119,6 +125,37 @@ class Swimmers:
         )
 
 
+class Pictures:
+    """Images of an imaging sonar: targets that move outwards in Rayleigh speckle, mono8."""
+
+    def __init__(self, targets: int) -> None:
+        rng = np.random.default_rng(3)
+        self._fields = rng.rayleigh(15.0, (64, CELLS, BEAMS)).astype(np.float32)
+        self._beam = np.linspace(20.0, BEAMS - 20.0, targets)
+        self._cell = np.linspace(0.3, 0.7, targets) * CELLS
+
+    def ping(self, stamp_ns: int, seconds: float) -> Image:
+        """The image at a time after the start, s, as displayed."""
+        field = self._fields[int(10 * seconds) % len(self._fields)].copy()
+        for beam, begin in zip(self._beam, self._cell, strict=True):
+            # To and fro over a quarter of the range, at 1 m/s.
+            far = abs((seconds / 60.0 + 0.5) % 2.0 - 1.0) * 60.0 / MAX_RANGE * CELLS
+            rows, columns = np.ogrid[-12:13, -4:5]
+            row, column = int(begin + far), int(beam)
+            field[row - 12 : row + 13, column - 4 : column + 5] += 150.0 * np.exp(
+                -0.5 * ((rows / 3.0) ** 2 + (columns / 1.0) ** 2)
+            )
+        shown = np.minimum(field, 255.0).astype(np.uint8)[::-1]
+        return Image(
+            header=make_header(stamp_ns, "sonar"),
+            height=CELLS,
+            width=BEAMS,
+            step=BEAMS,
+            encoding="mono8",
+            data=np.ascontiguousarray(shown).tobytes(),
+        )
+
+
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -153,9 +190,14 @@ def started(program: str, parameters: dict[str, Any]) -> subprocess.Popen[bytes]
     )
 
 
-def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> dict[str, float]:
-    """Drive a node; its load, memory and latencies after the settling time."""
-    process = started(program, PARAMETERS)
+def measure(
+    program: str, sonar: Swimmers | Pictures, rate: float, seconds: float
+) -> dict[str, float]:
+    """Drive a node, of images two; load, memory and latencies after the settling time."""
+    of_images = isinstance(sonar, Pictures)
+    processes = {"": started(program, PARAMETERS | (SECTOR if of_images else {}))}
+    if of_images:
+        processes["detector "] = started(DETECTOR, SECTOR)
     rclpy.init(domain_id=DOMAIN)
     driver = Node("driver")
     sent: dict[int, float] = {}
@@ -165,35 +207,39 @@ def measure(program: str, swimmers: Swimmers, rate: float, seconds: float) -> di
         stamp = time_to_ns(message.header.stamp)
         latency[stamp] = time.monotonic() - sent[stamp]
 
-    pings = driver.create_publisher(PointCloud2, "detections", 10)
+    kind, topic = (Image, "image") if of_images else (PointCloud2, "detections")
+    pings = driver.create_publisher(kind, topic, 10)
     driver.create_subscription(PointCloud2, "tracks", on_tracks, 10)
     spinning = threading.Thread(target=spin, args=(driver,))
     spinning.start()
     try:
         while not pings.get_subscription_count():
             time.sleep(0.05)
-        time.sleep(1.0)
+        time.sleep(3.0 if of_images else 1.0)
         begin, settled = time.monotonic(), round(rate * SETTLING)
-        used = 0.0
+        used = dict.fromkeys(processes, 0.0)
         for index in range(settled + round(rate * seconds)):
             time.sleep(max(begin + index / rate - time.monotonic(), 0.0))
             if index == settled:
-                used = processor_seconds(process.pid)
+                used = {name: processor_seconds(one.pid) for name, one in processes.items()}
             stamp = time.time_ns()
-            cloud = swimmers.ping(stamp, index / rate)
+            cloud = sonar.ping(stamp, index / rate)
             sent[stamp] = time.monotonic()
             pings.publish(cloud)
         time.sleep(1.0)
-        load = (processor_seconds(process.pid) - used) / seconds
-        memory = resident_megabytes(process.pid)
+        figures = {}
+        for name, one in processes.items():
+            load = (processor_seconds(one.pid) - used[name]) / seconds
+            figures[f"{name}processor %"] = 100.0 * load
+            figures[f"{name}memory MB"] = resident_megabytes(one.pid)
     finally:
-        process.terminate()
-        process.wait()
+        for one in processes.values():
+            one.terminate()
+            one.wait()
         rclpy.try_shutdown()
         spinning.join()
     arrived = [1e3 * latency[stamp] for stamp in list(sent)[settled:] if stamp in latency]
     median, high = np.percentile(arrived, [50, 99])
-    figures = {"processor %": 100.0 * load, "memory MB": memory}
     return {
         **figures,
         "latency ms": float(median),
@@ -242,6 +288,7 @@ def measure_bridges(number: int, rate: float, seconds: float) -> dict[str, float
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--images", action="store_true", help="images, and both nodes")
     parser.add_argument("--bridge", action="store_true", help="track_bridge, by held tracks")
     parser.add_argument("--rate", type=float, help="pings per second; 20, of the bridge 10")
     parser.add_argument("--targets", type=int, help="10, of the bridge 50")
@@ -257,8 +304,11 @@ def main() -> None:
             print(f"{name:16s} processor % {load:5.2f}, above the bare one {load - bare:5.2f}")
         return
     for name, program in NODES.items():
+        if options.images and name != "track_initiator":
+            continue
         swimmers = Swimmers(targets, options.detections)
-        figures = measure(program, swimmers, rate, options.seconds)
+        sonar = Pictures(targets) if options.images else swimmers
+        figures = measure(program, sonar, rate, options.seconds)
         print(f"{name:16s}", *(f"{title} {value:6.1f}" for title, value in figures.items()))
 
 

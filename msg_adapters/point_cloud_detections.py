@@ -7,9 +7,10 @@ The position is the first of these forms that the cloud has:
 3. `x` and `y` (m, sensor frame), with `z` if the cloud has it.
 
 Optional: `elevation` (rad, above the sensor's x-y plane) with a range, which is the slant range;
-`range_std`, `azimuth_std`; `time_offset` or, if that is missing, `two_way_travel_time`;
-`intensity`, `range_width`, `azimuth_width`, `range_rate`. Each field is FLOAT32 or FLOAT64;
-`intensity`, which has no unit, may be an integer.
+`range_std`, `azimuth_std`; `time_offset`, or `two_way_travel_time`, which is twice that, or both:
+then the echo was sent at `time_offset` - half of the travel, as by a beam that turns; `intensity`,
+`range_width`, `azimuth_width`, `range_rate`. Each field is FLOAT32 or FLOAT64; `intensity`, which
+has no unit, may be an integer.
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ def detections_of_fields(
     """Read detections from arrays with the names of a cloud's fields.
 
     In addition to the reasons of `good_detections`, a detection may be dropped for
-    ``elevation_not_finite``. A two-way travel time is twice a `time_offset`; its faults are counted
-    as faults of `time_offset`.
+    ``elevation_not_finite``. A two-way travel time is twice a `time_offset` that is missing, and
+    its faults are counted as faults of that; beside one it tells when the echo was sent.
 
     Parameters
     ----------
@@ -151,6 +152,9 @@ def detections_of_fields(
     if "elevation" in values:
         range, height = in_plane(range, values["elevation"])
         faults = {"elevation_not_finite": ~np.isfinite(values["elevation"])}
+    echo = values.get("time_offset", None if travel is None else 0.5 * travel)
+    with np.errstate(invalid="ignore"):  # dropped as not finite
+        sent = None if echo is None or travel is None else echo - 0.5 * travel
     return good_detections(
         stamp_ns,
         frame_id,
@@ -163,7 +167,8 @@ def detections_of_fields(
         north_referenced="bearing" in position and options.bearing_reference == "north",
         range_std=values.get("range_std"),
         azimuth_std=values.get("azimuth_std"),
-        time_offset=values.get("time_offset", None if travel is None else 0.5 * travel),
+        time_offset=echo,
+        transmit_offset=sent,
         assumptions=assumptions,
     )
 

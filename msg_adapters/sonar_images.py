@@ -18,16 +18,16 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, maximum_filter1d
 
 from msg_adapters.ping import SOUND_SPEED, read_by, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
-from tsepm_ros.detector.detector import Detector
+from tsepm_ros.detector.detector import Detector, Stages
 from tsepm_ros.detector.detector_options import DetectorOptions
 from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
@@ -37,6 +37,7 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 if TYPE_CHECKING:
+    from nav_msgs.msg import OccupancyGrid
     from sensor_msgs.msg import Image
     from std_msgs.msg import Header
 
@@ -44,6 +45,14 @@ DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
 ENCODINGS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "32FC1": "f4"}
 """Types of sensor_msgs/Image by its encoding."""
+PLAN_SIDE = 128
+"""Cells along a side of a plan."""
+PLAN_PERIOD = 0.5
+"""Least time between two plans, s."""
+MOST_PLANS = 500
+"""Most plans of an offline run."""
+MOST = 1e4
+"""Largest angle of a bearing, rad, and largest time of one after the stamp, s."""
 LEVEL = 0.1
 """Elevation of beams from which on an assumption is stated, rad."""
 
@@ -80,17 +89,18 @@ def read_image(
         raise MessageError(
             "unknown_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
         )
-    return _above_zero(read_by(IMAGES[name], message, layout, sensor, sound_speed))
+    return _checked(read_by(IMAGES[name], message, layout, sensor, sound_speed))
 
 
-def _above_zero(ping: ImagePing) -> ImagePing:
-    """The ping without the cells at range 0; ranges and azimuths are checked by the detector."""
-    there = ping.range > 0.0
-    if there.all():
-        return ping
-    if not there.any():
+def _checked(ping: ImagePing) -> ImagePing:
+    """The ping without the cells at range 0; all else but bearings is checked by the detector."""
+    first, delays = int((ping.range <= 0.0).sum()), ping.time_offset
+    of_bearings = ping.azimuth if delays is None else np.concatenate([ping.azimuth, delays])
+    if not (np.abs(of_bearings) < MOST).all():
+        raise MessageError("bad_geometry", "bearings and their times must be finite")
+    if first == len(ping.range):
         raise MessageError("bad_geometry", "no cell has a range above 0")
-    return replace(ping, range=ping.range[there], intensity=ping.intensity[:, there])
+    return replace(ping, range=ping.range[first:], intensity=ping.intensity[:, first:])
 
 
 def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
@@ -118,8 +128,8 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
     if not message.sample_rate > 0.0:
         raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
+    table = _table(message.image, len(angles), samples, layout.rows != "ranges")
     speed, assumptions = _sound_speed(message, sound_speed)
-    sample = int(message.sample0) + np.arange(samples)
     delays = np.array(message.tx_delays, float)
     if len(delays) not in (0, 1, len(angles)):
         raise MessageError(
@@ -128,9 +138,12 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
-        np.asarray(0.5 * speed / message.sample_rate * sample, float),
+        0.5
+        * speed
+        / message.sample_rate
+        * (int(message.sample0) + np.arange(samples, dtype=float)),
         -angles,
-        _table(message.image, len(angles), samples, layout.rows != "ranges"),
+        table,
         time_offset=np.broadcast_to(delays, angles.shape) if delays.any() else None,
         sound_speed=speed,
         is_part=len(angles) == 1,
@@ -145,13 +158,12 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     if len(lengths) != 1 or not lengths[0]:
         raise MessageError("wrong_length", f"rays must have equal numbers of echoes; got {lengths}")
     number = np.arange(len(rays))
-    sign = -1.0 if layout.clockwise else 1.0
     step = message.time_increment.sec + 1e-9 * message.time_increment.nanosec
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
         np.linspace(message.range_min, message.range_max, lengths[0], dtype=np.float64),
-        sign * (message.angle_start + message.angle_increment * number),
+        (message.angle_start + message.angle_increment * number) * (-1 if layout.clockwise else 1),
         np.array(rays),
         time_offset=step * number if step else None,
         is_part=True,
@@ -198,14 +210,13 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
     if layout.rows == "fan":
         range_, azimuth, intensity = _unwarped(picture, layout, sensor)
     else:
-        intensity = picture if layout.rows == "beams" else picture.T
-        intensity = intensity if layout.near_first else intensity[:, ::-1]
+        by_beam = picture if layout.rows == "beams" else picture.T
+        intensity = by_beam[:, :: 1 if layout.near_first else -1]
         b, m = intensity.shape
         range_ = sensor.min_range + (np.arange(m) + 0.5) * (
             (sensor.max_range - sensor.min_range) / m
         )
-        azimuth = _bearings(sensor, b)
-        azimuth = azimuth[::-1] if layout.port_first else azimuth
+        azimuth = _bearings(sensor, b)[:: -1 if layout.port_first else 1]
     return ImagePing(
         time_to_ns(message.header.stamp), message.header.frame_id, range_, azimuth, intensity
     )
@@ -213,8 +224,8 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
 
 def _bearings(sensor: SensorModel, number: int) -> FloatArray:
     """Middles of beams over the sector, (number,), rad, ascending."""
-    step = (sensor.azimuth_max - sensor.azimuth_min) / number
-    return np.asarray(sensor.azimuth_min + (np.arange(number) + 0.5) * step, float)
+    part = (np.arange(number) + 0.5) / number
+    return np.asarray(sensor.azimuth_min + (sensor.azimuth_max - sensor.azimuth_min) * part, float)
 
 
 def _unwarped(
@@ -223,14 +234,11 @@ def _unwarped(
     """Ranges, azimuths and intensities (b, m) of a fan, ahead upwards; NaN outside of it."""
     height, width = picture.shape
     whole = sensor.azimuth_max - sensor.azimuth_min > math.pi + 1e-3
-    cells = min(height, width) // 2 if whole else height
+    cells = (min(height, width) + 1) // 2 if whole else height
     pixel = sensor.max_range / cells
-    range_ = (np.arange(cells) + 0.5) * pixel
-    range_ = range_[range_ >= sensor.min_range]
-    azimuth = _bearings(
-        sensor,
-        max(round((sensor.azimuth_max - sensor.azimuth_min) * cells / 2.0), 2),
-    )
+    range_ = (np.arange(math.ceil(sensor.min_range / pixel - 0.5), cells) + 0.5) * pixel
+    span = sensor.azimuth_max - sensor.azimuth_min
+    azimuth = _bearings(sensor, min(max(round(span * cells / 2.0), 2), 2 * width + 2))
     ahead = np.cos(azimuth)[:, None] * range_ / pixel
     port = np.sin(azimuth)[:, None] * range_ / pixel
     apex = 0.5 * height if whole else float(height)
@@ -281,6 +289,8 @@ class ImageInput:
     ----------
     detector : Detector
     turns : ImageTurns
+    plans : list of Plan or None
+        Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
 
     def __init__(
@@ -291,6 +301,7 @@ class ImageInput:
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
         self._said: set[str] = set()
+        self.plans: list[Plan] | None = None
         self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
@@ -300,11 +311,12 @@ class ImageInput:
         self._options = options
 
     def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
-        """Take a message; the pings that it completes and their detections, each at its time."""
+        """Take a message; the pings that it completes and the detections of each."""
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
-        sensor, layout = self._options[SensorModel], self._options[ImageLayout]
         try:
-            ping = read_image(message, layout, sensor, given.sound_speed)
+            ping = read_image(
+                message, self._options[ImageLayout], self._options[SensorModel], given.sound_speed
+            )
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")
             return
@@ -312,27 +324,89 @@ class ImageInput:
             self._said.add(assumption)
             self._say(assumption)
         for whole in self.turns.add(ping):
-            stamp, axes = 1e-9 * whole.stamp_ns, (whole.range, whole.azimuth)
             try:
-                image = SonarImage(stamp, *axes, whole.intensity, time_offset=whole.time_offset)
+                image = SonarImage(
+                    1e-9 * whole.stamp_ns,
+                    whole.range,
+                    whole.azimuth,
+                    whole.intensity,
+                    time_offset=whole.time_offset,
+                )
                 scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
-            yield whole, _timed(scan, whole, given.sound_speed)
+            self._draw(whole)
+            yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
+
+    def _draw(self, ping: ImagePing) -> None:
+        """Keep the plan of an image, where these are kept."""
+        stages, plans = self.detector.stages, self.plans
+        if stages is None or plans is None or len(plans) >= MOST_PLANS:
+            return
+        if not plans or abs(ping.stamp_ns - plans[-1].stamp_ns) >= 1e9 * PLAN_PERIOD:
+            plans.append(plan_of(ping, stages))
 
 
-def _timed(scan: Scan, ping: ImagePing, sound_speed: float) -> Scan:
-    """The scan with the time of each echo at its target, where the speed of sound is known."""
-    offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
-    speed = ping.sound_speed or sound_speed
-    return replace(scan, time_offset=offset + (scan.range / speed if speed else 0.0))
+def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
+    """What a message of a ping's detections has: fields of `detections_cloud`, (n,) each.
+
+    Each echo has the time of its bearing and that of its travel, 0 where no sound speed is known.
+    """
+    sent = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
+    travel = 2.0 * scan.range / (ping.sound_speed or np.inf)
+    times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
+    names = ("range", "azimuth", "range_std", "azimuth_std")
+    return {name: getattr(scan, name) for name in names} | times | dict(scan.features)
 
 
-def detection_fields(scan: Scan) -> dict[str, Any]:
-    """What a message of a scan's detections has: fields of `detections_cloud`, (n,) each."""
-    names = ("range", "azimuth", "range_std", "azimuth_std", "time_offset")
-    return {name: getattr(scan, name) for name in names} | dict(scan.features)
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An image in the plane of the sensor, for displays.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    cell : float
+        Side of a cell, m.
+    levels : (PLAN_SIDE, PLAN_SIDE) ndarray of int8
+        0 to 100, the threshold is 50; -1 outside of the image. Rows from starboard to port, columns
+        from astern to ahead; the sensor is in the middle.
+    """
+
+    stamp_ns: int
+    cell: float
+    levels: NDArray[Any]
+
+
+def plan_of(ping: ImagePing, stages: Stages) -> Plan:
+    """The plan of an image's smoothed values: the largest near each cell."""
+    cell = 2.0 * float(ping.range[-1]) / PLAN_SIDE
+    along = (np.arange(PLAN_SIDE) + 0.5 - 0.5 * PLAN_SIDE) * cell
+    distance, angle = np.hypot(along, along[:, None]), np.arctan2(along[:, None], along)
+    wrapped = np.angle(np.exp(1j * ping.azimuth))
+    order = np.argsort(wrapped)
+    row = order[np.searchsorted(0.5 * (wrapped[order][1:] + wrapped[order][:-1]), angle)]
+    column = np.searchsorted(0.5 * (ping.range[1:] + ping.range[:-1]), distance)
+    width = max(round(cell / float(np.diff(ping.range).mean())), 1)
+    largest = maximum_filter1d(stages.smoothed, width, axis=1)[row, column]
+    step = np.ptp(ping.azimuth) / max(len(ping.azimuth) - 1, 1)
+    aside = np.abs(np.angle(np.exp(1j * (angle - wrapped[row]))))
+    seen = (aside <= step) & (distance <= ping.range[-1]) & np.isfinite(largest)
+    levels = np.clip(largest * (50.0 / max(stages.threshold, 1e-3)), 0.0, 100.0)
+    return Plan(ping.stamp_ns, cell, np.where(seen, np.nan_to_num(levels), -1).astype(np.int8))
+
+
+def plan_message(header: Header, plan: Plan) -> OccupancyGrid:
+    """Make a grid of a plan, in the frame of the sensor."""
+    from nav_msgs.msg import OccupancyGrid
+
+    message = OccupancyGrid(header=header, data=array.array("b", plan.levels.tobytes()))
+    message.info.resolution, message.info.map_load_time = plan.cell, header.stamp
+    message.info.width = message.info.height = PLAN_SIDE
+    message.info.origin.position.x = message.info.origin.position.y = -0.5 * PLAN_SIDE * plan.cell
+    message.info.origin.orientation.w = 1.0
+    return message
 
 
 IMAGES: dict[str, Reader] = {

@@ -2,7 +2,8 @@
 
     PYTHONPATH=test python docs/images/take_screenshots.py
 
-The live page is that of the nodes: simulator, track initiator and viewer, as processes.
+The live pages are those of the nodes, as processes: simulator, track initiator and viewer, and the
+sonar detector beside a driver of images, which is here.
 """
 
 from __future__ import annotations
@@ -13,12 +14,18 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
 
+import numpy as np
+import rclpy
+from sensor_msgs.msg import Image
 from support.browser import Browser, Tab
+
+from msg_adapters import make_header
 
 FOLDER = Path(__file__).parent
 SCENARIO, SEED = "four_targets", 1
@@ -57,6 +64,65 @@ def live(browser: Browser) -> None:
             process.wait(20.0)
 
 
+def images(number: int) -> Iterator[Image]:
+    """Speckle of an imaging sonar, and two targets that move apart, 5 images a second."""
+    rng, beams, cells = np.random.default_rng(2), 128, 300
+    row, column = np.ogrid[:cells, :beams]
+    for k in range(number):
+        field = rng.rayleigh(16.0, (cells, beams))
+        for begin, speed, at in ((110.0, 0.9, 45.0), (200.0, -0.7, 84.0)):
+            away = ((row - begin - speed * k) / 3.0) ** 2 + ((column - at) / 1.3) ** 2
+            field += 160.0 * np.exp(-0.5 * away)
+        shown = np.minimum(field, 255.0).astype(np.uint8)[::-1]
+        yield Image(
+            header=make_header(time.time_ns(), "sonar"),
+            height=cells,
+            width=beams,
+            step=beams,
+            encoding="mono8",
+            data=shown.tobytes(),
+        )
+
+
+def sonar(browser: Browser) -> None:
+    """The page beside both nodes and a driver of images, with the image shown."""
+    coverage = ["sensor.max_range:=60.0", "sensor.azimuth_min:=-1.0", "sensor.azimuth_max:=1.0"]
+    nodes = {
+        "tools.viewer.track_viewer": [f"port:={PORT}"],
+        "nodes.track_initiator": [*coverage, "max_speed:=3.0"],
+        "nodes.sonar_detector": [*coverage, "false_detections_per_ping:=5.0"],
+    }
+    processes = []
+    rclpy.init()
+    driver = rclpy.create_node("driver")
+    publisher = driver.create_publisher(Image, "image", 10)
+    try:
+        for name, parameters in nodes.items():
+            given = [part for parameter in parameters for part in ("-p", parameter)]
+            command = [sys.executable, "-m", f"tsepm_ros.{name}", "--ros-args", *given]
+            processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+        while not publisher.get_subscription_count():
+            time.sleep(0.1)
+        time.sleep(5.0)
+        tab = browser.tab(theme="dark")
+        tab.open(f"http://127.0.0.1:{PORT}/")
+        tab.press("#layer-image")
+        for message in images(100):
+            publisher.publish(message)
+            time.sleep(0.2)
+        tab.until(
+            "scene.images.length && scene.images[0] && scene.frames.at(-1).tracks.length >= 2"
+        )
+        tab.value("plan.moved = true; plan.center = [30, 0]; plan.scale = 9; redraw()")
+        tab.picture(FOLDER / "watching_sonar.png")
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait(20.0)
+        rclpy.shutdown()
+
+
 def shown_recording(tab: Tab, page: Path) -> None:
     """Open a page and wait until it shows its recording."""
     tab.open(page.as_uri())
@@ -91,3 +157,4 @@ if __name__ == "__main__":
     with Browser() as opened:
         recorded(opened)
         live(opened)
+        sonar(opened)

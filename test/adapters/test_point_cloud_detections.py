@@ -297,6 +297,14 @@ def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan()
     assert found.dropped == {"time_offset_not_finite": 1}
 
 
+def test_both_times_tell_when_a_bearing_was_sent():
+    fields = [*TRAVEL, ("time_offset", "d")]
+    cloud = raw_cloud(fields, [(1500.0, 0.1, 2.0, 4.0), (1500.0, 0.2, NAN, 5.0)])
+    found = read_detections(cloud)
+    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [3.0])
+    assert found.dropped == {"transmit_offset_not_finite": 1}
+
+
 @pytest.mark.parametrize(
     ("value", "reason"),
     [(NAN, "not_finite"), (INF, "not_finite"), (2.1 * MAX_MAGNITUDE["time_offset"], "too_large")],

@@ -20,7 +20,15 @@ from support.foreign_messages import (
 )
 
 from msg_adapters import MessageError, make_header
-from msg_adapters.sonar_images import DTYPES, normalised_image, read_image
+from msg_adapters.sonar_images import (
+    DTYPES,
+    normalised_image,
+    plan_message,
+    plan_of,
+    read_image,
+)
+from tsepm_ros.detector.detector import Stages
+from tsepm_ros.session.image_turns import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -223,6 +231,28 @@ def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
 def test_an_impossible_message_is_refused_with_its_cause(message, words):
     with pytest.raises(MessageError, match=words):
         read(message)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_plan_shows_a_target_to_port_ahead_at_its_place(whole):
+    azimuth = np.linspace(-3.1, 3.1, 200) if whole else np.linspace(0.8, -0.8, 60)
+    ping = ImagePing(5, "sonar", np.linspace(1.0, 40.0, 400), azimuth, np.zeros((1, 1)))
+    smooth = np.full((len(azimuth), 400), 0.4)
+    smooth[np.abs(azimuth - 0.5).argmin(), 205] = 8.0  # 21 m
+    smooth[0] = np.nan
+    plan = plan_of(ping, Stages(smooth, smooth, smooth, 4.0))
+    message = plan_message(HEADER, plan)
+    levels = np.array(message.data).reshape(128, 128)
+    np.testing.assert_array_equal(levels, plan.levels)
+    assert message.info.resolution == pytest.approx(80.0 / 128)
+    row, column = np.unravel_index(levels.argmax(), levels.shape)
+    cell = message.info.resolution
+    x = message.info.origin.position.x + (column + 0.5) * cell
+    y = message.info.origin.position.y + (row + 0.5) * cell
+    assert np.hypot(x - 21.0 * math.cos(0.5), y - 21.0 * math.sin(0.5)) < 1.5 * cell
+    assert (levels.max(), levels[64, 100]) == (100, 5)
+    assert (levels[64, 20] == -1) != whole
+    assert levels[0, 0] == -1
 
 
 def test_a_normalised_image_is_written_row_by_row():

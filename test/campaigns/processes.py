@@ -23,7 +23,10 @@ from invariants import require
 from support.ros_domains import own_domain
 from support.ros_process import executable
 
-NODES = ("track_initiator", "sonar_simulator", "scan_player", "track_viewer")
+NODES = (
+    *("track_initiator", "sonar_detector", "sonar_simulator", "scan_player", "track_viewer"),
+    "track_bridge",
+)
 LONGEST = 1.0
 """Longest time from the start, or from the setting of the handlers, to the signal, s."""
 WAIT = 60.0
@@ -103,7 +106,7 @@ def _started(name: str, folder: Path, domain: int) -> subprocess.Popen[bytes]:
         "sonar_simulator": ["rate_factor:=100.0", "loop:=true"],
         "scan_player": [f"recording:={recording}", "rate_factor:=100.0", "loop:=true"],
         "track_viewer": ["port:=0"],
-    }[name]
+    }.get(name, [])
     command = [executable(name), "--ros-args"]
     for text in parameters:
         command += ["-p", text]

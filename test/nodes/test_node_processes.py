@@ -15,7 +15,7 @@ from tsepm_ros.settings.settings import NODES, full_table
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 SECOND = 10**9
-EXECUTABLES = ("track_initiator", "sonar_simulator", "scan_player")
+EXECUTABLES = ("track_initiator", "sonar_detector", "sonar_simulator", "scan_player")
 SIGNALS = pytest.mark.parametrize(
     "number",
     [
@@ -47,6 +47,7 @@ def given(recording) -> dict[str, dict[str, Any]]:
     """Parameters of each executable."""
     return {
         "track_initiator": {"diagnostics_period": 0.05},
+        "sonar_detector": {},
         "sonar_simulator": {"settling_time": 0.1},
         "scan_player": {"settling_time": 0.1, "recording": recording},
     }
@@ -61,7 +62,7 @@ def assert_clean_end(process: RosProcess) -> None:
 
 @pytest.mark.parametrize("name", EXECUTABLES)
 def test_a_node_also_runs_as_a_module(start, name):
-    package = "nodes" if name == "track_initiator" else "tools.players"
+    package = "nodes" if name in ("track_initiator", "sonar_detector") else "tools.players"
     module = f"tsepm_ros.{package}.{name}"
     script = f"import runpy; runpy.run_module('{module}', run_name='__main__')"
     process = start(name, {"nonsense": 1}, script=script)
@@ -99,9 +100,7 @@ def test_a_signal_ends_every_executable_while_its_node_is_made(start, given, num
 
 def test_a_signal_ends_every_executable_as_soon_as_it_speaks(start, given):
     processes = [start(name, given[name]) for name in EXECUTABLES]
-    for process, number in zip(
-        processes, (signal.SIGTERM, signal.SIGINT, signal.SIGTERM), strict=True
-    ):
+    for process, number in zip(processes, 2 * (signal.SIGTERM, signal.SIGINT), strict=True):
         process.until_said("waiting for")
         process.interrupt(number)
     for process in processes:
@@ -266,7 +265,7 @@ def test_help_is_usage_with_the_parameters_before_ros_starts(start):
         "import sys, rclpy; sys.argv = ['x', '{flag}']; rclpy.init = None\n"
         "from tsepm_ros.ending_signals import {name} as main; sys.exit(main())"
     )
-    for name, flag in zip(EXECUTABLES, ("-h", "--help", "--help"), strict=True):
+    for name, flag in zip(EXECUTABLES, 2 * ("-h", "--help"), strict=True):
         process = start(name, script=script.format(flag=flag, name=name))
         assert process.exit_code() == 0, process.said
         text = process.said

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
@@ -13,12 +14,15 @@ from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 POLICY = Path(__file__).parents[2] / "config" / "sros2" / "tsepm_ros.policy.xml"
 EVERYTHING = {
     "track_initiator": {"own_ship_source": "odometry", "publish_potential_tracks": True},
+    "sonar_detector": {},
     "sonar_simulator": {"publish_clock": True},
     "scan_player": {"publish_clock": True},
     "track_viewer": {"port": 0},
+    "track_bridge": {"nmea_address": ""},
 }
-"""Parameters with which a node has all of its topics, but those of tf and of simulated time."""
-UNSEEN = {"/tf", "/tf_static", "/clock"}
+"""Parameters with which a node has all of its topics but `UNSEEN`."""
+UNSEEN = {"/tf", "/tf_static", "/clock", "/tracks/objects", "/tracks/radar", "/image/plan"}
+"""Topics of tf, of simulated time, of packages that are not installed, and of a browser's wish."""
 
 pytestmark = pytest.mark.skipif(not POLICY.exists(), reason="only in the source tree")
 
@@ -28,7 +32,9 @@ def allowed(node: str) -> dict[str, set[str]]:
     root = ElementTree.parse(POLICY).getroot()
     (profile,) = root.findall(f".//enclave[@path='/tsepm_ros/{node}']/profiles/profile")
     assert (profile.get("ns"), profile.get("node")) == ("/", node)
-    names: dict[str, set[str]] = {"publish": set(), "subscribe": set(), "reply": set()}
+    names: dict[str, set[str]] = {
+        what: set() for what in ("publish", "subscribe", "reply", "request")
+    }
     for group in (*profile.findall("topics"), *profile.findall("services")):
         ((what, value),) = group.attrib.items()
         assert value == "ALLOW"
@@ -45,6 +51,7 @@ def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, tmp_pat
     (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n0,0,0\n1,0,0\n")
     kinds = {
         "track_initiator": TrackInitiator,
+        "sonar_detector": SonarDetector,
         "sonar_simulator": SonarSimulator,
         "scan_player": ScanPlayer,
     }
@@ -53,6 +60,11 @@ def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, tmp_pat
         from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
         kinds["track_viewer"] = TrackViewer
+    if name == "track_bridge":
+        pytest.importorskip("pyproj")
+        from tsepm_ros.tools.bridge.track_bridge import TrackBridge
+
+        kinds["track_bridge"] = TrackBridge
     more = {"recording": str(tmp_path)} if name == "scan_player" else {}
     others = [] if name == "sonar_simulator" else [world.make(SonarSimulator)]
     node = world.make(kinds[name], {**EVERYTHING[name], **more})
@@ -63,14 +75,12 @@ def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, tmp_pat
         found["publish"] = {x for x, _ in of.get_publisher_names_and_types_by_node(name, "/")}
         found["subscribe"] = {x for x, _ in of.get_subscriber_names_and_types_by_node(name, "/")}
         found["reply"] = {x for x, _ in of.get_service_names_and_types_by_node(name, "/")}
+        found["request"] = {x for x, _ in of.get_client_names_and_types_by_node(name, "/")}
         policy = allowed(name)
-        assert found["publish"] <= policy["publish"]
-        assert found["subscribe"] <= policy["subscribe"]
-        assert found["reply"] <= policy["reply"]
+        assert all(found[what] <= policy[what] for what in policy)
         return all(policy[what] - UNSEEN <= found[what] for what in policy)
 
     world.until(complete, f"everything of {node.get_name()} that the policy allows")
-    assert not list(of.get_client_names_and_types_by_node(name, "/"))
     assert len(others) <= 1
 
 

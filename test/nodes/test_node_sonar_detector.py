@@ -6,8 +6,10 @@ import time
 
 import numpy as np
 import pytest
+from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.msg import SetParametersResult
 from sensor_msgs.msg import Image, PointCloud2
-from support.ros_world import BEST_EFFORT
+from support.ros_world import BEST_EFFORT, WARN
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import make_header, read_detections
@@ -133,21 +135,67 @@ def test_markers_and_the_normalised_image_are_published_where_they_are_asked_for
     assert markers[-1].markers[-1].points
 
 
-def test_the_tracker_is_told_the_coverage_of_the_images(world):
-    sonar = Sonar(world)
+def test_the_plan_is_published_while_it_is_watched_and_at_most_twice_a_second(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
     world.make(SonarDetector, COVERAGE)
-    tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    plans = world.listen(OccupancyGrid, "image/plan")
+    world.until_connected()
+    begin = time.monotonic()
+    pings(world, sonar, heard, 20, lambda k: [(20.0, 0.5)])
+    world.until(lambda: plans, "a plan")
+    assert len(plans) <= 2.0 * (time.monotonic() - begin) + 1.0
+    assert plans[-1].header.frame_id == "sonar"
+    assert max(plans[-1].data) > 50
+
+
+def test_a_tracker_that_starts_later_or_again_is_told_the_coverage_of_the_images(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector, COVERAGE)
     world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
     world.until_connected()
-    end = time.monotonic() + 10.0
-    while tracker.get_parameter("sensor.max_range").value > 100.0 and time.monotonic() < end:
-        sonar.ping()
-        world.spin_once(0.05)
+    pings(world, sonar, heard, 2)
+    for _ in range(2):  # no image comes meanwhile
+        tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
+        world.until(
+            lambda one=tracker: one.get_parameter("sensor.max_range").value == pytest.approx(40.5),
+            "the range of the images",
+        )
+        assert tracker.get_parameter("sensor.min_range").value == pytest.approx(0.5)
+        assert tracker.get_parameter("sensor.azimuth_max").value == pytest.approx(0.8)
+        world.end(tracker)
+
+
+def test_a_tracker_that_refuses_a_coverage_is_told_again_and_the_reason_is_said(world):
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector, COVERAGE)
+    other = world.make(TrackInitiator, {"sensor.max_range": 6000.0, "sensor.min_range": 100.0})
+
+    def refuse(_):
+        return SetParametersResult(successful=False, reason="not now")
+
+    other.add_on_set_parameters_callback(refuse)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    pings(world, sonar, heard, 1)
+    world.until_logged("track_initiator: not now", level=WARN)
+    other.remove_on_set_parameters_callback(refuse)
     world.until(
-        lambda: tracker.get_parameter("sensor.max_range").value == pytest.approx(40.5, rel=0.01),
+        lambda: other.get_parameter("sensor.max_range").value == pytest.approx(40.5),
         "the range of the images",
     )
-    assert tracker.get_parameter("sensor.azimuth_max").value == pytest.approx(0.8, abs=0.01)
+
+
+def test_a_stated_coverage_that_fits_the_images_stays(world):
+    stated = COVERAGE | {"sensor.max_range": 40.1}
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector, COVERAGE)
+    tracker = world.make(TrackInitiator, stated)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    pings(world, sonar, heard, 2)
+    world.until(lambda: len(world.diagnostics) > 4, "some looks at the tracker")
+    assert tracker.get_parameter("sensor.max_range").value == 40.1
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,12 @@ def entry_points() -> dict[str, str]:
     return {name: module for name, module, _ in found}
 
 
+def test_what_colcon_installs_is_checked_for_every_executable():
+    text = (ROOT / ".ci" / "check_installed.py").read_text(encoding="utf-8")
+    (listed,) = re.findall(r"^EXECUTABLES = \[(.*?)\]", text, re.MULTILINE | re.DOTALL)
+    assert set(re.findall(r'"(\w+)"', listed)) == set(entry_points())
+
+
 @pytest.mark.parametrize("name", entry_points())
 def test_an_executable_begins_without_the_imports_that_take_their_time(name):
     """An interrupt before its first line would be a traceback of Python itself."""

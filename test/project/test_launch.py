@@ -9,7 +9,9 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from tsepm_ros.settings.parameter_files import fits
 from tsepm_ros.settings.settings import NODES, make_groups
+from tsepm_ros.tools.commands.init_command import completed, file_text, parameters, sections
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "launch" / "tsepm.launch.xml"
@@ -50,7 +52,7 @@ def started(**given: str) -> dict[str, Started]:
             executable = element.get("exec", "")
             assert executable not in nodes, "each starts once"
             nodes[executable] = Started(
-                _parameters(element, resolved),
+                _parameters(element, resolved, executable),
                 {r.get("from", ""): resolved(r.get("to", "")) for r in element.iter("remap")},
                 resolved(element.get("args", "")),
                 {a: resolved(element.get(a, "")) for a in ("namespace", "name", "respawn")},
@@ -61,13 +63,14 @@ def started(**given: str) -> dict[str, Started]:
     return nodes
 
 
-def _parameters(element, resolved):
+def _parameters(element, resolved, node):
     """Parameters as launch passes them: the files in their order, then those by name."""
     parameters: dict[str, object] = {}
     for one in element.iter("param"):
         if one.get("from"):
             text = Path(resolved(one.get("from"))).read_text(encoding="utf-8")
-            parameters |= yaml.safe_load(text)["/**"]["ros__parameters"]
+            for key, values in yaml.safe_load(text).items():
+                parameters |= values["ros__parameters"] if fits(key, f"/{node}") else {}
     for one in element.iter("param"):
         if one.get("name"):
             value = resolved(one.get("value"))
@@ -116,6 +119,35 @@ def test_the_driver_s_topics_and_the_own_ship_are_given_to_the_initiator():
         "odometry",
         "map",
     )
+
+
+@pytest.mark.parametrize("file", ["imaging_sonar", "marine_radar", "ping360", "mine"])
+def test_with_a_topic_of_images_the_detector_starts_before_the_initiator(tmp_path, file):
+    path = ROOT / "config" / f"{file}.yaml"
+    if file == "mine":
+        path = tmp_path / "mine.yaml"
+        answers = completed({"images": 1.0, "max_range": 40.0, "sector": 130.0})
+        path.write_text(file_text(sections(answers, parameters(answers)), "mine"))
+    nodes = started(params_file=str(path), image="/sonar/image", use_sim_time="true")
+    assert set(nodes) == {"sonar_detector", "track_initiator"}
+    detector, tracker = nodes["sonar_detector"], nodes["track_initiator"]
+    assert detector.remaps == {"image": "/sonar/image", "detections": "detections"}
+    assert detector.remaps["detections"] == tracker.remaps["detections"]
+    assert detector.parameters["use_sim_time"] is True
+    for executable, node in nodes.items():
+        make_groups(NODES[executable], _known(node.parameters))
+        assert len(node.parameters) > 2
+    shared = {name for name in detector.parameters if name.startswith("sensor.m")}
+    assert {name: detector.parameters[name] for name in shared} == {
+        name: tracker.parameters[name] for name in shared
+    }
+
+
+def test_a_file_without_a_section_of_the_detector_leaves_it_at_its_defaults(own_file):
+    for given in ({}, {"params_file": own_file}):
+        node = started(image="/sonar/image", **given)["sonar_detector"]
+        make_groups(NODES["sonar_detector"], _known(node.parameters))
+        assert "fixed_frame" not in node.parameters
 
 
 def test_what_is_not_given_is_as_in_the_file_of_parameters(own_file):

@@ -139,7 +139,7 @@ class Detector:
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [
                 tuple(
-                    int(np.clip(round(known or length), 1, max(cells // 4, 1)))
+                    round(float(np.clip(known or length, 1, max(cells // 4, 1))))
                     for known, length, cells in zip(stated, scale, axes, strict=False)
                 )
                 for scale in SCALES

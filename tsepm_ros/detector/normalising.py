@@ -73,7 +73,7 @@ def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray
     for axis in (0, 1):
         if amplitude.shape[axis] < MIN_CELLS:
             continue
-        count = np.maximum(measured.sum(axis, keepdims=True), 1)
+        count = np.maximum(measured.sum(axis, keepdims=True, dtype=np.float32), 1)
         limited = amplitude
         for _ in range(PASSES + 1):
             mean = limited.sum(axis, keepdims=True) / count

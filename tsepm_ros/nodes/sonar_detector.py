@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParametersAtomically
+from nav_msgs.msg import OccupancyGrid
 from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections_cloud, diagnostics, make_header
-from msg_adapters.sonar_images import IMAGES, ImageInput, detection_fields, normalised_image
+from msg_adapters.sonar_images import (
+    IMAGES,
+    PLAN_PERIOD,
+    ImageInput,
+    detection_fields,
+    normalised_image,
+    plan_message,
+    plan_of,
+)
 from msg_adapters.track_markers import detection_markers
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
@@ -27,13 +38,16 @@ from tsepm_ros.session.image_turns import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
 from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import SensorModel
 
 IMAGE, DETECTIONS = "image", "detections"
 DEPTH = 10
 PERIOD = 1.0
-"""Time between messages on /diagnostics, s."""
+"""Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
+COVERAGE = [f"sensor.{name}" for name in ("min_range", "max_range", "azimuth_min", "azimuth_max")]
+"""Parameters of the tracker that follow the images."""
 COVERAGE_CHANGE = 0.02
-"""Relative change of the images' coverage from which on the tracker is told."""
+"""Relative difference from the images' coverage from which on the tracker is told."""
 
 
 class SonarDetector(ParameterisedNode):
@@ -41,29 +55,24 @@ class SonarDetector(ParameterisedNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonar_detector", **node_options)
-        self._given: Mapping[type[Any], Any] = NodeParameters(
-            self, SONAR_DETECTOR, self._configure
-        ).options
+        self._given = NodeParameters(
+            self, SONAR_DETECTOR, lambda given: self._input.configure(given)
+        )
         self._warnings, self._dropped = ThrottledWarnings(self), Counter[str]()
-        self._input = ImageInput(self._given, self._drop, self.get_logger().warning)
-        self._stamp, self._coverage = 0, np.zeros(4)
+        self._input = ImageInput(self._given.options, self._drop, self.get_logger().warning)
+        self._coverage, self._slack = np.zeros(4), 0.0
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
         self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
-        options = self._options
-        self._tracker = (
-            self.create_client(
-                SetParametersAtomically, f"{options.tracker}/set_parameters_atomically"
-            )
-            if options.tracker
-            else None
-        )
+        self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
+        options, self._asked = self._options, Future()
+        self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
         self._images = DetectionsSubscription(
             self,
             options.image_type,
             options.image_reliability,
             options.image_depth,
-            self._take,
+            self.take_image,
             QosWatch(self),
             topic=IMAGE,
             readable=tuple(IMAGES),
@@ -74,78 +83,85 @@ class SonarDetector(ParameterisedNode):
 
     @property
     def _options(self) -> SonarDetectorNodeOptions:
-        return self._given[SonarDetectorNodeOptions]
-
-    def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
-        self._given = parameters
-        self._input.configure(parameters)
+        given: SonarDetectorNodeOptions = self._given.options[SonarDetectorNodeOptions]
+        return given
 
     def _drop(self, reason: str, sentence: str) -> None:
         """Count an image that is not used, and say why."""
         self._dropped[reason] += 1
         self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
 
-    def _take(self, message: Any) -> None:
-        """Take a message of an image, or of some bearings."""
+    def take_image(self, message: Any) -> None:
+        """Take a message of an image, or of some bearings, of any supported type."""
         for ping, scan in self._input.take(message):
-            self._stamp = ping.stamp_ns
             self._follow(ping)
             self._publish(scan, ping)
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
         header = make_header(ping.stamp_ns, ping.frame_id)
-        self._detections.publish(detections_cloud(header, **detection_fields(scan)))
+        self._detections.publish(detections_cloud(header, **detection_fields(ping, scan)))
         if self._markers.get_subscription_count():
             size = 0.01 * float(ping.range[-1])
             self._markers.publish(detection_markers(header, scan, size))
-        stages = self._input.detector.stages
+        stages, now = self._input.detector.stages, time.monotonic()
         if self._options.publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
+        is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
+        if is_due and stages is not None:
+            self._planned = now
+            self._plan.publish(plan_message(header, plan_of(ping, stages)))
 
     def _follow(self, ping: ImagePing) -> None:
-        """Tell the tracker the coverage of the images where it has changed."""
+        """Note the coverage of the images where it has changed."""
         half = 0.5 * (ping.range[1] - ping.range[0])
         step = 0.5 * float(np.median(np.abs(np.diff(ping.azimuth)))) if len(ping.azimuth) > 1 else 0
         low, high = float(ping.azimuth.min()) - step, float(ping.azimuth.max()) + step
         if high - low >= 2.0 * np.pi - 4.0 * step:
             low, high = -np.pi, np.pi
-        coverage = np.array([max(ping.range[0] - half, 0.0), ping.range[-1] + half, low, high])
-        if np.allclose(coverage, self._coverage, COVERAGE_CHANGE, 2.0 * step + 1e-3):
+        near = max(ping.range[0] - half, self._given.options[SensorModel].min_range)
+        coverage, slack = np.array([near, ping.range[-1] + half, low, high]), 2.0 * step + 1e-3
+        if np.allclose(coverage, self._coverage, COVERAGE_CHANGE, slack):
             return
-        self._coverage = coverage
+        self._coverage, self._slack = coverage, slack
         self.get_logger().info(
-            f"images reach from {coverage[0]:.3g} to {coverage[1]:.4g} m and from {low:.3g} to "
+            f"images reach from {near:.3g} to {coverage[1]:.4g} m and from {low:.3g} to "
             f"{high:.3g} rad"
         )
-        if self._tracker is not None and self._tracker.service_is_ready():
-            names = "min_range", "max_range", "azimuth_min", "azimuth_max"
-            request = SetParametersAtomically.Request(
-                parameters=[
-                    Parameter(
-                        name=f"sensor.{name}",
-                        value=ParameterValue(
-                            type=ParameterType.PARAMETER_DOUBLE, double_value=float(value)
-                        ),
-                    )
-                    for name, value in zip(names, coverage, strict=True)
-                ]
+        self._ask()
+
+    def _ask(self) -> None:
+        """Ask the tracker for its coverage: it may have started, or started again, since."""
+        if (
+            self._tracker is not None
+            and self._coverage.any()
+            and self._tracker.services_are_ready()
+        ):
+            self._asked.cancel()  # without an answer until now: that tracker is no more
+            self._asked = self._tracker.get_parameters(COVERAGE, self._tell)
+
+    def _tell(self, future: Any) -> None:
+        """Tell the tracker the coverage of the images where its own is another."""
+        if self._tracker is None or future.cancelled():
+            return
+        known = [one.double_value for one in future.result().values] or [np.nan]
+        if not np.allclose(known, self._coverage, COVERAGE_CHANGE, self._slack):
+            pairs = zip(COVERAGE, self._coverage.tolist(), strict=True)
+            self._tracker.set_parameters_atomically(
+                [Parameter(name, value=value) for name, value in pairs], self._told
             )
-            self._tracker.call_async(request).add_done_callback(self._told)
 
     def _told(self, future: Any) -> None:
         """Say why the tracker refused a coverage."""
-        answer = future.result().result
-        if not answer.successful:
-            self.get_logger().warning(f"{self._options.tracker}: {answer.reason}")
+        if not (answer := future.result().result).successful:
+            self._warnings.warn("tracker", f"{self._options.tracker}: {answer.reason}", 0)
 
     def _report(self) -> None:
-        """Publish what the detector measured, and the drops."""
-        measured: dict[str, object] = dict(self._input.detector.measured)
+        """Publish what the detector measured, and the drops; look at the tracker's coverage."""
+        self._ask()
+        measured = self._input.detector.measured | {"bearings_unused": self._input.turns.unused}
         values = measured | {f"dropped.{name}": count for name, count in self._dropped.items()}
-        if self._input.turns.unused:
-            values["bearings_unused"] = self._input.turns.unused
         level, message = Level.OK, "detections are made of images"
-        if not self._stamp:
+        if not measured["images"]:
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"

@@ -151,7 +151,16 @@ _SINGLE = {
         "Publish the sonar's raw image",
     ),
     "bad_geometry": DropReason(
-        DETECTIONS, "scan", "an image has no ranges above 0, or no sample rate", _DRIVER
+        DETECTIONS,
+        "scan",
+        "an image has no ranges above 0, no sample rate, or a bearing or its time is no number",
+        _DRIVER,
+    ),
+    "bad_image": DropReason(
+        DETECTIONS,
+        "scan",
+        "an image's ranges or bearings are in no order, or a value of it is infinite",
+        _DRIVER,
     ),
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.turn import TURN, WHOLE_VIEW, Closing, Turn, TurnLearner
+from tsepm_ros.session.turn import MOST_PARTS, TURN, WHOLE_VIEW, Closing, Turn, TurnLearner
 from tsepm_ros.tracker.scan import Arc, turned
 
 CHANGED = 0.2
@@ -72,24 +72,21 @@ class ImageTurns:
     """
 
     def __init__(self) -> None:
-        self.unused = 0
-        self._learner, self._turn = TurnLearner(), None  # type: tuple[TurnLearner, Turn | None]
-        self._parts: list[ImagePing] = []
-        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self.unused, self._parts = 0, list[ImagePing]()
+        self._start_over()
 
     def add(self, ping: ImagePing) -> list[ImagePing]:
         """Take a message; returns the pings that are complete by it."""
         low, high = float(ping.azimuth.min()), float(ping.azimuth.max())
         if not ping.is_part or high - low >= WHOLE_VIEW:
             return [ping]
-        if self._parts and not _same_cells(self._parts[-1], ping):
-            self._start_over()
         arc, stamp = Arc(low, high - low, True), 1e-9 * ping.stamp_ns
+        other = self._parts and not _same_cells(self._parts[-1], ping)
+        back = self._turn is not None and stamp < self._turn.stamp
+        if other or back or len(self._parts) >= MOST_PARTS:
+            self._start_over()
         if self._turn is None:
             self._learn(ping, stamp, arc)
-            return []
-        if stamp < self._turn.stamp:
-            self._start_over()
             return []
         closing = self._turn.take(stamp, arc)
         if closing is None:
@@ -100,16 +97,20 @@ class ImageTurns:
         parts, self._parts = self._parts, [ping]
         if closing is Closing.BACK:  # the bearing where it turned is of both passes
             self._parts.insert(0, parts[-1])
-        return [self._joined(parts)] if len(parts) > 1 else []
+        if len(parts) < 2:
+            self.unused += 1
+            return []
+        return [self._joined(parts)]
 
     def _start_over(self) -> None:
         """Forget the bearings so far: the ranges, or the run, are others."""
         self.unused += len(self._parts)
-        self._parts, self._grid = [], None
-        self._learner, self._turn = TurnLearner(), None
+        self._parts = []
+        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self._learner, self._turn = TurnLearner(), None  # type: tuple[TurnLearner, Turn | None]
 
     def _learn(self, ping: ImagePing, stamp: float, arc: Arc) -> None:
-        self.unused += 1
+        self.unused += len(self._parts)
         self._parts = [ping]
         learned = self._learner.take(stamp, arc, NO_RANGES)
         if learned is not None:
@@ -149,7 +150,8 @@ class ImageTurns:
     def _grid_of(self, azimuth: FloatArray) -> tuple[float, float, int]:
         """Begin, step (rad) and cells of the grid: those before, where they fit."""
         low, high = float(azimuth.min()), float(azimuth.max())
-        step = float(np.median(np.abs(np.diff(azimuth)))) or 1e-3
+        least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
+        step = max(float(np.median(np.abs(np.diff(azimuth)))), least) or 1e-3
         whole = high - low >= TURN - WHOLE_GAP * step
         if self._grid is not None:
             begin, before, cells = self._grid

@@ -521,7 +521,7 @@ class SonarDetectorNodeOptions(ParameterGroup):
     tracker: str = parameter(
         "track_initiator",
         "Node whose sensor.min_range, max_range, azimuth_min and azimuth_max follow those of the "
-        "images when these change; empty: none",
+        "images, also after its restart; empty: none",
         read_only=True,
     )
     publish_normalised: bool = parameter(

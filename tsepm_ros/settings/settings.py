@@ -227,8 +227,8 @@ _EXAMPLES = {
     "track_bridge": "-p nmea_address:=127.0.0.1:10110 -p nmea_sentences:=both",
 }
 _TOPICS = {
-    "sonar_detector": "subscribes to image; publishes detections, detections/markers and "
-    "image/normalised (docs/sonar_images.md)",
+    "sonar_detector": "subscribes to image; publishes detections, detections/markers, "
+    "image/plan and image/normalised (docs/sonar_images.md)",
     "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
     "tracks/current, tracks/markers and others (docs/topics.md)",
     "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",

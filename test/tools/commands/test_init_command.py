@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.parameter_files import values_for
+from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.init_command import QUESTIONS, asked, completed
+from tsepm_ros.tools.commands.init_command import QUESTIONS, SHARED, asked, completed
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
 
@@ -127,6 +128,25 @@ def test_an_extent_writes_that_plots_are_on_and_echoes_lie_apart_by_their_errors
     assert stated["sensor.azimuth_resolution"] == pytest.approx(np.radians(2.0))
     assert stated["sensor.range_resolution"] == pytest.approx(0.4)
     assert "plots" not in written_by(tmp_path / "b.yaml")
+
+
+@pytest.mark.usefixtures("no_expectation")
+def test_for_images_one_file_has_both_nodes_with_one_coverage(capsys, tmp_path):
+    path, out = tmp_path / "sonar.yaml", tmp_path / "recording.yaml"
+    given = ["--images", "yes", "--max-range", "40", "--sector", "130", "--min-range", "0.5"]
+    assert main(["init", str(path), "--yes", *given]) == 0
+    said = capsys.readouterr().out
+    assert f"sonar_detector --ros-args --params-file {path} -r image:=YOUR_TOPIC\n" in said
+    assert f"track_initiator --ros-args --params-file {path}\n" in said
+    detector = values_for(path, "/boat/sonar_detector")
+    tracker = values_for(path, "/track_initiator")
+    make_groups(SONAR_DETECTOR, detector)
+    make_groups(TRACK_INITIATOR, tracker)
+    assert {name: tracker[name] for name in SHARED} == {name: detector[name] for name in SHARED}
+    assert detector["false_detections_per_ping"] == 20.0
+    assert tracker["sensor.clutter_density"] == pytest.approx(20.0 / (0.5 * 40.0**2 * 2.2689), 0.01)
+    assert main(["init", str(out), "--yes", *given, "--false-detections", "1e5"]) == 2
+    assert "false_detections_per_ping" in capsys.readouterr().err
 
 
 def test_own_ship_and_mounting_are_written(capsys, tmp_path):

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
+import re
+
 import numpy as np
 import pytest
 from support.bag_files import STORE, Entry, header, write_bag
@@ -85,3 +90,20 @@ def test_a_bag_with_detections_and_a_camera_uses_the_detections(tmp_path):
     assert find_topics(topics, {"detections": "/camera/image_raw"})["detections"] == (
         "/camera/image_raw"
     )
+
+
+def test_one_file_has_the_parameters_of_both_and_a_page_has_the_images(tmp_path):
+    shared = "".join(f"    sensor.{name}: {value}\n" for name, value in COVERAGE.items())
+    file, page = tmp_path / "sonar.yaml", tmp_path / "run.html"
+    file.write_text(
+        f"/**/sonar_detector:\n  ros__parameters:\n    image.near_first: false\n{shared}"
+        f"/**/track_initiator:\n  ros__parameters:\n    max_speed: 3.0\n{shared}"
+    )
+    path = bag(tmp_path, pictures(12))
+    assert main(["run", str(path), "--params-file", str(file), "--html", str(page)]) == 0
+    [data] = re.findall(r'id="recording">([^<]+)<', page.read_text())
+    images = json.loads(gzip.decompress(base64.b64decode(data)))["images"]
+    assert len(images) == 4, "of 2.2 s, one in 0.5 s or more"
+    levels = np.frombuffer(base64.b64decode(images[-1]["levels"]), np.int8).reshape(128, 128)
+    row, column = np.unravel_index(levels.argmax(), levels.shape)
+    assert row > 64 and column > 64, "ahead, to port"

@@ -14,7 +14,7 @@ from support.pages import held, live_state, numbered, put_moving, served
 from support.patience import WAIT
 
 from tsepm_ros.tools.bridge.closest_approach import closest_approach
-from tsepm_ros.tools.viewer.page_frames import track_facts
+from tsepm_ros.tools.viewer.page_frames import image_frame, track_facts
 from tsepm_ros.tools.viewer.page_state import write_page
 
 need_browser()
@@ -211,6 +211,22 @@ def test_each_thing_is_drawn_in_its_place_and_colour(replay):
     replay.press("#layer-potential")
     settled(replay)
     assert without < colours(replay, 500.0, 1500.0), "potential tracks are off at first"
+
+
+def test_the_sonar_image_is_drawn_from_the_sensor_once_it_is_switched_on(replay):
+    settled(replay)
+    levels = np.full((64, 64), -1, np.int8)
+    levels[40:44, 40:44] = 100  # ahead and to port
+    image = image_frame(24.0, 50.0, levels.tobytes())
+    replay.value(f"scene.merge({{ images: [{json.dumps(image)}] }}); showPanels()")
+    # Own ship heads north: ahead and to port is north-west.
+    where = -0.5 * (8 + 12) * 50.0, 500.0 + 0.5 * (8 + 12) * 50.0
+    replay.value("scene.frames.at(-1).stamp = 30; redraw()")
+    before = colours(replay, *where)
+    replay.press("#layer-image")
+    settled(replay)
+    assert colours(replay, *where) - before
+    assert replay.value("scene.image(scene.frames.at(-1)).heading") == pytest.approx(1.57, abs=0.01)
 
 
 def test_layers_can_be_hidden(replay):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 import resource
 import socket
@@ -188,6 +189,15 @@ def test_the_token_of_the_printed_address_becomes_a_cookie():
             return update
 
         assert numbers(run(connect)) == [1]
+
+
+def test_the_newest_sonar_image_is_given_to_browsers_that_ask_for_it():
+    state = live_state(1)
+    assert state.image_asked == -math.inf
+    with served(state) as server:
+        state.image = '{"stamp":1}'
+        assert json.loads(get(f"{server.url}image").body) == {"stamp": 1}
+        assert state.image_asked > 0.0
 
 
 def test_a_browser_follows_and_one_that_comes_back_gets_the_present_state():

@@ -16,10 +16,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from tsepm_ros.detector.detector_options import DetectorOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
-from tsepm_ros.settings.parameter_files import section, yaml_text
-from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
+from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.design.prediction import Case
 from tsepm_ros.tools.design.search import FirstEstimate, first_estimate
 from tsepm_ros.tools.terminal import text_table
@@ -28,6 +29,8 @@ from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 
 Answers = Mapping[str, float]
+Sections = dict[str, dict[str, Value]]
+"""Values of parameters by the key of their section."""
 
 CELL_TO_STD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
@@ -256,11 +259,19 @@ QUESTIONS = (
         maximum=1e3,
     ),
     Question(
+        "images",
+        "Does your driver publish images, or intensities of single bearings",
+        "no or yes",
+        "yes: sonar_detector makes the detections of them. no: it publishes detections.",
+        0.0,
+        choices=("no", "yes"),
+    ),
+    Question(
         "false_detections",
         "False detections per ping, over the whole coverage",
         "per ping",
-        "The start of what the node learns. 0: not known.",
-        0.0,
+        "Of images the number that is kept, else the start of what is learned. 0: not known.",
+        lambda answers: answers["images"] and DetectorOptions().false_detections_per_ping,
         maximum=1e6,
     ),
     Question(
@@ -368,6 +379,31 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     return values
 
 
+LAYOUT: dict[str, Value] = {
+    "image.rows": "auto",
+    "image.near_first": False,
+    "image.port_first": True,
+    "image.clockwise": False,
+}
+"""What a driver's images may have otherwise, in the file so that it is seen."""
+SHARED = (
+    *(f"sensor.{name}" for name in ("min_range", "max_range", "azimuth_min", "azimuth_max")),
+    "sound_speed",
+)
+"""Parameters that both nodes have."""
+
+
+def sections(answers: Answers, values: dict[str, Value]) -> Sections:
+    """Sections of the parameter file: values of the tracker, and with images of the detector."""
+    if not answers["images"]:
+        return {ANY_NODE: values}
+    number = answers["false_detections"] or DetectorOptions().false_detections_per_ping
+    shared = {name: values[name] for name in SHARED if name in values}
+    detector = {"false_detections_per_ping": number} | LAYOUT | shared
+    make_groups(SONAR_DETECTOR, detector)
+    return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
+
+
 def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
     """First estimate of the performance for the given false detections per ping.
 
@@ -446,7 +482,7 @@ def run_init(options: argparse.Namespace) -> None:
         given = asked(given, input)
     answers = completed(given)
     values = parameters(answers, known_interval="interval" in given)
-    write_text(path, file_text(values, _line(path, answers, given)))
+    write_text(path, file_text(sections(answers, values), _line(path, answers, given)))
     missing = [question for question in QUESTIONS if question.name not in given]
     if missing:
         print("not given, defaults taken:")
@@ -457,7 +493,10 @@ def run_init(options: argparse.Namespace) -> None:
     print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
     source = values["own_ship_source"]
     more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
-    print(f"written: {path}; run it with\n  {_run_line(path)}{more.get(str(source), '')}")
+    runs = {"sonar_detector": "image", "track_initiator": ""}
+    runs = runs if answers["images"] else {"track_initiator": "detections"}
+    lines = "".join(f"\n  {_run_line(path, *one)}" for one in runs.items())
+    print(f"written: {path}; run it with{lines}{more.get(str(source), '')}")
     if source == "none":
         print("on a moving vessel give --own-ship odometry, or tf")
 
@@ -501,14 +540,14 @@ def _asked_one(question: Question, default: float, ask: Callable[[str], str]) ->
             print(f"  {error}")
 
 
-def file_text(values: dict[str, Value], line: str) -> str:
-    """The parameter file, for a node of any name in any namespace."""
+def file_text(content: Sections, line: str) -> str:
+    """The parameter file, for nodes in any namespace; without images of any name."""
     lines = [
         f"# {line}",
         "# Clutter density and detection probability are learned; a density here is the start.",
-        *section(),
-        *(f"    {name}: {yaml_text(value)}" for name, value in values.items()),
     ]
+    for key, values in content.items():
+        lines += section(key) + [f"    {name}: {yaml_text(one)}" for name, one in values.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -548,9 +587,6 @@ def _line(path: Path, answers: Answers, given: Answers) -> str:
     return shlex.join(words)
 
 
-def _run_line(path: Path) -> str:
-    file = shlex.quote(str(path))
-    return (
-        f"ros2 run tsepm_ros track_initiator --ros-args --params-file {file} "
-        "-r detections:=YOUR_TOPIC"
-    )
+def _run_line(path: Path, node: str, topic: str) -> str:
+    remap = f" -r {topic}:=YOUR_TOPIC" if topic else ""
+    return f"ros2 run tsepm_ros {node} --ros-args --params-file {shlex.quote(str(path))}{remap}"

@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import TextIO
 
 from msg_adapters.message_input import MessageInput
-from msg_adapters.sonar_images import IMAGES, ImageInput
+from msg_adapters.sonar_images import IMAGES, ImageInput, Plan
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.consistency_checks import explained, questions
@@ -28,7 +28,7 @@ from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.session.result import ScanResult
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
-from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
+from tsepm_ros.settings.parameter_files import add_values, given_values, unused_files, yaml_text
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
@@ -75,7 +75,7 @@ from tsepm_ros.tools.replay.track_files import (
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tools.viewer.live_frames import make_server
-from tsepm_ros.tools.viewer.page_frames import RecordedScene
+from tsepm_ros.tools.viewer.page_frames import RecordedScene, image_frame
 from tsepm_ros.tools.viewer.page_state import write_page
 from tsepm_ros.whole_files import naming, opened_whole
 
@@ -135,6 +135,8 @@ class Run:
         Number of scans that were processed so far.
     mounting_yaw : float or None
         As in `ScanView.of`.
+    plans : list of Plan or None
+        Sonar images for a page.
     """
 
     title: str
@@ -146,6 +148,7 @@ class Run:
     scans: int | None = None
     processed: int = 0
     mounting_yaw: float | None = 0.0
+    plans: list[Plan] | None = None
 
     @property
     def north(self) -> bool:
@@ -161,7 +164,11 @@ class Run:
         """The scene of the finished run, JSON."""
         dropped = self.session.dropped
         notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
-        return recorded.document(dropped, notes)
+        plans = [
+            image_frame(1e-9 * plan.stamp_ns, plan.cell, plan.levels.tobytes())
+            for plan in self.plans or ()
+        ]
+        return recorded.document(dropped, notes, plans)
 
 
 def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
@@ -263,14 +270,21 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         )
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
-    of_detector, of_tracker = _shared_out(values) if shown else ({}, values)
-    session, node, notes = _session(source, bag.notes, of_tracker)
+    session, node, notes = _session(source, bag.notes, _shared_out(values)[1] if shown else values)
     if session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
     if shown:
+        node_name = "/sonar_detector"  # a file may be the tracker's alone
+        fitting = [
+            one
+            for one in options.parameter
+            if isinstance(one, str) or not unused_files(["--params-file", str(one)], node_name)
+        ]
+        of_detector, _ = _shared_out(given_values(fitting, node_name))
         groups = make_groups(SONAR_DETECTOR, of_detector)
         images = ImageInput(groups, session.drop, lambda one: notes.update({one: one}))
+        images.plans = [] if options.html else None
     return Run(
         title=_title(options, session),
         session=session,
@@ -279,6 +293,7 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         notes=notes,
         scans=bag.count(topics[DETECTIONS]),
         mounting_yaw=_mounting_yaw(session, node),
+        plans=images.plans if images else None,
     )
 
 

@@ -114,7 +114,7 @@ def bag_results(
         role = roles[message.topic]
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
-                fields, options = detection_fields(scan), ReadingOptions()
+                fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
         elif role == DETECTIONS:

@@ -6,6 +6,7 @@ Nothing here needs rclpy.
 from __future__ import annotations
 
 import math
+import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -29,8 +30,10 @@ from tsepm_ros.session.drop_reasons import shortened
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer.page_frames import (
     Frame,
+    encode,
     geographic_terms,
     health_of_message,
+    image_frame,
     make_frame,
     own_ship_history,
     own_ship_velocity,
@@ -45,7 +48,7 @@ if TYPE_CHECKING:
 
 DETECTIONS, NEW, TRACKS = "detections/placed", "tracks", "tracks/current"
 POTENTIAL, FIXED = "potential_tracks", "fixed_echoes"
-OWN_SHIP, DIAGNOSTICS = "own_ship/odometry", "/diagnostics"
+OWN_SHIP, DIAGNOSTICS, IMAGE = "own_ship/odometry", "/diagnostics", "image/plan"
 """The topics that are watched, named as in the track initiator."""
 
 CLOUDS = (NEW, DETECTIONS, TRACKS, POTENTIAL, FIXED)
@@ -255,6 +258,8 @@ def _potential(cloud: Any, stamp: float) -> TrackArrays:
 
 GATHERING_TIME = 0.015
 """Time for the messages of a scan to arrive before the scan is drawn, s."""
+IMAGE_TIME, MAX_IMAGE = 3.0, 1 << 16
+"""Time for which images are received after a browser asked for one, s; and their most bytes."""
 MAX_WAITING = 500
 """Messages that wait for the server's thread."""
 
@@ -332,6 +337,17 @@ class LiveFeed:
         if not self._scheduled:
             self._scheduled = True
             self.server.call_later(GATHERING_TIME, self._show)
+
+    @property
+    def shows_image(self) -> bool:
+        """Whether a browser shows sonar images."""
+        return time.monotonic() - self._state.image_asked < IMAGE_TIME
+
+    def take_image(self, message: Any) -> None:
+        """Take a sonar image, nav_msgs/OccupancyGrid in the plane of the sensor."""
+        stamp, levels = ns_to_seconds(time_to_ns(message.header.stamp)), bytes(message.data)
+        if len(levels) <= MAX_IMAGE:
+            self._state.image = encode(image_frame(stamp, message.info.resolution, levels))
 
     def published(self, known: bool) -> None:
         """Say whether anything publishes held tracks, for a page that waits for them."""

@@ -28,6 +28,7 @@ Health has the levels, tasks and sentences of the diagnostics.
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -418,6 +419,11 @@ def _health(entries: list[dict[str, Any]]) -> Frame:
     return {"level": worst, "entries": entries}
 
 
+def image_frame(stamp: float, cell: float, levels: bytes) -> Frame:
+    """A sonar image in the plane of the sensor, see `msg_adapters.sonar_images.Plan`."""
+    return {"stamp": stamp, "cell": cell, "levels": base64.b64encode(levels).decode()}
+
+
 class RecordedScene:
     """Collects the results of a run.
 
@@ -450,6 +456,7 @@ class RecordedScene:
         self._info |= geographic_terms(origin)
         if sensor is not None:
             self._info["sector"] = sector(sensor, mounting_yaw)
+            self._info["mounting_yaw"] = mounting_yaw or 0.0
         self._poses = own_ship_history()
         self._truth = [np.round(path, 2).tolist() for path in truth]
         self._mounting_yaw = mounting_yaw
@@ -506,7 +513,9 @@ class RecordedScene:
         self._poses.add(PoseSample(result.stamp, float(pose[0]), float(pose[1]), 0.0))
         return [*pose.tolist(), *own_ship_velocity(self._poses, result.stamp)]
 
-    def document(self, dropped: Mapping[str, int], notes: Iterable[str] = ()) -> str:
+    def document(
+        self, dropped: Mapping[str, int], notes: Iterable[str] = (), images: Iterable[Frame] = ()
+    ) -> str:
         """The recording, JSON: everything that a page is told, see `PageState.since`, and truth.
 
         Parameters
@@ -515,6 +524,8 @@ class RecordedScene:
             Drops by reason.
         notes : iterable of str, optional
             Other notices of the run.
+        images : iterable of dict, optional
+            Sonar images, see `image_frame`.
         """
         return encode(
             {
@@ -524,6 +535,7 @@ class RecordedScene:
                 "health": health_of_run(len(self._frames), dropped, notes),
                 "facts": self._facts,
                 "frames": self._frames,
+                "images": list(images),
             }
         )
 

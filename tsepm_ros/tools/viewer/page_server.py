@@ -214,6 +214,7 @@ class PageServer:
         if self._state is not None:
             source = {"state": self._state, "browsers": self._browsers}
             routes.append(("/updates", _Updates, source))
+            routes.append(("/image", _Image, {"state": self._state}))
             self._state.changed = lambda: self._call(self._wake)
         self._application = tornado.web.Application(routes, **self._settings)
         self._started = True
@@ -393,6 +394,18 @@ class _Text(_Guarded):
             return
         self.set_header("Content-Type", self._content_type)
         self.write(self._text)
+
+
+class _Image(_Guarded):
+    """The newest sonar image; the source gets images only while browsers ask."""
+
+    def initialize(self, state: PageState) -> None:
+        self._state = state
+
+    def get(self) -> None:
+        self._state.image_asked = time.monotonic()
+        self.set_header("Content-Type", content_type("recording"))
+        self.write(self._state.image)
 
 
 class _Updates(_Guarded, WebSocketHandler):

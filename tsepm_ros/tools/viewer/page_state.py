@@ -9,6 +9,7 @@ import base64
 import gzip
 import hashlib
 import html
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -150,12 +151,17 @@ class PageState:
     ----------
     changed : callable
         Called after each change, in the thread of the change.
+    image : str
+        The newest sonar image, JSON, see `image_frame`; browsers ask for it.
+    image_asked : float
+        When a browser last asked for it, s of the monotonic clock.
     """
 
     def __init__(
         self, info: Mapping[str, Any], max_frames: int, max_bytes: int = MAX_BYTES
     ) -> None:
         self.changed: Callable[[], None] = lambda: None
+        self.image, self.image_asked = "null", -math.inf
         self._lock = threading.Lock()
         self._max_bytes = max_bytes
         self._version = 1

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.clock import Clock, ClockType
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -26,6 +26,7 @@ from tsepm_ros.tools.viewer.live_frames import (
     CLOUDS,
     DIAGNOSTICS,
     FIXED,
+    IMAGE,
     OWN_SHIP,
     TRACKS,
     LiveFeed,
@@ -62,7 +63,7 @@ class TrackViewer(ParameterisedNode):
         }
         self._topics = self._given
         self._stated: dict[str, dict[str, str]] = {}  # topics by node
-        self._shown = ""
+        self._shown, self._image = "", None  # type: tuple[str, Any]
         topic = self._given[TRACKS]
         with refusing():
             self._feed = LiveFeed(
@@ -129,6 +130,13 @@ class TrackViewer(ParameterisedNode):
                 "or -r tracks/current:=TOPIC chooses",
                 0,
             )
+        if self._feed.shows_image and self._image is None:
+            self._image = self.create_subscription(
+                OccupancyGrid, IMAGE, self._feed.take_image, NEWEST
+            )
+        elif self._image is not None and not self._feed.shows_image:
+            self.destroy_subscription(self._image)
+            self._image = None
         self._follow(self._stated.get(self._shown, {}))
         self._feed.published(self.count_publishers(self._topics[TRACKS]) > 0)
 

@@ -19,12 +19,13 @@ const LAYERS = [
   ["fixed", "Fixed echoes"],
   ["ownShip", "Own ship and its way"],
   ["sector", "Sector of the sensor"],
+  ["image", "Sonar image"],
   ["truth", "Truth"],
   ["rings", "Range rings"],
   ["follow", "Keep own ship centred"],
 ];
 
-const OFF_AT_FIRST = ["potential", "follow"];
+const OFF_AT_FIRST = ["potential", "follow", "image"];
 const FULL_TURN = 2 * Math.PI - 0.05; // rad; a wider sector has no sides
 const LABEL_ROOM = 14; // px, about the signs of tracks and own ship, without labels of rings
 const SIGN_ROOM = 5; // px, about the same, without labels of tracks
@@ -146,6 +147,7 @@ class Plan {
       this.center = [frame.own_ship[0], frame.own_ship[1]];
     }
     this.taken = this.corners();
+    if (frame && this.layers.image) this.drawImage(frame);
     if (this.layers.rings) this.drawRings(frame);
     if (frame) {
       if (this.layers.sector) this.drawSector(frame);
@@ -209,6 +211,31 @@ class Plan {
     context.globalAlpha = 0.55;
     context.stroke();
     context.globalAlpha = 1;
+  }
+
+  /* The sonar image, where the sensor was: the stronger the more opaque. */
+  drawImage(frame) {
+    const { context, colour } = this;
+    const image = this.scene.image(frame);
+    if (!image) return;
+    const { side, levels } = image;
+    const picture = new ImageData(side, side);
+    const [red, green, blue] = [1, 3, 5].map((k) => parseInt(colour.detection.slice(k, k + 2), 16));
+    for (let k = 0; k < levels.length; k += 1) {
+      // Rows are from starboard to port: on the screen port is above.
+      const place = 4 * ((side - 1 - Math.floor(k / side)) * side + k % side);
+      const alpha = levels[k] < 0 ? 0 : 20 + 2.2 * levels[k];
+      picture.data.set([red, green, blue, alpha], place);
+    }
+    const cells = document.createElement("canvas");
+    cells.width = cells.height = side;
+    cells.getContext("2d").putImageData(picture, 0, 0);
+    context.save();
+    context.translate(...this.screen(image.x, image.y));
+    context.rotate(-image.heading);
+    const half = 0.5 * side * image.cell * this.scale;
+    context.drawImage(cells, -half, -half, 2 * half, 2 * half);
+    context.restore();
   }
 
   drawRuler(north) {
@@ -670,6 +697,12 @@ class Plan {
       context.beginPath();
       context.moveTo(3, 16); context.arc(3, 16, 19, -1.2, -0.2); context.closePath();
       context.stroke();
+    } else if (layer === "image") {
+      context.fillStyle = colour.detection;
+      for (let k = 0; k < 12; k += 1) {
+        context.globalAlpha = 0.15 + 0.08 * (k * 5 % 11);
+        context.fillRect(4 + 5 * (k % 4), 1 + 5 * Math.floor(k / 4), 5, 5);
+      }
     } else if (layer === "truth") {
       context.strokeStyle = colour.truth;
       context.lineWidth = 1.5;

@@ -17,6 +17,7 @@ class Scene {
     this.removed = 0; // frames forgotten before the first one
     this.facts = {};
     this.truth = [];
+    this.images = []; // {stamp, cell, side, levels}, by stamp; live the newest
     this.health = null;
     this.histories = new Map(); // id: [{number, order, stamp, x, y, ...}], by number
     this.span = null; // [min x, min y, max x, max y] of everything seen, m
@@ -27,6 +28,7 @@ class Scene {
     if (message.all) this.clear();
     if (message.info) this.info = message.info;
     if (message.truth) this.truth = message.truth;
+    if (message.images) this.images = message.images.map(convertedImage);
     if ("health" in message) this.health = message.health;
     if (message.facts) Object.assign(this.facts, message.facts);
     for (const frame of message.frames || []) this.take(converted(frame));
@@ -102,6 +104,18 @@ class Scene {
     return given.every(Number.isFinite) ? [near, far, begin + yaw, end + yaw] : null;
   }
 
+  /* The newest sonar image up to a frame, with x, y and heading of the sensor then; or null. */
+  image(frame) {
+    const upTo = this.images.filter(({ stamp }) => stamp <= frame.stamp + 1e-3);
+    const image = upTo[upTo.length - 1];
+    const then = image && this.frames.findLast(({ stamp }) => stamp <= image.stamp + 1e-3);
+    const ship = then && this.ownShip(then);
+    if (!ship || ship[2] === null || frame.stamp - image.stamp > 30) return null;
+    const yaw = this.info.mounting_yaw === undefined
+      ? Number(this.diagnostic("own ship", "mounting_yaw") || 0) : this.info.mounting_yaw;
+    return { ...image, x: ship[0], y: ship[1], heading: ship[2] + yaw };
+  }
+
   /* Truth at a stamp: [x, y] of each target that exists then. */
   targets(stamp) {
     const found = [];
@@ -133,6 +147,12 @@ class Scene {
     for (const path of this.truth) for (const [, x, y] of path) include(x, y);
     return box[0] <= box[2] ? box : null;
   }
+}
+
+/* An image with its levels as signed bytes. */
+function convertedImage({ stamp, cell, levels }) {
+  const bytes = Int8Array.from(atob(levels), (sign) => sign.charCodeAt(0));
+  return { stamp, cell, side: Math.round(Math.sqrt(bytes.length)), levels: bytes };
 }
 
 /* A frame in SI: the integers of page_frames.py are cm, mm/s, mrad, ms and percent. */

@@ -16,6 +16,7 @@ plan.near = trackList.near = alarm.near;
 let audio = null; // made when the user turns the sound on
 
 const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
+const IMAGE_PERIOD = 500; // ms between questions for a sonar image
 const RETRY_PERIODS = [500, 1000, 2000, 5000]; // ms
 const LATE = 5000; // ms, at least, after which missing diagnostics are stale
 
@@ -207,6 +208,7 @@ function showLayers(frame) {
   const has = {
     truth: scene.truth.length > 0,
     sector: Boolean(scene.sector() && scene.ownShip(frame)),
+    image: source === "live" || scene.images.length > 0,
     ownShip: Boolean(frame && frame.own_ship), follow: Boolean(frame && frame.own_ship),
   };
   for (const [name] of LAYERS) {
@@ -440,6 +442,15 @@ function take(message) {
   redraw();
 }
 
+/* Ask for the newest sonar image, while it is shown. */
+async function askImage() {
+  if (!plan.layers.image || !page.connected || document.hidden) return;
+  const image = await fetch("image").then((answer) => answer.json()).catch(() => null);
+  if (!image || !page.playing) return;
+  scene.merge({ images: [image] });
+  redraw();
+}
+
 let failures = 0;
 
 function follow() {
@@ -490,6 +501,7 @@ function begin() {
   setInterval(showPanels, 1000);
   if (source === "live") {
     follow();
+    setInterval(askImage, IMAGE_PERIOD);
   } else {
     replay(source === "embedded" ? embedded() : fetch("recording").then((answer) => answer.text()))
       .catch(fail);
