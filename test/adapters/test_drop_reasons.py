@@ -36,7 +36,7 @@ def literals(path: Path) -> Iterator[str]:
 def of_call(node: ast.Call, path: Path) -> Iterator[str]:
     """Those in a call that drops or refuses."""
     name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-    refuses = name == "refusing" and path.parent.name == "msg_adapters"
+    refuses = name in ("refusing", "_drop") and path.parent.name == "msg_adapters"
     if (refuses or name in ("drop", "MessageError", "Rejection")) and node.args:
         yield from texts(node.args[0])  # of a choice between two, both
     if name == "_refuse":  # rows of reason, whether it applies, and sentence

@@ -44,6 +44,7 @@ def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
     page = held_by(path.read_text())
     info = page["info"]
     assert info.pop("sector") == [0.0, 9000.0, -math.pi, math.pi]
+    assert info.pop("mounting_yaw") == 0.0
     assert info == {"kind": "recording", "title": "trial, method score", "north": False}
     assert len(page["frames"]) == 8
     ((track_id, facts),) = page["facts"].items()
