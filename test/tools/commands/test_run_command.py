@@ -179,7 +179,9 @@ def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
         "sys.exit(main(sys.argv[1:]))\n"
     )
     page, out = tmp_path / "run.html", tmp_path / "out"
-    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    # A measurement of coverage writes files of its own.
+    environment = {name: one for name, one in os.environ.items() if not name.startswith("COV")}
+    environment["PYTHONUNBUFFERED"] = unbuffered
     for size, arguments, output, path in (
         (4096, ["--html", str(page)], os.devnull, page),
         (4096, ["--out", str(out)], os.devnull, out),
