@@ -187,11 +187,13 @@ class ExtendedTargets:
         if self.seen:
             before = new.stamp - new.age < self.since
             return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
+        # Echoes in a row that stand still, a quay, look like a target that moves along it.
+        still = (held.stationary_probability > 0.5) & self._excess.crowded
         known = [not self._excess.waits(one) for one in held.track_id.tolist()]
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
         older = np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        near &= older & ~np.append(np.array(known, bool), nothing)
+        near &= older & ~np.append(np.array(known, bool) & ~still, nothing)
         return np.asarray(filled | near.any(axis=1))
 
     def of_one_hull(self, held: TrackArrays) -> BoolArray:

@@ -179,14 +179,18 @@ class MultiDetectionTest:
         sizes = self._extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
-        self._more = self._before = Excess(np.zeros(sizes), np.zeros((3, sizes)))
+        self._more = self._before = self._groups = Excess(np.zeros(sizes), np.zeros((3, sizes)))
         self._tracks: dict[int, Offsets] = {}
 
     @property
     def log_ratio(self) -> float:
         """The largest L."""
-        prior = np.array([[0.0], [PRIOR], [PRIOR]])
-        return float(log_ratio(self._more.counted, (self._more.expected + prior).max(axis=0)).max())
+        return _largest(self._more)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether groups are suspicious whatever tracks they are beside."""
+        return _largest(self._groups) >= SUSPICION
 
     @property
     def extent(self) -> ClusterExtent:
@@ -216,6 +220,7 @@ class MultiDetectionTest:
         self._pairs = self._pairs.faded(_KEPT, (group * some).sum(axis=1), expected)
         self._before, groups = self._more, _beyond_two(beside, density)
         self._more = self._before.faded(_KEPT, groups.counted, groups.expected)
+        self._groups = self._groups.faded(_KEPT, groups.counted, groups.expected)
 
     def update_tracks(
         self, scan: Scan, density: float, track_id: IntArray, own: IntArray, held: IntArray
@@ -269,6 +274,12 @@ class MultiDetectionTest:
         centre = np.argsort(scan.azimuth, kind="stable")
         first = int(7919 * scan.stamp) % max(len(centre) - MOST_CENTRES + 1, 1)
         return Beside(scan, centre[first : first + MOST_CENTRES], self._extents)
+
+
+def _largest(more: Excess) -> float:
+    """The largest L of counts, by size of box."""
+    prior = np.array([[0.0], [PRIOR], [PRIOR]])
+    return float(log_ratio(more.counted, (more.expected + prior).max(axis=0)).max())
 
 
 def _beyond_two(beside: Beside, density: float) -> Excess:
