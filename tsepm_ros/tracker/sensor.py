@@ -205,13 +205,12 @@ class SensorModel(ParameterGroup):
         distance, range_margin = np.asarray(range, float), np.asarray(range_margin, float)
         covered: NDArray[np.bool_] = distance >= self.min_range - range_margin
         covered = covered & (distance <= self.max_range + range_margin)
-        width = self.sector_width
-        if width >= 2 * math.pi:
+        if self.all_round:
             return covered
         azimuth_margin = np.asarray(azimuth_margin, float)
         sector_start = self.azimuth_min - azimuth_margin
         from_start = np.remainder(np.asarray(azimuth, float) - sector_start, 2 * np.pi)
-        return covered & (from_start <= width + 2.0 * azimuth_margin)
+        return covered & (from_start <= self.sector_width + 2.0 * azimuth_margin)
 
 
 EDGE_DEVIATIONS = 3.0

@@ -557,10 +557,9 @@ class Tracker:
     @property
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
-        given = self.sensor.detection_probability
         if self.common.detection_probability == "given":
-            return given
-        return self.learned.detection_probability.estimate(given)
+            return self.sensor.detection_probability
+        return self.estimated_detection_probability
 
     @property
     def clutter_density(self) -> float:

@@ -24,6 +24,7 @@ from tsepm_ros.tracker.clusters.multi_detection import (
 )
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
+from tsepm_ros.tracker.maintenance.stationary import STANDS_STILL
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.merging import may_repeat_older
 from tsepm_ros.tracker.options import CommonOptions
@@ -188,7 +189,7 @@ class ExtendedTargets:
             before = new.stamp - new.age < self.since
             return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
         # Echoes in a row that stand still, a quay, look like a target that moves along it.
-        still = (held.stationary_probability > 0.5) & self._excess.crowded
+        still = (held.stationary_probability > STANDS_STILL) & self._excess.crowded
         known = [not self._excess.waits(one) for one in held.track_id.tolist()]
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
