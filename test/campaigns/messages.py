@@ -11,6 +11,7 @@ by a message that was accepted.
 
 import copy
 import functools
+import math
 import resource
 import sys
 from collections import Counter
@@ -54,7 +55,7 @@ class Fed:
     def __post_init__(self) -> None:
         self.session = Session(self.settings)
         self.input = MessageInput(self.session, self.node)
-        self.book = TrackBook(self.settings.common.max_speed)
+        self.book = TrackBook(speed_limit(self.settings))
         self.now = 0.0
 
     def feed(self, kind: str, message: Any) -> list[ScanResult]:
@@ -86,6 +87,12 @@ class Fed:
             f"{self.sent} messages: {len(self.results)} results, {lost} drops, "
             f"{self.session.waiting} waiting; {dict(dropped)}",
         )
+
+
+def speed_limit(settings: Settings) -> float:
+    """The greatest speed of a track, m/s: without bound where `limit_speed` is off."""
+    common = settings.make_initiator().common
+    return common.max_speed if common.limit_speed == "on" else math.inf
 
 
 def settings_of(method: str, source: str, **common: Any) -> Settings:

@@ -19,7 +19,7 @@ import campaign
 import numpy as np
 from campaign import Finding, Tried
 from invariants import check_reasons, require
-from messages import Fed
+from messages import Fed, speed_limit
 from streams import good_stream
 from support.parameter_values import NODES, Caller, make
 from support.ros_domains import own_domain
@@ -161,7 +161,7 @@ def _change(method: str, values: dict[str, Value]) -> None:
     before = settings_from(make_groups(TRACK_INITIATOR, usual))
     after = settings_from(make_groups(TRACK_INITIATOR, {**usual, **values}))
     fed = Fed(before)
-    fed.book.max_speed = max(before.common.max_speed, after.common.max_speed)
+    fed.book.max_speed = max(speed_limit(before), speed_limit(after))
     for index, ping in enumerate(good_stream(KIND).pings):
         if index in (5, 9):
             chosen = after if index == 5 else before
