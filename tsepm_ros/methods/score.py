@@ -119,17 +119,17 @@ class Score(Method):
         target_hits = None
         if observed.strengths is not None:
             target_hits = evaluation.target_hits(self.hypotheses, observed.window)
-        number_ended = int(np.count_nonzero(ended))
+        number, pruned = len(tracks), counts.pruned + int(np.count_nonzero(ended))
         return Step(
             tracks,
             changed(
                 counts,
                 potential_tracks=len(self.hypotheses),
-                terminated=counts.pruned + number_ended,
-                pruned=counts.pruned + number_ended,
-                raw_confirmations=len(tracks) + merged,
+                terminated=pruned,
+                pruned=pruned,
+                raw_confirmations=number + merged,
                 merged=merged,
-                confirmed=len(tracks),
+                confirmed=number,
             ),
             confirmation.existence(tracks.evaluation, self.options.false_tracks_per_hour),
             tree.target_probability,

@@ -94,11 +94,12 @@ class MessageCheck:
         self._before.append(places)
         codes = {f"{NO_RETURN}{code}": number for code, number in facts.no_return.items()}
         counts.update({**codes, "rays": facts.rays, "beyond": facts.beyond_turn})
-        counts["angles"] += len(scan)
-        offset = np.zeros(1) if scan.time_offset is None or not len(scan) else scan.time_offset
+        number = len(scan)
+        counts["angles"] += number
+        offset = np.zeros(1) if scan.time_offset is None or not number else scan.time_offset
         own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
         clock = now[-1] if isinstance(now, tuple) else now
-        usual = float(np.abs(offset).mean()), float(scan.range.mean()) if len(scan) else 0.0
+        usual = float(np.abs(offset).mean()), float(scan.range.mean()) if number else 0.0
         self._times.append((scan.stamp, own_ship, clock, float(offset.max()), *usual))
 
     def _changes(self, arrived: SensorScan) -> list[Notice]:
@@ -348,9 +349,10 @@ def findings(figures: SensorFigures) -> dict[str, str]:
 def coverage_too_large(figures: SensorFigures) -> str:
     """Detections fall in a small part of the coverage."""
     seen, given = figures.seen, figures.sensor.coverage_area
-    if seen is None or seen.area <= 0.0 or given < AREA_FACTOR * seen.area:
+    area = 0.0 if seen is None else seen.area
+    if seen is None or area <= 0.0 or given < AREA_FACTOR * area:
         return ""
-    if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
+    if figures.seen_detections * math.log(given / area) < MIN_LOG_RATIO:
         return ""
     return (
         f"all detections are {_of(seen)}; by the parameters, the coverage is "

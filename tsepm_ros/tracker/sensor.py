@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +19,9 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed
 from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
 
-SEAM = math.radians(2.5)
-"""Gap between the ends of a sector that is a full turn in rounded numbers, such as 3.14 or 179
-degrees to either side, rad."""
+FULL_TURN = math.radians(357.5)
+"""Least width of a sector that is a full turn in rounded numbers, such as 3.14 or 179 degrees to
+either side, rad."""
 MIN_SECTOR_WIDTH = 1e-6
 """Smallest width of the azimuth sector covered, rad."""
 MIN_CLUTTER_DENSITY = 1e-12
@@ -160,14 +161,14 @@ class SensorModel(ParameterGroup):
 
     @property
     def sector_width(self) -> float:
-        """Width of the azimuth sector covered, rad; 2 pi where less than `SEAM` is missing."""
+        """Width of the azimuth sector covered, rad; 2 pi from `FULL_TURN` on."""
         width = self.azimuth_max - self.azimuth_min
-        return width if width < 2 * math.pi - SEAM else 2 * math.pi
+        return width if width < FULL_TURN else 2 * math.pi
 
     @property
     def all_round(self) -> bool:
         """Whether every azimuth is covered."""
-        return self.sector_width >= 2 * math.pi
+        return self.azimuth_max - self.azimuth_min >= FULL_TURN
 
     @property
     def coverage_area(self) -> float:
@@ -262,7 +263,7 @@ class PosesByRange:
         pose[:, 2] = np.unwrap(pose[:, 2])
         return cls(scan.range[order], pose)
 
-    @property
+    @cached_property
     def middle(self) -> FloatArray:
         """The pose of the echo of median range, (3,)."""
         return self.pose[len(self.pose) // 2]

@@ -73,12 +73,12 @@ class UsableDetections:
     def of(cls, scan: Scan, sensor: SensorModel, land: LandMask | None) -> UsableDetections:
         """Those of a scan of a sensor."""
         used = inside(scan, sensor)
-        in_coverage = int(np.count_nonzero(used))
+        number, in_coverage = len(used), int(np.count_nonzero(used))
         if land is not None:
             used &= afloat(scan, land)
         rows = np.flatnonzero(used)
-        part = scan if len(rows) == len(scan) else chosen(scan, rows)
-        return cls(part, rows, len(scan) - in_coverage, in_coverage - len(rows))
+        part = scan if len(rows) == number else chosen(scan, rows)
+        return cls(part, rows, number - in_coverage, in_coverage - len(rows))
 
 
 class Tracker:
@@ -502,13 +502,14 @@ class Tracker:
 
         Those that are published at once are returned.
         """
-        tracks = step.tracks.numbered(self._take_track_ids(len(step.tracks)))
         if step.target_probability is not None:
             self._clutter.withdraw(step.target_probability)
         if step.target_hits is not None:
             self.learned.strengths.discount(*step.target_hits)
-        if not len(tracks):
+        tracks, number = step.tracks, len(step.tracks)
+        if not number:
             return tracks
+        tracks = tracks.numbered(self._take_track_ids(number))
         histories = self.learned.features.histories(tracks) if self.common.plot_features else None
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.figures_of_hits(
@@ -518,8 +519,6 @@ class Tracker:
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""
-        if not number:
-            return np.zeros(0, np.int64)
         in_use = self.maintenance.held.tracks.track_id
         following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
         taken = following[~np.isin(following, in_use)][:number]
@@ -557,23 +556,21 @@ class Tracker:
     @property
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
-        if self.common.detection_probability == "given":
-            return self.sensor.detection_probability
-        return self.estimated_detection_probability
+        given, estimator = self.sensor.detection_probability, self.learned.detection_probability
+        in_use = self.common.detection_probability
+        return given if in_use == "given" else estimator.estimate(given)
 
     @property
     def clutter_density(self) -> float:
         """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
-        if self.common.clutter_density == "given":
-            return self.sensor.clutter_density
-        return self.learned.clutter_map.mean
+        given = self.common.clutter_density == "given"
+        return self.sensor.clutter_density if given else self.learned.clutter_map.mean
 
     @property
     def covered_area(self) -> float:
         """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
-        if self.common.clutter_density == "given":
-            return self.sensor.coverage_area
-        return self.learned.clutter_map.area
+        given = self.common.clutter_density == "given"
+        return self.sensor.coverage_area if given else self.learned.clutter_map.area
 
     @property
     def sensor_in_use(self) -> SensorModel:

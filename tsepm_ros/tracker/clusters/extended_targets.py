@@ -80,7 +80,7 @@ class ExtendedTargets:
         self.seen, self.since = False, 0.0
         self.scatter = ClusterDispersion.nothing()
         self._excess = MultiDetectionTest(self.sensor)
-        self._scan, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
+        self._part, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
         self._counts = np.zeros(0, bool)
         self._recent: list[tuple[float, FloatArray, float]] = []
 
@@ -130,10 +130,10 @@ class ExtendedTargets:
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        self._scan, number = scan, len(scan)
+        number = len(scan)
         self._row, self._counts = np.arange(number), ~stays
         if self._learns and number:
-            part = grouping.chosen(scan, np.flatnonzero(self._counts))
+            self._part = part = grouping.chosen(scan, np.flatnonzero(self._counts))
             self._excess.update(part, density)
             self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
             self._judge(scan)
@@ -157,13 +157,13 @@ class ExtendedTargets:
         density : float
             Mean clutter density, 1/m^2.
         """
-        if not self._learns or not len(self._scan):
+        if not self._learns or not len(self._row):
             return
         ids, row, rows = held.tracks.track_id, self._row[own.row], np.flatnonzero(self._counts)
         still = np.isin(own.track_id, ids) & self._counts[row]
-        part, place = grouping.chosen(self._scan, rows), np.searchsorted(rows, row[still])
-        self._excess.update_tracks(part, density, own.track_id[still], place, ids)
-        self._judge(self._scan)
+        place = np.searchsorted(rows, row[still])
+        self._excess.update_tracks(self._part, density, own.track_id[still], place, ids)
+        self._judge(self._part)
 
     def _judge(self, scan: Scan) -> None:
         """Whether targets have several detections, from now on."""

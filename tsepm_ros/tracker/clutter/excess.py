@@ -88,14 +88,14 @@ class Excess:
         self, target: FloatArray | float = 0.0, deviations: float = MAX_DEVIATIONS
     ) -> FloatArray:
         """Lower bound of the ratio, with t detections of an unknown target; 0 without E."""
-        return self._bound(np.maximum(self.counted - target, 0.0), -deviations, 0.0)
+        counted = np.maximum(self.counted - target, 0.0)
+        return self._ratio(poisson_bound(counted, -deviations), 0.0)
 
     def upper(self) -> FloatArray:
         """Upper bound of the ratio; infinite without E."""
-        return self._bound(self.counted, MAX_DEVIATIONS, math.inf)
+        return self._ratio(poisson_bound(self.counted, MAX_DEVIATIONS), math.inf)
 
-    def _bound(self, counted: FloatArray, deviations: float, unknown: float) -> FloatArray:
-        bound = poisson_bound(counted, deviations)
+    def _ratio(self, bound: FloatArray, unknown: float) -> FloatArray:
         known = self.expected > 0.0
         return np.divide(bound, self.expected, out=np.full_like(bound, unknown), where=known)
 

@@ -227,7 +227,7 @@ class ConfirmedTracks(Rows):
         )
         odds = stationary.change_odds(self.fits.change_odds, ratio, mode_ratios[:, -1])
         existence = data_association.updated_existence(self.existence, ratio)
-        proof = np.ones(len(self))
+        proof = np.ones_like(ratio)
         of_detections = (ratio - empty)[covered] / (1.0 - empty[covered])
         proof[covered] += PROVING * GATE_PROBABILITY * (of_detections - 1.0)
         proven = data_association.updated_existence(self.proven, proof)

@@ -273,7 +273,7 @@ def judged(held: ConfirmedTracks, prior: SpeedPrior) -> ConfirmedTracks:
     to stand still decides nothing, it is left to `stated`.
     """
     fits = begun_again(held.fits, held.tracks.state, held.tracks.covariance)
-    probability = np.full(len(held), np.nan)
+    probability = np.full_like(held.existence, np.nan)
     if prior.min_speed:
         probability = fits.stationary_probability(prior, held.existence)
     tracks = changed(
@@ -301,7 +301,7 @@ def stands_still(held: ConfirmedTracks, prior: SpeedPrior) -> BoolArray:
     when it is `SURE` to.
     """
     if not prior.min_speed:
-        return np.zeros(len(held), bool)
+        return np.zeros_like(held.announced)
     limit = np.where(held.announced, SURE, STANDS_STILL)
     return np.asarray(held.tracks.stationary_probability > limit)
 

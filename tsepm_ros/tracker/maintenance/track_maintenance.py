@@ -475,7 +475,9 @@ class TrackMaintenance:
         self.released = NO_TRACKS
         self._tracker = self._tracker.at(stamp, self.tracked_timeout)
         fixed = self.held.status == Status.FIXED
-        away = fixed & (detectable(self.held.tracks.state[:, 0::2]) <= 0.0)
+        away = fixed.copy()
+        if fixed.any():
+            away &= detectable(self.held.tracks.state[:, 0::2]) <= 0.0
         last = self.held.last_detected
         longest = self.hold_time or HOLD_SCANS * interval or np.inf
         away = away[self._end(fixed | (last >= stamp - longest), "not_detected")]
@@ -502,18 +504,18 @@ class TrackMaintenance:
 
         Returns which were kept.
         """
-        kept = kept | self._tracker.keeps(self.held.unlisted_since)
-        self._drop(kept, reason, self.ended)
+        if not kept.all():
+            kept = kept | self._tracker.keeps(self.held.unlisted_since)
+            self._drop(kept, reason, self.ended)
         return kept
 
     def _drop(self, kept: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]) -> None:
         """Keep some tracks (n,), and note the others that were announced as ended."""
-        if not kept.all():
-            over = np.flatnonzero(self.held.announced & ~kept)
-            ids = self.held.tracks.track_id[over].tolist()
-            reasons = np.broadcast_to(reason, len(kept))[over].tolist()
-            ended |= dict(zip(ids, reasons, strict=True))
-            self.held = self.held[kept]
+        over = np.flatnonzero(self.held.announced & ~kept)
+        ids = self.held.tracks.track_id[over].tolist()
+        reasons = np.broadcast_to(reason, len(kept))[over].tolist()
+        ended |= dict(zip(ids, reasons, strict=True))
+        self.held = self.held[kept]
 
 
 HOLDING_SHARE = 0.3
