@@ -92,7 +92,7 @@ class Threshold:
         self._number = number
         pings = int(np.clip(math.ceil(PEAKS / number), *PINGS))
         self._pool: deque[tuple[Peaks, FloatArray, FloatArray]] = deque(maxlen=pings)
-        self._detected: deque[KDTree | None] = deque(maxlen=STANDS[1])
+        self._detected: deque[FloatArray] = deque(maxlen=STANDS[1])
         self.kept = int(8 * number + 100)
         self.measured = math.nan
         self.recurring = 0.0
@@ -120,18 +120,18 @@ class Threshold:
         self.measured = float(false[last - 1]) if last else 0.0
         detected = peaks.height > level
         self.recurring = float((again + stands)[detected].sum())
-        self._detected.append(KDTree(peaks.place[detected]) if detected.any() else None)
+        self._detected.append(peaks.place[detected])
         return level
 
     def _again(self, peaks: Peaks) -> tuple[BoolArray, FloatArray]:
         """Whether each peak stands still, and its evidence of being a target, (n,)."""
-        n, trees = len(peaks.height), list(self._detected)
-        if not n or not trees:
+        n, pings = len(peaks.height), len(self._detected)
+        if not n or not pings:
             return np.zeros(n, bool), np.zeros(n)
         squares = 4.0 * RECENT * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
-        apart = np.stack([_apart(tree, peaks.place, gate) for tree in trees])
-        stands = (np.mean(apart < 1.0, axis=0) > 0.5) & (len(trees) >= STANDS[0])
+        apart = _apart(list(self._detected), peaks.place, gate)
+        stands = (np.mean(apart < 1.0, axis=0) > 0.5) & (pings >= STANDS[0])
         recent = (apart < gate)[-RECENT:].any(axis=0)
         before = (apart < gate)[: -LONG * RECENT]
         groups = len(before) // RECENT
@@ -140,13 +140,16 @@ class Threshold:
             chance = before[: groups * RECENT].reshape(shape).any(axis=1).mean(axis=0)
         else:  # provisional: as if detections were spread evenly
             chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
-        if len(trees) == (LONG + 1) * RECENT:
+        if pings == (LONG + 1) * RECENT:
             self._pool.clear()
         return stands, (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
 
 
-def _apart(tree: KDTree | None, place: FloatArray, gate: float) -> FloatArray:
-    """Distance of each place to the nearest point of the tree; infinite beyond the gate, (n,)."""
-    if tree is None:
-        return np.full(len(place), np.inf)
-    return np.asarray(tree.query(place, p=np.inf, distance_upper_bound=gate)[0])
+def _apart(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
+    """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
+    ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
+    others = KDTree(np.concatenate(detected))
+    near = others.sparse_distance_matrix(KDTree(place), gate, p=np.inf, output_type="ndarray")
+    apart = np.full((len(detected), len(place)), np.inf)
+    np.minimum.at(apart, (ping[near["i"]], near["j"]), near["v"])
+    return apart

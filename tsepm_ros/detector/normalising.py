@@ -87,33 +87,36 @@ def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray
 
 
 def normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
-    """Values (b, m) in deviations above the mean of the ring around each, and that mean.
+    """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
+    cells, limited = _ring_cells(defined.tobytes(), defined.shape, box, modes), x
+    for _ in range(PASSES):
+        mean = _ring(limited, box, modes) / cells
+        variance = _ring(limited * limited, box, modes) / cells - mean * mean
+        deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
+        limited = np.minimum(x, mean + LIMIT * deviation) * defined
+    return np.asarray((x - mean) / deviation * defined, np.float32), mean
 
-    The ring is made of blocks of `BLOCK` ranges, which takes a third of the time.
-    """
-    b, m = x.shape
+
+def _ring(values: Image, box: Box, modes: Modes) -> Image:
+    """Sums over the ring around each cell, of blocks of `BLOCK` ranges: a third of the time."""
+    b, m = values.shape
     lengths = box[0], math.ceil(box[1] / BLOCK)
     guard = [2 * length + 1 for length in lengths]
     outer = [max(least, 6 * n + 1) for least, n in zip(MIN_RING, lengths, strict=True)]
+    padded = np.pad(values, ((0, 0), (0, -m % BLOCK)))
+    blocks = padded.reshape(b, -1, BLOCK) @ np.ones(BLOCK, np.float32)
+    sums = [
+        ndimage.uniform_filter(blocks, size, mode=modes) * np.float32(math.prod(size))
+        for size in (outer, guard)
+    ]
+    return np.asarray(np.repeat(sums[0] - sums[1], BLOCK, axis=1)[:, :m])
 
-    def ring(values: Image) -> Image:
-        padded = np.pad(values, ((0, 0), (0, -m % BLOCK)))
-        blocks = padded.reshape(b, -1, BLOCK) @ np.ones(BLOCK, np.float32)
-        sums = [
-            ndimage.uniform_filter(blocks, size, mode=modes) * float(math.prod(size))
-            for size in (outer, guard)
-        ]
-        return np.asarray(np.repeat(sums[0] - sums[1], BLOCK, axis=1)[:, :m])
 
-    ones = np.asarray(defined, np.float32)
-    cells = np.maximum(ring(ones), 1.0)
-    limited = x
-    for _ in range(PASSES):
-        mean = ring(limited) / cells
-        variance = ring(limited * limited) / cells - mean * mean
-        deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
-        limited = np.minimum(x, mean + LIMIT * deviation) * ones
-    return np.asarray((x - mean) / deviation * ones, np.float32), np.asarray(mean, np.float32)
+@functools.lru_cache(maxsize=4)
+def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
+    """Number of cells of the ring around each: of most images the same as of the one before."""
+    ones = np.frombuffer(defined, bool).reshape(shape)
+    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0))
 
 
 def cell_limit(box: Box) -> float:

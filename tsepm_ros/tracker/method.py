@@ -122,9 +122,9 @@ class Observation:
         The detections of the last scans, these included.
     ids : (d,) ndarray of int
         Their ids in the window.
-    clutter_density_before, clutter_density : (d,) ndarray
-        Clutter density at each detection before and after this scan was learned from, 1/m^2,
-        times the density of its range rate, s/m, where it has one.
+    clutter_density : (d,) ndarray
+        Clutter density at each detection after this scan was learned from, 1/m^2, times the
+        density of its range rate, s/m, where it has one.
     held_density : (d,) ndarray
         Density at each detection due to held tracks, to be added to the clutter density.
     held_association : tuple of (p,) ndarray
@@ -161,7 +161,6 @@ class Observation:
     detections: NDArray[np.void]
     window: DetectionWindow
     ids: IntArray
-    clutter_density_before: FloatArray
     clutter_density: FloatArray
     held_density: FloatArray
     held_association: tuple[IntArray, FloatArray]

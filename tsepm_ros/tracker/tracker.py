@@ -262,7 +262,6 @@ class Tracker:
             detections=detections,
             window=self.window,
             ids=ids,
-            clutter_density_before=before,
             clutter_density=detections["clutter_density"] * of_rates,
             held_density=held_density,
             held_association=held_association,
@@ -556,9 +555,8 @@ class Tracker:
     @property
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
-        given, estimator = self.sensor.detection_probability, self.learned.detection_probability
-        in_use = self.common.detection_probability
-        return given if in_use == "given" else estimator.estimate(given)
+        given, source = self.sensor.detection_probability, self.common.detection_probability
+        return given if source == "given" else self.learned.detection_probability.estimate(given)
 
     @property
     def clutter_density(self) -> float:

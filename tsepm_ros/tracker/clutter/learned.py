@@ -173,10 +173,6 @@ class Learned:
         places = batch.cells, batch.weight
         self.clutter_map.update(*places, lambda: seen.region, min_area, batch.looks)
 
-    def anew(self, sensor: SensorModel) -> Learned:
-        """Models before the first scan of a sensor, but with where clutter stays."""
-        return replace(Learned.initial(sensor), persistent=self.persistent)
-
     def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
         """The models for a sensor in place of the one before.
 
