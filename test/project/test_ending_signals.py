@@ -104,7 +104,7 @@ def test_an_interrupt_during_the_imports_ends_with_a_word(name, monkeypatch, cap
 
 @pytest.mark.parametrize("delay", [0.05, 0.15, 0.3])
 def test_an_interrupted_command_has_no_traceback_at_any_time(delay):
-    script = "print(1, flush=True); from tsepm_ros.ending_signals import tsepm; tsepm()"
+    script = "from tsepm_ros.ending_signals import tsepm; print(1, flush=True); tsepm()"
     command = [sys.executable, "-c", script, "evaluate", "box", "--runs", "9"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.readline()

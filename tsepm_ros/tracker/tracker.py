@@ -354,7 +354,11 @@ class Tracker:
         if self.plots.seen:
             self.maintenance.end_duplicates(self.plots.of_one_hull(held.tracks))
         if self.plots.active and not active:
-            self.maintenance.merge(self.plots.extent, self._poses.middle[:2])
+            self.maintenance.end_duplicates(
+                merging.may_repeat_older(
+                    self.maintenance.held.tracks, self.plots.extent, self._poses.middle[:2]
+                )
+            )
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from held tracks' detections, if these have its errors."""

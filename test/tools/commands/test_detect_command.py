@@ -23,6 +23,7 @@ def folder(tmp_path):
 
 
 def test_detections_and_a_picture_are_written(folder, capsys):
+    pytest.importorskip("matplotlib")
     out, picture = folder / "out.csv", folder / "picture.png"
     assert main(["detect", str(folder), "--out", str(out), "--picture", str(picture)]) == 0
     recording = read_recording(out)
@@ -36,8 +37,7 @@ def test_detections_and_a_picture_are_written(folder, capsys):
 
 
 def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
-    from matplotlib.image import imsave
-
+    imsave = pytest.importorskip("matplotlib.image").imsave
     with np.load(folder / "images.npz") as stored:
         images = stored["arr_0"]
     (folder / "images.npz").unlink()

@@ -15,6 +15,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTr
 from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
+from tsepm_ros.tracker.merging import may_repeat_older
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -53,7 +54,8 @@ def duplicate_by_extent() -> TrackMaintenance:
     aside = tracks(7)
     aside.state[:, 2] += 180.0
     hold.add(replace(aside, track_id=np.array([1])), 0.9)
-    hold.merge(ClusterExtent(250.0, 250.0), np.zeros(2))
+    extent = ClusterExtent(250.0, 250.0)
+    hold.end_duplicates(may_repeat_older(hold.held.tracks, extent, np.zeros(2)))
     return hold
 
 

@@ -190,11 +190,11 @@ class ExtendedTargets:
             return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
         # Echoes in a row that stand still, a quay, look like a target that moves along it.
         still = (held.stationary_probability > STANDS_STILL) & self._excess.crowded
-        known = [not self._excess.waits(one) for one in held.track_id.tolist()]
+        waits = self._excess.waits(held.track_id)
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
         older = np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        near &= older & ~np.append(np.array(known, bool) & ~still, nothing)
+        near &= older & np.append(waits | still, ~nothing)
         return np.asarray(filled | near.any(axis=1))
 
     def of_one_hull(self, held: TrackArrays) -> BoolArray:

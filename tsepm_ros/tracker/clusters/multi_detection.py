@@ -43,7 +43,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent
 from tsepm_ros.tracker.clutter.excess import Excess
@@ -86,10 +86,19 @@ MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
 
 
-Offsets = tuple[int, FloatArray, FloatArray, bool]
-"""Of a track: pings with a detection, by size of box those with others beside it (e,) and the sum
-of their mean offsets (2, e), and whether these are still open."""
-UNKNOWN: Offsets = 0, np.zeros(1), np.zeros((2, 1)), True
+def offsets(sizes: int) -> np.dtype[np.void]:
+    """What lay beside the detections of a track: its record, for a number e of sizes of boxes.
+
+    track_id; looks: pings with a detection; pings (e,): those with others beside it; offset
+    (2, e): sum of the mean offsets of these along and across, m; decided: whether these cannot show
+    a second target any more.
+    """
+    return np.dtype(
+        [
+            *(("track_id", np.int64), ("looks", float), ("decided", bool)),
+            *(("pings", float, (sizes,)), ("offset", float, (2, sizes))),
+        ]
+    )
 
 
 def unit_of(sensor: SensorModel) -> float:
@@ -180,7 +189,7 @@ class MultiDetectionTest:
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = self._before = self._groups = Excess(np.zeros(sizes), np.zeros((3, sizes)))
-        self._tracks: dict[int, Offsets] = {}
+        self._tracks = np.zeros(0, offsets(sizes))
 
     @property
     def log_ratio(self) -> float:
@@ -198,10 +207,10 @@ class MultiDetectionTest:
         ratios = log_ratio(self._pairs.counted, self._pairs.expected + LEAST, LARGEST)
         return ClusterExtent(*self._extents[:, np.argmax(ratios), 0].tolist())
 
-    def waits(self, track_id: int) -> bool:
-        """Whether second starts beside a track wait."""
-        looks, _, _, open_ = self._tracks.get(track_id, UNKNOWN)
-        return self.log_ratio >= SUSPICION or (open_ and looks <= MOST_LOOKS)
+    def waits(self, track_id: IntArray) -> BoolArray:
+        """Whether second starts beside each track wait, (h,)."""
+        tracks = self._tracks[self._tracks["decided"] | (self._tracks["looks"] > MOST_LOOKS)]
+        return (self.log_ratio >= SUSPICION) | ~np.isin(track_id, tracks["track_id"])
 
     def update(self, scan: Scan, density: float) -> None:
         """Count the detections of a ping beside each other.
@@ -240,31 +249,34 @@ class MultiDetectionTest:
         held : (h,) ndarray of int
             Ids of all tracks that are held.
         """
-        self._tracks = {one: self._tracks[one] for one in held.tolist() if one in self._tracks}
+        self._tracks = self._tracks[np.isin(self._tracks["track_id"], held)]
         if not len(own):
             return
         beside = Beside(scan, own, self._extents)
-        variance = 2.0 * error_variances(scan, self._sensor)[:, None, own]
-        least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1])
-        found = np.zeros_like(least)
-        for row, one in enumerate(track_id.tolist()):
-            looks, pings, offset, _ = self._tracks.get(one, UNKNOWN)
-            number = beside.number[:, row]
-            pings, offset = pings + (number > 0.0), offset + beside.offset[..., row]
-            squares = (offset**2 / variance[..., row]).sum(axis=0) / np.maximum(pings, 1.0)
-            one_side, resolved = squares > SIDE, pings * least[:, row] >= RESOLVED
-            resolved &= least[:, row] >= CLEAR
-            # As long as these may be a second target's, one a ping does not count.
-            found[:, row] = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
-            often = (pings > 0.5 * (looks + 1)) & ~one_side
-            often &= MOST_LOOKS * least[:, row] >= RESOLVED
-            self._tracks[one] = looks + 1, pings, offset, bool(often.any())
+        variance = 2.0 * error_variances(scan, self._sensor)[:, own]
+        least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1]).T
+        tracks = np.zeros(len(own), self._tracks.dtype)
+        _, row, known = np.intersect1d(track_id, self._tracks["track_id"], return_indices=True)
+        tracks[row] = self._tracks[known]
+        number, pings = beside.number.T, tracks["pings"]
+        tracks["track_id"] = track_id
+        tracks["looks"] += 1.0
+        pings += number > 0.0
+        tracks["offset"] += beside.offset.transpose(2, 0, 1)
+        squares = (tracks["offset"] ** 2 / variance.T[..., None]).sum(axis=1)
+        one_side = squares / np.maximum(pings, 1.0) > SIDE
+        resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
+        # As long as these may be a second target's, one a ping does not count.
+        found = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
+        often = (pings > 0.5 * tracks["looks"][:, None]) & ~one_side
+        tracks["decided"] = ~(often & (MOST_LOOKS * least >= RESOLVED)).any(axis=1)
+        self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
         rest = grouping.chosen(scan, np.flatnonzero(~beside.near))
         groups = _beyond_two(self._beside_each_other(rest), density)
         self._more = self._before.faded(
             _KEPT,
-            (used * found).sum(axis=1) + groups.counted,
+            (used * found.T).sum(axis=1) + groups.counted,
             np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)])
             + groups.expected,
         )
@@ -314,10 +326,12 @@ Detections of clutter are next to others by chance, and rarely in threes.
 
 
 def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
-    """Sums of values (..., n) over the rows of each group (n,), (..., count)."""
-    several = values.reshape(math.prod(values.shape[:-1]), -1)
-    rows = [np.bincount(group, one, minlength=count) for one in several]
-    return np.asarray(rows, float).reshape(*values.shape[:-1], count)
+    """Sums of values (..., n) over the rows of each group (n,), ascending, (..., count)."""
+    first = np.searchsorted(group, np.arange(count + 1))
+    # The sum of an empty group is its first value here.
+    with_end = np.append(values, np.zeros((*values.shape[:-1], 1)), axis=-1)
+    sums = np.add.reduceat(with_end, first[:-1], axis=-1)
+    return np.asarray(np.where(np.diff(first) > 0, sums, 0.0))
 
 
 @dataclass(frozen=True)

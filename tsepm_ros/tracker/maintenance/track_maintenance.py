@@ -25,7 +25,6 @@ from tsepm_ros.numerics.arrays import (
     with_rows,
 )
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.maintenance import data_association, features, stationary
 from tsepm_ros.tracker.maintenance.confirmed_tracks import NO_COVERED_TRACKS, ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
@@ -448,14 +447,6 @@ class TrackMaintenance:
         """End every track and forget what a downstream tracker said."""
         self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
         self._forget()
-
-    def merge(self, extent: ClusterExtent, sensor_position: FloatArray) -> None:
-        """End tracks that may be of an older one's target, if it has an extent.
-
-        See `merging.may_repeat_older`.
-        """
-        tracks = self.held.tracks
-        self.end_duplicates(merging.may_repeat_older(tracks, extent, sensor_position))
 
     def end_duplicates(self, duplicate: BoolArray) -> None:
         """End tracks (n,) that are of an older one's target."""
