@@ -289,17 +289,16 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
         for name, values in after.items()
     ]
     return [
-        "**P_F(2)** is simulated: N scans, the 9 km disc, one target, p_d = 0.9. Read in several "
-        "ways are what P_F(2) is a share of; Eq. 26's threshold, literal or squared; the gate "
-        f"margin, as stated or the {STATED_MARGIN:.0f} m of P_F(1); the errors, as stated or those "
-        "of 5000 m everywhere; and Eq. 22, with each hit in the fit, or predicted from the others "
-        "or from those before. *Factor* is the root mean square of the ratio's logarithm, without "
-        "8/9, printed as 0, 7/9, printed above its own P_F(1), and rows without a false "
-        f"track. Closest, within {MAX_RELATIVE_FACTOR - 1:.0%} of the smallest factor, of "
-        f"{len(factors)} readings: "
+        "**P_F(2)** is simulated: N scans, the 9 km disc, one target, p_d = 0.9. The readings "
+        "differ in the denominator of P_F(2); in Eq. 26's threshold, literal or squared; in the "
+        f"gate margin, as stated or the {STATED_MARGIN:.0f} m of P_F(1); in the errors, as stated "
+        "or those of 5000 m everywhere; and in Eq. 22, with each hit in the fit, or predicted from "
+        "the others or from those before. *Factor* is the root mean square of the ratio's "
+        "logarithm, without 7/9, 8/9 and rows without a false track. Closest, within "
+        f"{MAX_RELATIVE_FACTOR - 1:.0%} of the smallest factor, of {len(factors)} readings: "
         + "; ".join(f"*{name}* ({factors[name]:.2f})" for name in near)
-        + ". The closest is close by choice, too. Shown are it, and of each scene the closest "
-        "denominator with Eq. 26 literal; P_F falls with M at each N in "
+        + ". The table has the closest reading, and of each scene the closest denominator with "
+        "Eq. 26 literal. P_F falls with M at each N in "
         f"{sum(row[-1] == readings[0][-1] for row in shown)} of {len(shown)} rows.",
         Table("tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[-1:]),
         "P_F(2) of the closest denominators, Eq. 26 literal:",
@@ -621,11 +620,13 @@ def figure_parts(
                 [figure, text.removesuffix(", per start"), *map(_short, verdict)]
                 for figure, text, *verdict in verdicts
                 if not text.endswith("per run")
+                and not all(verdict[place].startswith(report.OPEN) for place in SHOWN_PAIRS)
             ],
             hidden=[name for place, name in enumerate(pairs) if place not in SHOWN_PAIRS],
         ),
-        "The CSV file has three more pairs of curves, and P_F per run. Approximately equal is "
-        f"within {MAX_EQUAL_DIFFERENCE:g}, a choice. *Undecided*: by the 95 % intervals.",
+        "The CSV file also has claims that are undecided for all of these curves, three more "
+        f"pairs of curves, and P_F per run. Approximately equal is within {MAX_EQUAL_DIFFERENCE:g}"
+        ", a choice. *Undecided*: by the 95 % intervals.",
         "P_D, then false and misplaced tracks per start, by density and by the larger error where "
         f"the target is (at {FIGURE_7_DENSITY:g} per m²). *Any*: P_D if a merged group counts as "
         "the target's where the merged state is within 3 sigma of it and any member has more than "
