@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal, ncx2
 
-from tsepm_ros.numerics.discs import ALL_PAIRS, disc_probability, pairs_nearer, pairs_within
+from tsepm_ros.numerics.discs import ALL_PAIRS, disc_probability, pairs_between, pairs_within
 
 
 def places(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -40,17 +40,18 @@ def test_pairs_are_those_of_all_distances(kind, number):
 
 
 @pytest.mark.parametrize("number", [5, 300])
-def test_pairs_nearer_are_those_of_a_loop(number):
-    positions = np.random.default_rng(6).uniform(0.0, 100.0, (number, 2))
-    expected = {
+def test_pairs_between_are_those_of_a_loop_in_their_order(number):
+    rng = np.random.default_rng(6)
+    positions, centres = rng.uniform(0.0, 100.0, (number, 2)), rng.uniform(0.0, 100.0, (20, 2))
+    expected = [
         (i, j)
+        for i in range(len(centres))
         for j in range(number)
-        for i in range(j)
-        if np.hypot(*(positions[i] - positions[j])) <= 30.0
-    }
-    first, second = pairs_nearer(positions, 30.0)
-    assert set(zip(first.tolist(), second.tolist(), strict=True)) == expected
-    assert expected
+        if np.hypot(*(positions[j] - centres[i])) <= 30.0
+    ]
+    row, other = pairs_between(centres, positions, 30.0)
+    assert list(zip(row.tolist(), other.tolist(), strict=True)) == expected
+    assert expected and not len(pairs_between(centres[:0], positions, 30.0)[0])
 
 
 def test_a_search_ends_where_the_time_is_over():

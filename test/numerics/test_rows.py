@@ -33,7 +33,8 @@ def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
 
 
 def test_rows_of_several_tables_are_put_at_their_places(echoes):
-    parts = [echoes[np.array([2, 0])], echoes[np.zeros(0, np.int64)], echoes[np.array([1])]]
-    placed = Echoes.placed(parts, [np.array([0, 2]), slice(0, 0), np.array([1])])
+    none = np.zeros(0, np.int64)
+    parts = (echoes, np.array([2, 0]), np.array([0, 2])), (echoes[none], None, slice(0, 0))
+    placed = Echoes.placed(3, *parts, (echoes[np.array([1])], None, np.array([1])))
     assert type(placed) is Echoes
     assert (placed.range.tolist(), placed.azimuth.tolist()) == ([3.0, 2.0, 1.0], [0.3, 0.2, 0.1])

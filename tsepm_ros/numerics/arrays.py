@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
@@ -98,14 +97,16 @@ class Rows:
         return cls(**columns)
 
     @classmethod
-    def placed(cls, parts: Sequence[Self], places: Sequence[NDArray[np.integer] | slice]) -> Self:
-        """The rows of all parts, each part at its places, which together are all places."""
-        number, columns = sum(map(len, parts)), []
+    def placed(
+        cls, number: int, *parts: tuple[Self, IntArray | None, NDArray[np.integer] | slice]
+    ) -> Self:
+        """A number of rows: of each part the given ones, or all, at their places."""
+        columns = []
         for name in cls.__dataclass_fields__:
-            values = [getattr(part, name) for part in parts]
+            values = [getattr(table, name) for table, _, _ in parts]
             column = np.empty((number, *values[0].shape[1:]), values[0].dtype)
-            for of_part, place in zip(values, places, strict=True):
-                column[place] = of_part
+            for value, (_, rows, place) in zip(values, parts, strict=True):
+                column[place] = value if rows is None else value.take(rows, axis=0)
             columns.append(column)
         return cls(*columns)
 

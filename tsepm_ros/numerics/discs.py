@@ -138,7 +138,7 @@ def pairs_within(
     pitch = 2.0 * extent[0] + 4.0 * margin
     along = (positions[:, 1] - low[1]) // side * pitch + positions[:, 0] - low[0]
     order = np.argsort(along)
-    along, x, y = along[order], *positions[order].T.copy()
+    along, places = along[order], positions[order]
     found, number, together = [], 0, max(CANDIDATES_TOGETHER // n, 1)
     for first in range(0, g, together):
         part = slice(first, first + together)
@@ -155,27 +155,26 @@ def pairs_within(
             for far in (-reach, reach)
         )
         centre, place = owner.repeat(end - begin), _counted(begin, end - begin)
-        apart = (x[place] - centres[part, 0][centre]) ** 2
-        apart += (y[place] - centres[part, 1][centre]) ** 2
-        inside = np.flatnonzero(apart <= square[centre])
+        apart = places.take(place, axis=0) - centres[part].take(centre, axis=0)
+        inside = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= square.take(centre))
         number += len(inside)
         if number > most or (late is not None and late()):
             return None
-        found.append(np.sort((centre[inside] + first) * n + order[place[inside]]))
+        found.append(np.sort((centre.take(inside) + first) * n + order[place.take(inside)]))
     centre, position = np.divmod(np.concatenate(found), n)
     return centre, position
 
 
-def pairs_nearer(positions: FloatArray, distance: float) -> tuple[IntArray, IntArray]:
-    """Pairs of positions (n, 2) that are no farther apart than a distance.
-
-    Returns
-    -------
-    first, second : (p,) ndarray of int
-        Rows, first < second; the pairs are in no order.
-    """
-    first, second = cKDTree(positions).query_pairs(distance, output_type="ndarray").T
-    return first, second
+def pairs_between(
+    centres: FloatArray, positions: FloatArray, distance: float
+) -> tuple[IntArray, IntArray]:
+    """Rows of centres (k, 2) and positions (n, 2) no farther apart than a distance, ascending."""
+    near = cKDTree(centres).sparse_distance_matrix(
+        cKDTree(positions), distance, output_type="ndarray"
+    )
+    row, other = near["i"].astype(np.int64), near["j"].astype(np.int64)
+    order = np.lexsort((other, row))
+    return row[order], other[order]
 
 
 def _counted(first: IntArray, number: IntArray) -> IntArray:

@@ -474,12 +474,10 @@ def expand(
         for rows in np.array_split(made, len(made) // MAX_PAIRS_TOGETHER + 1)
     ]
     hypotheses = Hypotheses.placed(
-        (
-            missed[kept[:number]],
-            Hypotheses.joined(*children),
-            started[ended[~is_child] - len(score)],
-        ),
-        (slice(number), number + np.flatnonzero(is_child), number + np.flatnonzero(~is_child)),
+        len(kept),
+        (missed, kept[:number], slice(number)),
+        (Hypotheses.joined(*children), None, number + np.flatnonzero(is_child)),
+        (started, ended[~is_child] - len(score), number + np.flatnonzero(~is_child)),
     )
     return Tree(hypotheses, number, observed.ids)
 

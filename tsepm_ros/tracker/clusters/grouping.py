@@ -33,7 +33,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.discs import pairs_nearer
 from tsepm_ros.numerics.grouped import complete_linkage, largest_of
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 from tsepm_ros.tracker.sensor import SensorModel
@@ -181,7 +180,8 @@ def pairs_within(
     none = np.zeros(0, np.int64)
     if len(range) < 2:
         return none, none, np.zeros(0)
-    first, second = pairs_nearer(*_places(range, azimuth, extent))
+    places, reach = _places(range, azimuth, extent)
+    first, second = cKDTree(places).query_pairs(reach, output_type="ndarray").T
     middle = 0.5 * (range[first] + range[second])
     turn = np.abs(wrap(azimuth[first] - azimuth[second]))
     distance = np.maximum(

@@ -44,6 +44,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.discs import pairs_between
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent
 from tsepm_ros.tracker.clutter.excess import Excess
@@ -137,13 +138,18 @@ class Beside:
         range_, azimuth, k = scan.range[centre], scan.azimuth[centre], len(centre)
         self.across = ClusterExtent(*extents).across_at(range_)
         self.along = np.broadcast_to(extents[0], self.across.shape)
-        far = scan.range - range_[:, None]
-        aside = range_[:, None] * wrap(scan.azimuth - azimuth[:, None])
-        near = np.abs(far) <= 3.0 * self.along.max(axis=0)[:, None]
-        near &= np.abs(aside) <= 3.0 * self.across.max(axis=0)[:, None]
-        near[np.arange(k), centre] = False
-        row, other = near.nonzero()
-        far, aside = far[row, other], aside[row, other]
+        # A distance is at most that along and that across.
+        reach = 3.0 * (self.along.max(initial=0.0) + self.across.max(initial=0.0))
+        places = grouping.placed(scan)
+        row, other = pairs_between(places[centre], places, reach)
+        far = scan.range[other] - range_[row]
+        aside = range_[row] * wrap(scan.azimuth[other] - azimuth[row])
+        near = (
+            (np.abs(far) <= 3.0 * self.along.max(axis=0)[row])
+            & (np.abs(aside) <= 3.0 * self.across.max(axis=0)[row])
+            & (other != centre[row])
+        )
+        row, other, far, aside = row[near], other[near], far[near], aside[near]
         depth = np.abs(far) / self.along[:, row]
         width = np.abs(aside) / self.across[:, row]
         inside = (depth <= 1.0) & (width <= 1.0)
@@ -155,8 +161,9 @@ class Beside:
         sums = _sums(np.asarray(parts, float), row, k)
         self.number, self.strips = sums[0], sums[1:3]
         self.offset = sums[3:] / np.maximum(self.number, 1.0)
-        clear = (self.along < range_) & (self.across < range_)
-        self.area = np.where(clear, 4.0 * self.along * self.across, 0.0)
+        self.area = np.where(
+            np.maximum(self.along, self.across) < range_, 4.0 * self.along * self.across, 0.0
+        )
 
 
 def log_ratio(
