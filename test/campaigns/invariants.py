@@ -48,8 +48,8 @@ def check_tracks(tracks: TrackArrays, what: str) -> None:
 class TrackBook:
     """The ids of a session: each begins once, and lives until it ends."""
 
-    def __init__(self, max_speed: float) -> None:
-        self.max_speed = max_speed
+    def __init__(self, max_speed: float, most_of_starts: float) -> None:
+        self.max_speed, self.most_of_starts = max_speed, most_of_starts
         self._given: set[int] = set()
 
     def check(self, result: ScanResult) -> None:
@@ -63,10 +63,14 @@ class TrackBook:
         new = set(result.new.track_id.tolist())
         require(not new & self._given, f"the ids {sorted(new & self._given)} were given before")
         self._given |= new
-        for tracks, what in ((result.new, "new tracks"), (result.current, "held tracks")):
+        held = result.current[~np.isin(result.current.track_id, list(new))]
+        for tracks, most, what in (
+            (result.new, self.most_of_starts, "new tracks"),
+            (held, self.max_speed, "held tracks"),
+        ):
             own = np.isin(tracks.track_id, list(self._given))  # not those of a downstream tracker
             speed = np.hypot(tracks.state[:, 1], tracks.state[:, 3])[own]
-            limit = self.max_speed * MAX_SPEED_SLACK + ROUNDING
+            limit = most * MAX_SPEED_SLACK + ROUNDING
             require((speed <= limit).all(), f"a speed of {what} is above the maximum")
 
 

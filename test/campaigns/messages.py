@@ -55,7 +55,7 @@ class Fed:
     def __post_init__(self) -> None:
         self.session = Session(self.settings)
         self.input = MessageInput(self.session, self.node)
-        self.book = TrackBook(speed_limit(self.settings))
+        self.book = TrackBook(self.settings.common.max_speed, speed_limit(self.settings))
         self.now = 0.0
 
     def feed(self, kind: str, message: Any) -> list[ScanResult]:
@@ -90,7 +90,7 @@ class Fed:
 
 
 def speed_limit(settings: Settings) -> float:
-    """The greatest speed of a track, m/s: without bound where `limit_speed` is off."""
+    """The greatest speed of a start, m/s: without bound where `limit_speed` is off."""
     common = settings.make_initiator().common
     return common.max_speed if common.limit_speed == "on" else math.inf
 

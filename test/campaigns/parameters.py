@@ -161,7 +161,8 @@ def _change(method: str, values: dict[str, Value]) -> None:
     before = settings_from(make_groups(TRACK_INITIATOR, usual))
     after = settings_from(make_groups(TRACK_INITIATOR, {**usual, **values}))
     fed = Fed(before)
-    fed.book.max_speed = max(speed_limit(before), speed_limit(after))
+    fed.book.max_speed = max(before.common.max_speed, after.common.max_speed)
+    fed.book.most_of_starts = max(speed_limit(before), speed_limit(after))
     for index, ping in enumerate(good_stream(KIND).pings):
         if index in (5, 9):
             chosen = after if index == 5 else before

@@ -19,6 +19,7 @@ from tsepm_ros.tracker.clusters.grouping import ClusterExtent, grouped
 from tsepm_ros.tracker.clusters.multi_detection import (
     LOG_RATIO,
     MARGIN,
+    SUSPICION,
     Beside,
     ClusterDispersion,
     MultiDetectionTest,
@@ -92,6 +93,39 @@ def test_what_lies_now_on_one_side_of_a_track_and_now_on_the_other_is_its_own():
 
 def test_what_lies_on_one_side_of_a_track_is_a_second_targets():
     assert beside_a_track(lambda ping: 3.0) == 0.0
+
+
+def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
+    """Nine tracks far apart; each is in some pings only, in an order that changes."""
+    rng, number = np.random.default_rng(5), 9
+    together, alone = MultiDetectionTest(SENSOR), [MultiDetectionTest(SENSOR) for _ in range(9)]
+    ids, azimuth = 40 + rng.permutation(number), np.linspace(-2.5, 2.5, number)
+    for ping in range(30):
+        side = rng.choice([-1.0, 1.0], number) * (rng.random(number) < 0.7)
+        seen = rng.permutation(number)[: rng.integers(0, number + 1)]
+        for test, rows in ((together, seen), *((alone[row], seen[seen == row]) for row in seen)):
+            range_ = np.append(np.full(len(rows), 50.0), 50.0 + 3.0 * side[rows])
+            scan = Scan(float(ping), range_, np.tile(azimuth[rows], 2))
+            test.update_tracks(scan, DENSITY, ids[rows], np.arange(len(rows)), ids)
+    assert together.waits(ids).tolist() == [
+        bool(one.waits(track_id) or together.log_ratio >= SUSPICION)
+        for one, track_id in zip(alone, ids, strict=True)
+    ]
+    assert together._tracks["looks"].sum() > 100
+    for row, track_id in enumerate(ids):
+        (mine,), (its,) = (
+            test._tracks[test._tracks["track_id"] == track_id] for test in (together, alone[row])
+        )
+        assert mine["offset"] == pytest.approx(its["offset"])
+        assert mine["pings"].tolist() == its["pings"].tolist()
+
+
+def test_a_seam_of_a_sweep_parts_no_neighbours():
+    azimuth = [math.pi - 0.004, 0.004 - math.pi, 0.008 - math.pi]
+    pose = [[0.0, 0.0, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    scan = Scan(0.0, [1000.0] * 3, azimuth, sensor_pose=pose, time_offset=[12.0, 0.0, 0.01])
+    beside = Beside(scan, np.arange(3), extents_of(SensorModel(max_range=2000.0)))
+    assert beside.number[-1].tolist() == [2.0, 2.0, 2.0]
 
 
 def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():

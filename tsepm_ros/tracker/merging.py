@@ -523,7 +523,7 @@ def may_repeat_older(
     ----------
     tracks : TrackArrays
         n, oldest first.
-    extent : PlotExtent
+    extent : ClusterExtent
         Deviation by which positions may differ, and velocities over a track's age.
     sensor_position : (2,) ndarray
         m.

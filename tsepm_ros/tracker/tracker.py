@@ -101,7 +101,7 @@ class Tracker:
         The confirmed tracks, carried to the last scan's stamp.
     learned : Learned
         Models of the surroundings, learned from the scans so far.
-    plots : PlotExtraction
+    plots : ExtendedTargets
         Makes plots of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.

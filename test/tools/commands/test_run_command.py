@@ -101,7 +101,7 @@ def test_stamps_beyond_ros_times_are_one_sentence_and_leave_no_file(capsys, reco
     out = tmp_path / "out"
     assert main(["run", recording, "--out", str(out)]) == 2
     *notes, sentence = capsys.readouterr().err.splitlines()
-    assert all(line.startswith("no picture: it needs") for line in notes)
+    assert len(notes) <= 1 and all(line.startswith("no picture: it needs") for line in notes)
     assert "32-bit seconds" in sentence and "milliseconds" in sentence
     assert not out.exists()
     assert main(["run", recording]) == 2

@@ -66,7 +66,7 @@ class ExtendedTargets:
         Whether the detections have shown that targets have several a ping.
     since : float
         Time of the scan that showed it, s.
-    scatter : EchoScatter
+    scatter : ClusterDispersion
         Of the detections about their plots.
     """
 
@@ -136,7 +136,7 @@ class ExtendedTargets:
             self._part = part = grouping.chosen(scan, np.flatnonzero(self._counts))
             self._excess.update(part, density)
             self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
-            self._judge(scan)
+            self._judge(scan.stamp)
         if not self.active or not number:
             return None
         extent = self.extent
@@ -163,12 +163,12 @@ class ExtendedTargets:
         still = np.isin(own.track_id, ids) & self._counts[row]
         place = np.searchsorted(rows, row[still])
         self._excess.update_tracks(self._part, density, own.track_id[still], place, ids)
-        self._judge(self._part)
+        self._judge(self._part.stamp)
 
-    def _judge(self, scan: Scan) -> None:
+    def _judge(self, stamp: float) -> None:
         """Whether targets have several detections, from now on."""
         if not self.seen and self.log_ratio >= LOG_RATIO:
-            self.seen, self.since = True, scan.stamp
+            self.seen, self.since = True, stamp
 
     def waits(self, new: TrackArrays, held: TrackArrays, origin: FloatArray) -> BoolArray:
         """Which newly confirmed tracks (n,) wait, or are of the target of an older track.
@@ -255,10 +255,10 @@ def further_plots(
 
     Parameters
     ----------
-    held : HeldTracks
+    held : ConfirmedTracks
     positions : (d,) ndarray
         m.
-    extent : PlotExtent
+    extent : ClusterExtent
     sensor_position : (2,) ndarray
         m.
 

@@ -168,7 +168,7 @@ def pairs_within(
     ----------
     range, azimuth : (n,) ndarray
         m, rad.
-    extent : PlotExtent
+    extent : ClusterExtent
 
     Returns
     -------
@@ -251,7 +251,7 @@ def cells(
         Group of each detection.
     range, azimuth : (n,) ndarray
         m, rad.
-    extent : PlotExtent
+    extent : ClusterExtent
 
     Returns
     -------
@@ -297,7 +297,7 @@ def clusters_of(
         n detections.
     label : (n,) ndarray of int
         Group of each.
-    errors : EchoErrors
+    errors : ClusterErrors
     sensor : SensorModel
         Errors where the scan gives none of its own.
     wander : (n, 2) ndarray, optional
@@ -306,7 +306,7 @@ def clusters_of(
 
     Returns
     -------
-    Plots
+    Clusters
         In the order of their first members.
     """
     _, first, group = np.unique(label, return_index=True, return_inverse=True)

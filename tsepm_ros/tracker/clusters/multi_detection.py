@@ -32,7 +32,7 @@ large has more clutter.
 How the detections of one target and ping scatter: what is error, and what is extent.
 
 Within plots of m detections the sums of squared deviations along and across the line of sight have
-the means ``(m - 1) (f s^2 + v)``, see `clustering`. The sensor's variance s^2 differs
+the means ``(m - 1) (f s^2 + v)``, see `grouping`. The sensor's variance s^2 differs
 between the two; the variance v of where on the target the detections arise does not.
 """
 
@@ -87,12 +87,12 @@ MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
 
 
-def offsets(sizes: int) -> np.dtype[np.void]:
+def track_record(sizes: int) -> np.dtype[np.void]:
     """What lay beside the detections of a track: its record, for a number e of sizes of boxes.
 
     track_id; looks: pings with a detection; pings (e,): those with others beside it; offset
-    (2, e): sum of the mean offsets of these along and across, m; decided: whether these cannot show
-    a second target any more.
+    (2, e): sum of the mean offsets of these along and across, m; decided: whether these, as far as
+    the last ping shows, are of no second target.
     """
     return np.dtype(
         [
@@ -140,7 +140,9 @@ class Beside:
         self.along = np.broadcast_to(extents[0], self.across.shape)
         # A distance is at most that along and that across.
         reach = 3.0 * (self.along.max(initial=0.0) + self.across.max(initial=0.0))
-        places = grouping.placed(scan)
+        places = scan.range[:, None] * np.stack(
+            [np.cos(scan.azimuth), np.sin(scan.azimuth)], axis=1
+        )
         row, other = pairs_between(places[centre], places, reach)
         far = scan.range[other] - range_[row]
         aside = range_[row] * wrap(scan.azimuth[other] - azimuth[row])
@@ -196,7 +198,7 @@ class MultiDetectionTest:
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = self._before = self._groups = Excess(np.zeros(sizes), np.zeros((3, sizes)))
-        self._tracks = np.zeros(0, offsets(sizes))
+        self._tracks = np.zeros(0, track_record(sizes))
 
     @property
     def log_ratio(self) -> float:

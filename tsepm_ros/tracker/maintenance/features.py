@@ -306,7 +306,7 @@ def likelihood_factors(
     Parameters
     ----------
     environment : Environment
-    held : HeldTracks
+    held : ConfirmedTracks
         Predicted to the scan.
     row : (n, 2, k) ndarray of int
         Detections near each filter and each fit.
@@ -339,7 +339,7 @@ def with_strengths(
 
     Parameters
     ----------
-    held : HeldTracks
+    held : ConfirmedTracks
     row, probability : (n, k) ndarray
         Detections near each track, and the probability that each is its target's.
     strength : (d,) ndarray
@@ -373,7 +373,7 @@ def with_plots(
 
     Parameters
     ----------
-    held : HeldTracks
+    held : ConfirmedTracks
     row, probability : (n, k) ndarray
         Detections near each track, and their association probabilities.
     detections : (d,) ndarray of DETECTION
@@ -382,7 +382,7 @@ def with_plots(
 
     Returns
     -------
-    held : HeldTracks
+    held : ConfirmedTracks
     plots : (n,) ndarray of int
         Detection that is each track's own; NO_HIT where there is none.
     """

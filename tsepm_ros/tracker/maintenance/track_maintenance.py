@@ -98,7 +98,7 @@ class TrackMaintenance:
 
     Attributes
     ----------
-    held : HeldTracks
+    held : ConfirmedTracks
         Every track held, published or not, with all that is known of it.
     ended : dict
         Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
