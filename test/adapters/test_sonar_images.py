@@ -22,6 +22,7 @@ from support.foreign_messages import (
 from msg_adapters import MessageError, make_header
 from msg_adapters.sonar_images import (
     DTYPES,
+    ImageInput,
     normalised_image,
     plan_message,
     plan_of,
@@ -30,6 +31,7 @@ from msg_adapters.sonar_images import (
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.session.image_turns import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
+from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
 from tsepm_ros.tracker.sensor import SensorModel
 
 HEADER = make_header(1_700_000_000_123_456_789, "sonar")
@@ -52,13 +54,13 @@ def data(table, kind="u1", big=False):
     )
 
 
-def projected(table=TABLE.T, speed=1480.0, **image):
-    directions = [Vector3(x=0.0, y=-math.sin(a), z=math.cos(a)) for a in BEAMS]
+def projected(table=TABLE.T, speed=1480.0, cells=CELLS, up=0.0, **image):
+    directions = [Vector3(x=up, y=-math.sin(a), z=math.cos(a)) for a in BEAMS]
     return ProjectedSonarImage(
         header=HEADER,
         ping_info=PingInfo(sound_speed=speed),
         beam_directions=directions,
-        ranges=CELLS.tolist(),
+        ranges=list(cells),
         image=data(table, **image),
     )
 
@@ -108,6 +110,26 @@ def test_without_a_sound_speed_one_is_assumed_and_said():
     found = read(raw(ping_info=PingInfo()), sound_speed=1450.0)
     assert found.range[0] == pytest.approx(5.0 * 1450.0 / 1500.0)
     assert "1450 m/s is used" in found.assumptions[0]
+
+
+def test_beams_that_look_up_are_said():
+    assert "not level" in read(projected(up=0.5)).assumptions[0]
+
+
+def test_a_reader_of_images_counts_what_it_cannot_read_and_says_an_assumption_once():
+    options = make_groups(SONAR_DETECTOR, {})
+    drops, said = [], []
+    images = ImageInput(options, lambda *why: drops.append(why), said.append)
+    for message in (raw(sample_rate=0.0), raw(ping_info=PingInfo()), raw(ping_info=PingInfo())):
+        list(images.take(message))
+    [(reason, sentence)] = drops
+    assert reason == "bad_geometry" and "sample_rate" in sentence
+    assert len(said) == 1
+    detector = images.detector
+    images.configure(options)
+    assert images.detector is detector, "nothing has changed"
+    images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 5.0}))
+    assert images.detector is not detector
 
 
 def test_a_cell_at_range_0_is_left_out():
@@ -226,6 +248,9 @@ def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
         (Image(header=HEADER, encoding="bgr8"), "publish the driver's raw image"),
         (Image(header=HEADER, encoding="mono8", height=2, width=3, step=2), "too few"),
         (Vector3(), "is no image"),
+        (raw(rx_angles=[math.nan] * 4), "must be finite"),
+        (projected(cells=[-1.0, 0.0, 0.0]), "no cell has a range above 0"),
+        (raw(image=SonarImageData(dtype=77, beam_count=4)), "dtype must be from 0 to 9; got 77"),
     ],
 )
 def test_an_impossible_message_is_refused_with_its_cause(message, words):

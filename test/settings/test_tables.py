@@ -8,7 +8,7 @@ import yaml
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.parameters import table
-from tsepm_ros.settings.node_options import InitiatorNodeOptions
+from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
 from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import (
     NODES,
@@ -152,3 +152,16 @@ def test_no_method_has_an_option_of_a_common_ones_name(method):
     own = {row.name for row in table(method_class(method).Options)}
     common = {row.name for row in table(CommonOptions)}
     assert not common & own
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"host": ""}, "host must not be empty"),
+        ({"token": "short"}, "at least .* characters"),
+        ({"token": "ä" * 40}, "ASCII"),
+    ],
+)
+def test_an_address_or_token_that_the_page_cannot_use_is_refused(values, words):
+    with pytest.raises(ValueError, match=words):
+        ViewerNodeOptions(**values)

@@ -86,6 +86,19 @@ def test_geojson_has_a_line_for_each_track_with_times_course_and_end():
     assert (found["course"], found["speed"], found["ended"]) == (90.0, 1.0, "missed")
 
 
+def test_a_track_of_one_ping_is_a_point():
+    (feature,) = lines([(0.0, 0.0)])
+    assert feature["geometry"] == {"type": "Point", "coordinates": [179.99, 10.0]}
+
+
+def test_a_run_that_fails_leaves_no_collection_and_unknown_ends_are_none():
+    file = io.StringIO()
+    with pytest.raises(OSError, match="full"), TrackLines(file, GeographicReference(0, 0)) as made:
+        made.write(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=0, ended={9: "missed"}))
+        raise OSError("full")
+    assert file.getvalue() == ""
+
+
 def test_a_line_across_180_degrees_is_cut_there():
     (feature,) = lines([(0.0, 0.0), (2000.0, 0.0)])
     assert feature["geometry"]["type"] == "MultiLineString"

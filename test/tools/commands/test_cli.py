@@ -27,6 +27,11 @@ def test_the_parameters_of_all_nodes_are_one_file_and_one_page(capsys):
     assert capsys.readouterr().out == as_page(NODES)
 
 
+def test_the_parameters_of_one_node_are_a_table(capsys):
+    assert main(["parameters", "track_viewer", "--markdown"]) == 0
+    assert "| `port` |" in capsys.readouterr().out
+
+
 def test_an_interrupt_ends_a_command_with_a_word(capsys, tmp_path, monkeypatch):
     def interrupted(prompt):
         raise KeyboardInterrupt
@@ -86,6 +91,7 @@ def test_a_command_runs_in_any_thread(capsys):
         (["evaluate", "--scene", "name:=../up"], "scenario.name must be a text"),
         (["run", "box", "-p", "max_speed:=" + "[" * 5000], "is not a value"),
         (["run", "box", "-p", "sound_speed:=3.0"], "sound_speed must be 0 or at least"),
+        (["health", "--timeout", "0"], "--timeout must be a positive number"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(

@@ -10,6 +10,7 @@ from tsepm_ros.tools.evaluation.performance import run_file
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
     RunFile,
+    printed,
     read_result,
     write_result,
     write_table,
@@ -116,3 +117,8 @@ def test_a_table_is_written_only_where_a_file_is_named(tmp_path, monkeypatch):
     write_table(path, "python a.py", table, seed=3, runs=7)
     expected = Result(command="python a.py", seed=3, runs=7, header=table[0], rows=table[1])
     assert read_result(path) == expected
+
+
+def test_a_table_is_printed_row_by_row(capsys):
+    assert printed(iter([["a", "b"], ["1", "2"]])) == (["a", "b"], [["1", "2"]])
+    assert capsys.readouterr().out == "| a | b |\n|---|---|\n| 1 | 2 |\n"
