@@ -116,7 +116,7 @@ def _ring(values: Image, box: Box, modes: Modes) -> Image:
 def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
     """Number of cells of the ring around each: of most images the same as of the one before."""
     ones = np.frombuffer(defined, bool).reshape(shape)
-    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0), np.float32)
+    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0))
 
 
 def cell_limit(box: Box) -> float:

@@ -196,8 +196,10 @@ def _places(
     range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
 ) -> tuple[FloatArray, float]:
     """The detections' positions, and how far apart a pair may be at the most, m."""
-    places = np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
-    return places, math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9)
+    return (
+        in_sensor_frame(range, azimuth),
+        math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9),
+    )
 
 
 def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
@@ -268,6 +270,11 @@ def cells(
     pieces = np.stack([group, column, row], axis=1)
     _, first, piece = np.unique(pieces, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[piece.ravel()], np.int64)
+
+
+def in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
+    """Positions of detections in the sensor's frame, (n, 2), m."""
+    return np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
 
 
 def placed(scan: Scan) -> FloatArray:

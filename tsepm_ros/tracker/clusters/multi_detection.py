@@ -140,9 +140,7 @@ class Beside:
         self.along = np.broadcast_to(extents[0], self.across.shape)
         # A distance is at most that along and that across.
         reach = 3.0 * (self.along.max(initial=0.0) + self.across.max(initial=0.0))
-        places = scan.range[:, None] * np.stack(
-            [np.cos(scan.azimuth), np.sin(scan.azimuth)], axis=1
-        )
+        places = grouping.in_sensor_frame(scan.range, scan.azimuth)
         row, other = pairs_between(places[centre], places, reach)
         far = scan.range[other] - range_[row]
         aside = range_[row] * wrap(scan.azimuth[other] - azimuth[row])
