@@ -13,8 +13,10 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 from plots_scenes import Swimmers, box
+from support.held import tracks
 
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.clusters.grouping import ClusterExtent, grouped
 from tsepm_ros.tracker.clusters.multi_detection import (
     LOG_RATIO,
@@ -26,6 +28,7 @@ from tsepm_ros.tracker.clusters.multi_detection import (
     extents_of,
     log_ratio,
 )
+from tsepm_ros.tracker.options import CommonOptions
 
 SENSOR = SensorModel(max_range=100.0, range_std=0.2, range_std_fraction=0.0, azimuth_std=0.004)
 DENSITY = 1e-4
@@ -136,6 +139,28 @@ def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():
     assert not excess.waits(7)
     excess.update_tracks(alone, DENSITY, np.array([8]), own, np.array([8]))
     assert excess.waits(7), "it ended"
+
+
+@pytest.mark.parametrize(("density", "waits"), [(1e-4, True), (1e-2, False)])
+def test_starts_do_not_wait_for_what_clutter_explains_beside_a_track(density, waits):
+    excess, own = MultiDetectionTest(SENSOR), np.array([0])
+    for ping, side in enumerate((3.0, -3.0)):
+        scan = Scan(float(ping), [50.0, 50.0 + side], [0.0, 0.0])
+        excess.update_tracks(scan, density, np.array([7]), own, np.array([7]))
+    assert excess.waits(7) == waits
+
+
+@pytest.mark.parametrize("echoes", [1, 3])
+def test_of_starts_in_one_ping_the_second_waits_only_beside_groups(echoes):
+    targets = ExtendedTargets(SENSOR, CommonOptions())
+    for ping in range(2):
+        scan = Scan(float(ping), np.full(echoes, 50.0), 0.01 * np.arange(echoes))
+        targets.clusters_of(scan, DENSITY, np.zeros(echoes, bool))
+    assert not targets.seen
+    starts = tracks(0, 1, x=50.0)
+    starts.state[:, 2] *= 0.01
+    waits = targets.waits(starts, tracks(), np.zeros(2))
+    assert waits.tolist() == [False, echoes == 3]
 
 
 def test_counts_are_those_of_a_loop():

@@ -189,12 +189,13 @@ class ExtendedTargets:
             before = new.stamp - new.age < self.since
             return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
         # Echoes in a row that stand still, a quay, look like a target that moves along it.
-        still = (held.stationary_probability > STANDS_STILL) & self._excess.crowded
+        crowded = self._excess.crowded
+        still = (held.stationary_probability > STANDS_STILL) & crowded
         waits = self._excess.waits(held.track_id)
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
         older = np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        near &= older & np.append(waits | still, ~nothing)
+        near &= older & np.append(waits | still, ~nothing & crowded)
         return np.asarray(filled | near.any(axis=1))
 
     def of_one_hull(self, held: TrackArrays) -> BoolArray:

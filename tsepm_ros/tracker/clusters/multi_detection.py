@@ -82,7 +82,8 @@ SUSPICION = math.log(5.0)
 """L from which on second starts beside tracks wait: a choice."""
 MOST_LOOKS = 5
 """Pings of a track within which second starts beside it wait while one ping after the other has
-others beside it, if it shows by then whether these are a second target's: a choice."""
+others beside it, more than clutter explains, if it shows by then whether these are a second
+target's: a choice."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
 
@@ -275,7 +276,10 @@ class MultiDetectionTest:
         resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
         # As long as these may be a second target's, one a ping does not count.
         found = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
-        often = (pings > 0.5 * tracks["looks"][:, None]) & ~one_side
+        looks = tracks["looks"][:, None]
+        chance = LEAST - np.expm1(-density * beside.area.T)
+        by_chance = log_ratio(pings, looks * chance) < SUSPICION
+        often = (pings > 0.5 * looks) & ~one_side & ~by_chance
         tracks["decided"] = ~(often & (MOST_LOOKS * least >= RESOLVED)).any(axis=1)
         self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
