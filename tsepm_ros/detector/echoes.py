@@ -15,7 +15,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from tsepm_ros.detector.false_detections import Peaks
 from tsepm_ros.detector.normalising import TIE, Box, Image, Modes, cell_limit
@@ -48,8 +47,7 @@ def found(
     z: Image, defined: BoolArray, box: Box, modes: Modes, most: int
 ) -> tuple[Peaks, IntArray]:
     """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
-    highest = ndimage.maximum_filter(z, [2 * length + 1 for length in box], mode=modes)
-    flat = np.flatnonzero((z == highest) & (z > TIE) & defined)
+    flat = np.flatnonzero((z == _highest(z, box, modes)) & (z > TIE) & defined)
     height = z.ravel()[flat].astype(float)
     lower, median, upper = np.quantile(height, [0.25, 0.5, 0.75]) if len(flat) else np.zeros(3)
     # Standard error of a median of normal values: 1.25 sigma / sqrt(n), sigma = 0.74 (q3 - q1).
@@ -60,6 +58,21 @@ def found(
     area = z.size / float(gate.prod())
     peaks = Peaks(height[order], cell / gate, area, float(median), float(error), len(flat))
     return peaks, cell
+
+
+def _highest(z: Image, box: Box, modes: Modes) -> Image:
+    """Highest of the cells up to a box around each (b, m): of runs that double in length."""
+    for axis, length in enumerate(box):
+        ends = [(0, 0), (0, 0)]
+        ends[axis] = length, length
+        run = np.moveaxis(np.pad(z, ends, modes[axis]), axis, 0)
+        size = 1
+        while 2 * size <= 2 * length + 1:
+            run = np.maximum(run[:-size], run[size:])
+            size *= 2
+        rest = 2 * length + 1 - size
+        z = np.moveaxis(np.maximum(run[: len(run) - rest], run[rest:]), 0, axis)
+    return z
 
 
 def measured(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:

@@ -73,13 +73,14 @@ def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray
     for axis in (0, 1):
         if amplitude.shape[axis] < MIN_CELLS:
             continue
-        count = np.maximum(measured.sum(axis, keepdims=True, dtype=np.float32), 1)
+        there = measured.astype(np.float32)
+        count = np.maximum(there.sum(axis, keepdims=True), 1)
         limited = amplitude
         for _ in range(PASSES + 1):
             mean = limited.sum(axis, keepdims=True) / count
-            apart = np.abs(limited - mean) * measured
+            apart = np.abs(limited - mean) * there
             deviation = MEAN_DEVIATION * apart.sum(axis, keepdims=True) / count
-            limited = np.minimum(amplitude, mean + LIMIT * deviation) * measured
+            limited = np.minimum(amplitude, mean + LIMIT * deviation) * there
         measured = measured & (deviation > 1e-6)
         scale = np.where(deviation > 0.0, deviation, 1.0)
         amplitude = np.asarray((amplitude - mean) / scale * measured, np.float32)
@@ -89,16 +90,23 @@ def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray
 def normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
     """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
     cells, limited = _ring_cells(defined.tobytes(), defined.shape, box, modes), x
+    there = defined.astype(np.float32)
     for _ in range(PASSES):
         mean = _ring(limited, box, modes) / cells
         variance = _ring(limited * limited, box, modes) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
-        limited = np.minimum(x, mean + LIMIT * deviation) * defined
-    return np.asarray((x - mean) / deviation * defined, np.float32), mean
+        limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x)) * there
+    mean = _by_cell(mean, x)
+    return np.asarray((x - mean) / _by_cell(deviation, x) * there, np.float32), mean
+
+
+def _by_cell(blocks: Image, x: Image) -> Image:
+    """Values of blocks at each cell of an image."""
+    return np.asarray(np.repeat(blocks, BLOCK, axis=1)[:, : x.shape[1]])
 
 
 def _ring(values: Image, box: Box, modes: Modes) -> Image:
-    """Sums over the ring around each cell, of blocks of `BLOCK` ranges: a third of the time."""
+    """Sums over the ring around each block of `BLOCK` ranges: a third of the time of cells."""
     b, m = values.shape
     lengths = box[0], math.ceil(box[1] / BLOCK)
     guard = [2 * length + 1 for length in lengths]
@@ -109,12 +117,12 @@ def _ring(values: Image, box: Box, modes: Modes) -> Image:
         ndimage.uniform_filter(blocks, size, mode=modes) * np.float32(math.prod(size))
         for size in (outer, guard)
     ]
-    return np.asarray(np.repeat(sums[0] - sums[1], BLOCK, axis=1)[:, :m])
+    return np.asarray(sums[0] - sums[1])
 
 
 @functools.lru_cache(maxsize=4)
 def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
-    """Number of cells of the ring around each: of most images the same as of the one before."""
+    """Number of cells of the ring around each block: of most images the same as of the one before."""
     ones = np.frombuffer(defined, bool).reshape(shape)
     return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0))
 
