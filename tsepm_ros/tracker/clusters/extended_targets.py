@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.numerics.discs import squared_distances
+from tsepm_ros.numerics.gaussian import is_significant
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters, placed
 from tsepm_ros.tracker.clusters.multi_detection import (
@@ -22,6 +23,7 @@ from tsepm_ros.tracker.clusters.multi_detection import (
     log_ratio,
     unit_of,
 )
+from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.maintenance.stationary import STANDS_STILL
@@ -188,14 +190,19 @@ class ExtendedTargets:
         if self.seen:
             before = new.stamp - new.age < self.since
             return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
-        # Echoes in a row that stand still, a quay, look like a target that moves along it.
-        crowded = self._excess.crowded
-        still = (held.stationary_probability > STANDS_STILL) & crowded
-        waits = self._excess.waits(held.track_id)
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
-        older = np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        near &= older & np.append(waits | still, ~nothing & crowded)
+        near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
+        waits = self._excess.waits(held.track_id)
+        if self._excess.crowded:
+            waits = np.append(waits, ~nothing)
+            # Echoes in a row that stand still, a quay, look for some hits like a target along it.
+            still = held.stationary_probability > STANDS_STILL
+            moves = is_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
+            moves &= new.hit_count >= MAX_UNRESOLVED_HITS
+            near[:, :number] &= waits[:number] | (still & ~moves[:, None])
+        else:
+            near = near[:, :number] & waits
         return np.asarray(filled | near.any(axis=1))
 
     def of_one_hull(self, held: TrackArrays) -> BoolArray:
