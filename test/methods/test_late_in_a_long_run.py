@@ -1,11 +1,8 @@
 """A scan after months means the same as soon after the start; `score` with another window."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from support.builders import reconfigured, scan_at
-from support.score_scenes import score, sea
+from support.builders import scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tracker.detection_window import DetectionWindow
@@ -54,18 +51,3 @@ def test_numbers_of_scans_and_detections_may_be_large(method, monkeypatch):
         np.testing.assert_array_equal(after.state, before.state)
         np.testing.assert_array_equal(after.covariance, before.covariance)
         assert after.hits == tuple((LATE + scan, row) for scan, row in before.hits)
-
-
-def test_another_window_starts_over_and_other_options_do_not():
-    initiator = score()
-    for scan in sea(np.random.default_rng(1), 3, []):
-        initiator.process(scan)
-    options = initiator.options
-    assert reconfigured(
-        initiator, initiator.sensor, initiator.common, replace(options, false_tracks_per_hour=5.0)
-    )
-    assert len(initiator.potential_tracks())
-    assert not reconfigured(
-        initiator, initiator.sensor, initiator.common, replace(options, window=20)
-    )
-    assert not len(initiator.potential_tracks())

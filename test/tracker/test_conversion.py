@@ -44,19 +44,12 @@ GEOMETRIES = pytest.mark.parametrize(
 
 
 @GEOMETRIES
-def test_the_mean_of_the_converted_measurement_is_the_true_position(
+def test_mean_and_covariance_are_those_of_the_converted_measurement(
     range_, azimuth, range_std, azimuth_std
 ):
-    mean, _ = moments(range_, azimuth, range_std, azimuth_std)
+    mean, expected = moments(range_, azimuth, range_std, azimuth_std)
     true = range_ * np.array([math.cos(azimuth), math.sin(azimuth)])
     np.testing.assert_allclose(mean, true, rtol=0, atol=1e-11 * range_)
-
-
-@GEOMETRIES
-def test_the_covariance_is_that_of_the_converted_measurement(
-    range_, azimuth, range_std, azimuth_std
-):
-    _, expected = moments(range_, azimuth, range_std, azimuth_std)
     covariance = position_covariance(range_, azimuth, range_std**2, azimuth_std)
     scale = np.abs(expected).max()
     np.testing.assert_allclose(covariance, expected, rtol=0, atol=1e-8 * scale)

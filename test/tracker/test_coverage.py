@@ -17,7 +17,7 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
-from tsepm_ros.tracker.sensor import PosesByAzimuth, PosesByRange, echo_poses_of, inside
+from tsepm_ros.tracker.sensor import PosesByAzimuth, echo_poses_of, inside
 
 SECTOR = SensorModel(
     max_range=4000.0,
@@ -84,13 +84,6 @@ def test_bearings_from_north_give_the_same_tracks_as_those_from_the_bow(density)
         np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.long
-def test_a_sector_of_bearings_from_north_keeps_the_wished_false_tracks():
-    scene = scenario(targets=(), scans=300, sound_speed=0.0)
-    found = sum(len(result.new) for result in run(scene, from_north, 2))
-    assert found <= 27, "15 wished for in half an hour: Poisson, 99.9 %"
-
-
 def test_the_heading_s_error_does_not_move_bearings_from_north():
     scene = scenario()
     one = sailing(scene, np.diag([4.0, 9.0, 0.01]))
@@ -145,19 +138,6 @@ def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
             np.testing.assert_allclose(a.state, b.state, rtol=1e-6, atol=1e-6)
 
 
-def test_a_position_is_judged_by_the_pose_that_an_echo_from_there_would_have():
-    speed, turn_rate = 1500.0, math.radians(2.0)
-    range_ = np.array([8000.0, 500.0, 6000.0, 3000.0])
-    yaw = 3.1 + turn_rate * 2.0 * range_ / speed
-    pose = np.stack([0.0 * range_, 0.0 * range_, np.remainder(yaw + np.pi, 2 * np.pi) - np.pi])
-    poses = PosesByRange.of(Scan(0.0, range_, 0.0 * range_, sensor_pose=pose.T))
-    here = np.array([1000.0, 3000.0, 7000.0])
-    sight = 3.1 + turn_rate * 2.0 * here / speed + 0.2
-    found = poses.polar(here[:, None] * np.stack([np.cos(sight), np.sin(sight)], axis=1))
-    np.testing.assert_allclose(found[0], here)
-    np.testing.assert_allclose(np.remainder(found[1], 2 * np.pi), 0.2, atol=1e-12)
-
-
 def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
     """Azimuths, times and poses of a beam that turns once in 2.5 s above a ship."""
     time = np.arange(number) * 2.5 / number
@@ -202,12 +182,6 @@ def test_a_part_of_a_sweep_sees_its_arc_only():
         500.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     )
     assert (seen > 0.0).tolist() == [False, True, True, True, False, False]
-
-
-@pytest.mark.parametrize("swept", [[1.0], [7.0, 1.0], [0.0, -0.1], [0.0, 7.0], [np.nan, 1.0]])
-def test_an_arc_that_is_none_is_refused(swept):
-    with pytest.raises(ValueError, match=r"^swept must"):
-        Scan(0.0, [1.0], [0.0], swept=swept)
 
 
 def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():

@@ -1,7 +1,5 @@
 """How well the hits of new tracks fit their states, and what clutter gives of f_2."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -67,13 +65,6 @@ def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
     assert number.tolist() == [2.0, 1.0]
     assert total.tolist() == [5.5, 1.5]
     assert sigma.tolist() == [2.0, 2.0], "of the last hit, whose variance is 4"
-
-
-def test_f2_counts_each_area_with_the_density_at_its_hit():
-    # Steps of 5 and 13 m, the first hit's density in no area.
-    hits = detections([[[0.0, 0.0], [3.0, 4.0], [8.0, 16.0]]], [[0.0, 1.0, 2.0]])
-    found = clutter_statistic(hits["position"], np.array([[9.0, 2e-3, 3e-3]]))
-    assert found == pytest.approx([2 * math.pi * (2e-3 * 25.0 + 3e-3 * 169.0)])
 
 
 @pytest.mark.parametrize("hit_count", [2, 3, 5])

@@ -142,42 +142,6 @@ def test_a_track_says_when_where_and_from_what():
     np.testing.assert_allclose(track.position, [3000.0, 10.0], atol=5.0)
 
 
-ABSURD = {
-    "huge range": {"range": [1e200], "azimuth": [0.0]},
-    "huge own deviation": {"range": [3000.0], "azimuth": [0.0], "azimuth_std": [60.0]},
-    "largest range": {"range": [1e8], "azimuth": [0.0]},
-    "largest deviations": {
-        "range": [3000.0],
-        "azimuth": [0.0],
-        "range_std": [1e5],
-        "azimuth_std": [3.14],
-    },
-    "tiny range": {"range": [1e-200], "azimuth": [0.0]},
-    "tiny own deviations": {
-        "range": [3000.0],
-        "azimuth": [0.0],
-        "range_std": [1e-200],
-        "azimuth_std": [1e-200],
-    },
-}
-
-
-@pytest.mark.parametrize("estimator", ["unweighted", "weighted", "polar"])
-@pytest.mark.parametrize("absurd", ABSURD)
-def test_absurd_numbers_are_refused_by_name_or_processed(absurd, estimator):
-    made = make_initiator("tsepm", sensor=SensorModel(), min_hits=3, window=4, estimator=estimator)
-    try:
-        scans = [Scan(12.0 * k, **ABSURD[absurd]) for k in range(4)]
-    except ValueError as refused:
-        assert str(refused).startswith(tuple(ABSURD[absurd]))
-        return
-    for scan in scans:
-        for track in made.process(scan):
-            assert np.isfinite(track.state).all()
-            assert np.isfinite(track.covariance).all()
-    assert made.totals.scans == 4
-
-
 def test_a_changed_speed_counts_at_the_next_scan():
     made = initiator(max_speed=1.0)
     made.process(scan_at(0.0, [HERE]))

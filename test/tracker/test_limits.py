@@ -10,12 +10,8 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.methods.tsepm import PathCounts, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import keep_best
-from tsepm_ros.tracker.initial_state import Paths
 from tsepm_ros.tracker.maintenance.track_maintenance import best_held
-from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracker import Tracker
 
 
 @pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
@@ -68,20 +64,6 @@ def test_tiny_limits_hold_and_cuts_are_counted_and_output_is_valid(potential, ra
             assert len(track.hits) == 3
     assert initiator.totals.cut_potential_tracks > 0
     assert raw > 100 or initiator.totals.cut_confirmations > 0
-
-
-def test_cut_confirmations_are_exactly_the_ones_beyond_the_limit():
-    def raw_in_last_scan(limit: int):
-        initiator = make_initiator(
-            "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=limit
-        )
-        initiator.process(scan_at(0.0, [(2000.0, 0.0), (2001.0, 0.0)]))
-        initiator.process(scan_at(12.0, [(2000.0, 10.0 * k) for k in range(5)]))
-        return initiator.statistics
-
-    assert raw_in_last_scan(100).raw_confirmations == 10
-    limited = raw_in_last_scan(4)
-    assert (limited.raw_confirmations, limited.cut_confirmations) == (4, 6)
 
 
 @pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
@@ -187,18 +169,6 @@ def test_a_time_limit_cuts_what_it_must_counts_it_and_the_output_is_valid():
         assert [scan for scan, _ in track.hits] == [0, 1, 2, 3, 4]
 
 
-@pytest.mark.long
-def test_many_detections_in_one_place_in_two_scans_are_processed_in_time():
-    # A saturated receiver: 16 million pairs, of which 250 000 may be kept.
-    initiator = make_initiator("tsepm", sensor=SensorModel(), plots="off")
-    n = 4000
-    with at_most(60.0):
-        for k in range(2):
-            initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
-    assert initiator.statistics.potential_tracks <= 250_000
-    assert initiator.statistics.cut_potential_tracks > 0
-
-
 @pytest.mark.parametrize("method", [name for name in available_methods() if name != "hough"])
 def test_where_the_time_is_over_only_part_of_the_pairs_in_one_place_is_looked_at(method):
     # A thousand detections twice: a million pairs, of which none may be left out in silence.
@@ -228,37 +198,6 @@ def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
     existence = np.array([0.5, 0.9, 0.9, 0.9])
     assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
-
-
-class Uncut(Tsepm):
-    """The method without what its evaluation rules out beforehand."""
-
-    def cut_hopeless(self, updated: Paths) -> tuple[Paths, PathCounts]:
-        return updated, PathCounts.none()
-
-
-def test_cutting_what_cannot_pass_changes_no_output():
-    def run(kind):
-        options = TsepmOptions(
-            min_hits=4, window=6, evaluation="clutter_statistic", clutter_test_size=0.3
-        )
-        sensor = SensorModel(clutter_density=1e-5)
-        initiator = Tracker(kind(sensor, CommonOptions(), options))
-        tracks = [
-            (track.hits, track.state.tolist(), track.covariance.tolist(), track.evaluation)
-            for scan in busy_scans()
-            for track in initiator.process(scan)
-        ]
-        return tracks, initiator.totals
-
-    tracks, totals = run(Tsepm)
-    expected, plain = run(Uncut)
-    assert len(tracks) > 10
-    assert tracks == expected
-    assert totals.hopeless_tracks > plain.hopeless_tracks == 0
-    assert totals.potential_tracks < plain.potential_tracks
-    for field in ("started", "terminated", "raw_confirmations", "pruned", "merged", "confirmed"):
-        assert getattr(totals, field) == getattr(plain, field)
 
 
 @pytest.mark.parametrize(

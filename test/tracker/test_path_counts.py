@@ -44,21 +44,6 @@ def counts_of(paths: list[Path]) -> PathCounts:
     return PathCounts.of(*np.array(paths, np.int64).reshape(-1, 3).T)
 
 
-@pytest.mark.parametrize("number", [0, 1, 300])
-def test_paths_are_counted_by_kind(number):
-    paths = random_paths(1, number)
-    assert paths_of(counts_of(paths)) == Counter(paths)
-    assert counts_of(paths).total == number
-
-
-def test_joined_and_without_add_and_take_away():
-    some, others = random_paths(2, 50), random_paths(3, 80)
-    both = PathCounts.joined(counts_of(some), counts_of(others), PathCounts.none())
-    assert paths_of(both) == Counter(some) + Counter(others)
-    assert paths_of(both.without(counts_of(some))) == Counter(others)
-    assert len(both.without(both)) == 0
-
-
 @pytest.mark.parametrize("block", [1, 3, 32])
 @pytest.mark.parametrize("number", [0, 1, 300])
 def test_children_are_those_of_every_single_path(monkeypatch, number, block):

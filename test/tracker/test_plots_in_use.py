@@ -21,7 +21,6 @@ from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -47,10 +46,11 @@ def check(runs: list[benchmark.Run]) -> None:
         assert run.held <= 1 + false
 
 
+@pytest.mark.parametrize(("density", "sensor"), [("given", "given"), ("estimated", "unknown")])
 @pytest.mark.parametrize(("spread", "common"), MANY)
-def test_a_swimmer_of_several_echoes_is_one(spread, common):
+def test_a_swimmer_of_several_echoes_is_one(spread, common, density, sensor):
     scene = Swimmers(spread=spread, common=common, pings=25)
-    check([benchmark.run(scene, seed) for seed in range(2)])
+    check([benchmark.run(scene, seed, density, sensor) for seed in range(2)])
 
 
 @pytest.mark.long
@@ -85,12 +85,6 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
         run = benchmark.run(scene, 1)
         assert run.held == 2
         assert {start.target for start in run.starts} == {0, 1}
-
-
-@pytest.mark.parametrize("spread", [1.0, 3.0])
-def test_of_an_unknown_sensor_too_a_swimmer_of_several_echoes_is_one(spread):
-    scene = Swimmers(spread=spread, common=False, pings=25)
-    check([benchmark.run(scene, seed, "estimated", "unknown") for seed in range(2)])
 
 
 @pytest.mark.long
@@ -177,20 +171,6 @@ def test_auto_changes_nothing_in_the_box(method, kind):
         assert off.current.state.tobytes() == auto.current.state.tobytes()
         assert off.statistics == auto.statistics
     assert not auto.plots.active
-
-
-@pytest.mark.parametrize("method", available_methods())
-def test_every_method_sees_plots(method):
-    scene = Swimmers(pings=12, false=2.0)
-    initiator = initiator_of(scene, method, plots="on", target_extent=3.0)
-    for ping in scene.draw(4):
-        for track in initiator.process(ping.scan):
-            assert all(0 <= row < 10_000 for _, row in track.hits)
-        statistics = initiator.statistics
-        assert statistics.detections == len(ping.scan) - statistics.outside_coverage
-        assert statistics.plots <= statistics.detections
-        if (ping.origin == 0).any():
-            assert statistics.plots <= (ping.origin < 0).sum() + 2
 
 
 @pytest.mark.parametrize("method", available_methods())
@@ -309,19 +289,6 @@ def test_a_reset_and_other_options_start_over():
     assert not initiator.plots.active
 
 
-def test_a_scan_that_is_refused_changes_nothing():
-    scene = Swimmers(pings=3)
-    initiator = initiator_of(scene, max_detections=60)
-    scans = [ping.scan for ping in scene.draw(3)]
-    initiator.process(scans[0])
-    ratio = initiator.plots.log_ratio
-    with pytest.raises(ValueError, match="stamp"):
-        initiator.process(scans[0])
-    with pytest.raises(ValueError, match="max_detections"):
-        initiator.process(Scan(5.0, np.full(61, 9.0), np.zeros(61)))
-    assert initiator.plots.log_ratio == ratio
-
-
 def test_the_session_says_so_once():
     scene = Swimmers(pings=15)
     said = []
@@ -349,20 +316,3 @@ def test_neighbouring_rays_are_one_plot_at_once():
             assert initiator.statistics.plots == number
         newest = {track.hits[-1][1] for track in initiator.current}
         assert mode == "off" or 1 in newest <= {1, 3, 4, 5}
-
-
-def test_the_detections_of_a_scan_are_grouped_once(monkeypatch):
-    calls: list[int] = []
-    grouped = grouping.grouped
-    monkeypatch.setattr(
-        grouping, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments)
-    )
-    scene = Swimmers(pings=14)
-    initiator = initiator_of(scene)
-    for index, ping in enumerate(scene.draw(1)):
-        before = len(calls)
-        was_active = initiator.plots.active
-        initiator.process(ping.scan)
-        if index == 13:
-            assert was_active, "learned by then"
-            assert len(calls) == before + 1

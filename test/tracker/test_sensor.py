@@ -21,52 +21,32 @@ def test_what_is_no_finite_number_is_refused_by_name(name, value):
         SensorModel(**{name: value})
 
 
+OUT_OF_RANGE = {
+    "range_std": (-1.0, 2e5, 1e155),
+    "range_std_fraction": (-0.1, 1.1),
+    "azimuth_std": (0.0, 1.1),
+    "min_range": (-1.0, 9000.0, 1e300, 9000.0 - 1e-9),
+    "max_range": (0.0, 5e-324, 1e-200),
+    "azimuth_min": (4.0, -7.0, math.pi - 1e-9),
+    "azimuth_max": (-4.0, 7.0, -math.pi + 1e-12),
+    "detection_probability": (0.0, 1.01),
+    "clutter_density": (0.0, -1e-6, 1e31),
+    "range_rate_std": (5e-324, 1e-30),
+    "clutter_range_rate": (1e-30,),
+}
+
+
 @pytest.mark.parametrize(
-    ("name", "value"),
+    ("values", "sentence"),
     [
-        ("range_std", -1.0),
-        ("range_std_fraction", -0.1),
-        ("range_std_fraction", 1.1),
-        ("azimuth_std", 0.0),
-        ("azimuth_std", 1.1),
-        ("min_range", -1.0),
-        ("min_range", 9000.0),
-        ("max_range", 0.0),
-        ("azimuth_min", 4.0),
-        ("azimuth_max", -4.0),
-        ("azimuth_min", -7.0),
-        ("azimuth_max", 7.0),
-        ("detection_probability", 0.0),
-        ("detection_probability", 1.01),
-        ("clutter_density", 0.0),
-        ("clutter_density", -1e-6),
-        ("clutter_density", 1e31),
-        ("range_std", 2e5),
-        ("range_std", 1e155),
-        ("min_range", 1e300),
-        ("min_range", 9000.0 - 1e-9),
-        ("max_range", 5e-324),
-        ("max_range", 1e-200),
-        ("azimuth_min", math.pi - 1e-9),
-        ("azimuth_max", -math.pi + 1e-12),
-        ("range_rate_std", 5e-324),
-        ("range_rate_std", 1e-30),
-        ("clutter_range_rate", 1e-30),
+        *[({name: value}, name) for name, values in OUT_OF_RANGE.items() for value in values],
+        ({"range_std": 1e4, "azimuth_std": 1e-8}, "range_std must be at most 1e\\+11 m/rad"),
+        ({"range_std": 0.0, "range_std_fraction": 0.0}, "range_std and range_std_fraction"),
     ],
 )
-def test_values_out_of_their_range_are_refused_by_name(name, value):
-    with pytest.raises(ValueError, match=name):
-        SensorModel(**{name: value})
-
-
-def test_an_azimuth_far_better_known_than_the_range_is_refused():
-    with pytest.raises(ValueError, match="range_std must be at most 1e\\+11 m/rad"):
-        SensorModel(range_std=1e4, azimuth_std=1e-8)
-
-
-def test_a_sensor_without_any_range_error_is_refused():
-    with pytest.raises(ValueError, match="range_std and range_std_fraction"):
-        SensorModel(range_std=0.0, range_std_fraction=0.0)
+def test_values_out_of_their_range_are_refused_by_name(values, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        SensorModel(**values)
 
 
 @pytest.mark.parametrize("value", [5, np.float64(5.0), np.float32(5.0), np.int64(5)], ids=repr)
@@ -74,33 +54,18 @@ def test_whole_and_numpy_numbers_are_numbers(value):
     assert type(SensorModel(range_std=value).range_std) is float
 
 
-@pytest.mark.parametrize(
-    ("range_", "azimuth", "inside"),
-    [
-        (500.0, 0.0, True),
-        (100.0, 0.0, True),
-        (1000.0, 0.0, True),
-        (99.9, 0.0, False),
-        (1000.1, 0.0, False),
-        (500.0, 0.5, True),
-        (500.0, -0.5, True),
-        (500.0, 0.51, False),
-        (500.0, -0.51, False),
-        (500.0, math.pi, False),
-        (500.0, 2 * math.pi + 0.2, True),
-    ],
-)
-def test_coverage_is_a_ring_sector_with_its_edges(range_, azimuth, inside):
+def test_coverage_is_a_ring_sector_with_its_edges():
     sensor = SensorModel(min_range=100.0, max_range=1000.0, azimuth_min=-0.5, azimuth_max=0.5)
-    assert sensor.covers([range_], [azimuth]).tolist() == [inside]
+    range_ = [500.0, 100.0, 1000.0, 99.9, 1000.1]
+    assert sensor.covers(range_, np.zeros(5)).tolist() == [True, True, True, False, False]
+    azimuth = [0.5, -0.5, 2 * math.pi + 0.2, 0.51, -0.51, math.pi]
+    assert sensor.covers(np.full(6, 500.0), azimuth).tolist() == [True] * 3 + [False] * 3
 
 
-@pytest.mark.parametrize(
-    ("azimuth", "inside"), [(3.0, True), (-3.0, True), (math.pi, True), (2.0, False), (0.0, False)]
-)
-def test_a_sector_astern_reaches_across_pi(azimuth, inside):
+def test_a_sector_astern_reaches_across_pi():
     sensor = SensorModel(azimuth_min=2.5, azimuth_max=3.8)
-    assert sensor.covers([500.0], [azimuth]).tolist() == [inside]
+    azimuth = [3.0, -3.0, math.pi, 2.0, 0.0]
+    assert sensor.covers(np.full(5, 500.0), azimuth).tolist() == [True] * 3 + [False] * 2
 
 
 def test_a_full_circle_covers_every_azimuth_once():

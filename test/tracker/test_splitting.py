@@ -1,7 +1,5 @@
 """Gates and splitting: who may extend whom."""
 
-import math
-
 import numpy as np
 import pytest
 from support.builders import detections
@@ -9,50 +7,6 @@ from support.builders import detections
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, residual, split_paths
-
-
-def rows_of(gated: Gated) -> list[list[int]]:
-    return [
-        gated.detection[begin:end].tolist()
-        for begin, end in zip(gated.start[:-1], gated.start[1:], strict=True)
-    ]
-
-
-def brute_force(last_hits, found, max_speed, probability) -> list[list[int]]:
-    alpha = math.sqrt(-2 * math.log(1 - probability))
-    return [
-        [
-            j
-            for j, new in enumerate(found)
-            if math.dist(new["position"], hit["position"])
-            <= max_speed * abs(new["time"] - hit["time"]) + alpha * hit["major_sigma"]
-        ]
-        for hit in last_hits
-    ]
-
-
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("origin", [0.0, 5e6], ids=["local", "map coordinates"])
-def test_gates_hold_what_a_look_at_every_pair_finds(seed, origin):
-    rng = np.random.default_rng([1, seed])
-    last = detections(origin + rng.uniform(0, 4000, (40, 2)), rng.choice([0.0, 12.0, 24.0], 40))
-    last["major_sigma"] = rng.uniform(1, 200, 40)
-    found = detections(origin + rng.uniform(0, 4000, (300, 2)), 36 + rng.uniform(0, 6, 300))
-    gated = gate(last, found, 10.0, 0.9)
-    expected = brute_force(last, found, 10.0, 0.9)
-    assert rows_of(gated) == expected
-    assert gated.count.tolist() == [len(row) for row in expected]
-    assert sum(map(len, expected)) > 100, "the scene must have something to find"
-
-
-@pytest.mark.parametrize("angle", [0, 1, 2, 3], ids=["+x", "+y", "-x", "-y"])
-def test_a_detection_exactly_on_the_radius_is_inside(angle):
-    radius = 10.0 * 12.0 + gate_factor(0.9) * 75.0
-    direction = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][angle])
-    last = detections([[0.0, 0.0]], 0.0, variance=75.0**2)
-    on, beyond = radius * direction, np.nextafter(radius, np.inf) * direction
-    found = detections([on, beyond], 12.0)
-    assert rows_of(gate(last, found, 10.0, 0.9)) == [[0]]
 
 
 @pytest.mark.parametrize("max_gated", [10_000, 1], ids=["all gated", "few gated"])

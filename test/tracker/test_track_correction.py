@@ -66,17 +66,6 @@ def test_a_target_that_turns_after_its_start_keeps_its_id(turn):
     assert initiator.current.track_id.tolist() == [0]
 
 
-def test_a_track_whose_hits_are_right_is_never_corrected():
-    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
-    rng = np.random.default_rng(1)
-    for k in range(40):
-        error = 3.0 * rng.standard_normal(2)
-        initiator.process(scan_at(12.0 * k, [tuple(np.add(target(k), error))]))
-        assert len(initiator.revised) == 0
-    assert initiator.current.revision.tolist() == [0]
-    assert initiator.totals.confirmed == 1
-
-
 @pytest.mark.parametrize("wish", [1.0, 300.0])
 def test_hits_are_more_probable_than_not_at_any_rate(wish):
     # Beside each of the target's echoes lies one that fits as well.

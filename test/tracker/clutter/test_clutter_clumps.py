@@ -107,16 +107,7 @@ def test_neighbours_are_those_that_a_loop_counts():
 
 
 class Learned:
-    """What scans of a sea teach.
-
-    Attributes
-    ----------
-    clumps : ClutterClumps
-    predictive : PredictiveDensity
-        Of the last scan.
-    places : tuple of (n,) ndarray
-        Range and azimuth of its detections.
-    """
+    """What scans of a sea teach; `predictive` and `places` are of the last scan."""
 
     def __init__(self, sea: LumpySea, scans: int) -> None:
         self.sea, self.map = sea, ClutterMap(sea.sensor)
@@ -148,10 +139,8 @@ def test_in_even_clutter_next_to_nothing_is_lost(density, scans):
 @pytest.mark.parametrize(("kind", "most"), [("smooth", 1.2), ("blocks", 4.0)])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, seed):
-    # The likelihood ratio of each path is its density as a target's over that as clutter: its mean
-    # in clutter is the mean of true over predictive densities at the hits of targets' paths, each
-    # of which begins at a detection and is seen by the later ones.
-    # Alone it is up to 600; what remains is of lumps smaller than the neighbourhood of a hit.
+    # The mean likelihood ratio in clutter is that of true over predictive densities at the hits of
+    # targets' paths, each of which begins at a detection and is seen by the later ones.
     found = Learned(LumpySea(math.log(3.0), 1e-6, seed=seed, kind=kind), 24)
     assert 0.1 < found.clumps.variance < 0.8
     range_, azimuth = found.places
@@ -172,37 +161,37 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
     assert all(mean < most for _, mean in means)
 
 
-def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
-    rng, made = np.random.default_rng(4), ClutterMap(SensorModel(max_range=12000.0))
+def variance_of(scans, sensor: SensorModel = SONAR) -> float:
+    """Variance of the lumps after scans of ranges, azimuths and weights."""
+    made = ClutterMap(sensor)
     clumps = Overdispersion(made.grid)
-    for _ in range(16):
-        x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
-        cells = made.grid.cells(np.hypot(x, y), np.arctan2(y, x))
-        made.update(cells, np.ones(len(x)))
-        taken(clumps, made, cells, np.ones(len(x)))
-    assert clumps.variance < 0.05
+    for range_, azimuth, weight in scans:
+        cells = made.grid.cells(range_, azimuth)
+        made.update(cells, weight)
+        taken(clumps, made, cells, weight)
+    return clumps.variance
+
+
+def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
+    rng = np.random.default_rng(4)
+    places = (rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0))) for _ in range(16))
+    scans = ((np.hypot(x, y), np.arctan2(y, x), np.ones(len(x))) for x, y in places)
+    assert variance_of(scans, SensorModel(max_range=12000.0)) < 0.05
 
 
 def test_new_targets_in_a_calm_sea_make_no_lumps():
     # Ten targets appear together; from the fourth scan on they are recognised.
-    rng, made = np.random.default_rng(5), ClutterMap(SONAR)
-    clumps = Overdispersion(made.grid)
+    rng = np.random.default_rng(5)
     places = rng.uniform(2000.0, 8000.0, 10), rng.uniform(-3.0, 3.0, 10)
-    for scan in range(8):
-        cells, weight = made.grid.cells(*places), np.full(10, float(scan < 3))
-        made.update(cells, weight)
-        taken(clumps, made, cells, weight)
-    assert clumps.variance < 0.2
+    assert variance_of((*places, np.full(10, float(scan < 3))) for scan in range(8)) < 0.2
 
 
 def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
-    made = ClutterMap(SONAR)
-    clumps = Overdispersion(made.grid)
     rng = np.random.default_rng(6)
-    for _ in range(30):
+
+    def scan():
         range_, azimuth = rng.uniform(3000.0, 9000.0, 20), rng.uniform(-3.0, 3.0, 20)
         range_[:10], azimuth[:10] = 5000.0, 0.5
-        cells = made.grid.cells(range_, azimuth)
-        made.update(cells, np.ones(20))
-        taken(clumps, made, cells, np.ones(20))
-    assert 0.0 <= clumps.variance <= MAX_VARIANCE
+        return range_, azimuth, np.ones(20)
+
+    assert 0.0 <= variance_of(scan() for _ in range(30)) <= MAX_VARIANCE

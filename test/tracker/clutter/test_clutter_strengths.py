@@ -78,13 +78,6 @@ def test_nothing_is_said_before_there_are_references():
     assert sea.learner.use.startswith("used")
 
 
-@pytest.mark.parametrize("value", [7.0, 0.0, -40.0])
-def test_constant_strengths_say_nothing(value):
-    sea = Sea()
-    assert sea.pings(20, lambda strength, range_: np.full(len(strength), value)) == [None] * 20
-    assert sea.learner.use == "not used: constant strengths"
-
-
 def test_strengths_that_vanish_say_nothing_and_those_that_appear_again_go_on():
     sea = Sea()
     sea.pings(16)

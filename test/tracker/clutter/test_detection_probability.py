@@ -9,9 +9,7 @@ from support.builders import reconfigured
 from support.score_scenes import clutter, score
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker.clutter.detection_probability import DATA_SHEET_SCANS, DetectionProbability
-from tsepm_ros.tracker.evaluation import FADED_FACTOR
 from tsepm_ros.tracker.tracker import Tracker
 
 SENSOR = SensorModel(clutter_density=3e-7)
@@ -82,27 +80,6 @@ def test_targets_that_vanish_are_not_missed():
         initiator.process(Scan(12.0 * index, [], []))
     assert not len(initiator.current)
     assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
-
-
-@pytest.mark.long
-def test_it_is_known_in_either_case_and_used_where_asked_for():
-    scans = seen(0.6, 2)
-    given, estimated = run(scans, "given"), run(scans, "estimated")
-    assert given.detection_probability == SENSOR.detection_probability
-    assert given.sensor_in_use is SENSOR
-    assert given.estimated_detection_probability == pytest.approx(0.6, abs=0.1)
-    assert estimated.sensor_in_use.detection_probability == estimated.detection_probability
-    assert isinstance(estimated.method, Score) and isinstance(given.method, Score)
-    # A miss costs less, and the threshold is that of the sensor as it is.
-    first = estimated.potential_tracks()
-    for initiator in (given, estimated):
-        initiator.process(Scan(12.0 * len(scans), [], []))
-    seen_p_d = estimated.detection_probability
-    loss = first.score.max() - estimated.potential_tracks().score.max()
-    # Between those of a target that has faded for certain, and one that certainly has not.
-    faded_p_d = FADED_FACTOR * seen_p_d
-    assert -math.log1p(-0.99 * faded_p_d) < loss < -math.log1p(-0.99 * seen_p_d)
-    assert estimated.method.threshold != given.method.threshold
 
 
 @pytest.mark.long

@@ -87,12 +87,6 @@ def test_exponent_ends_where_nothing_can_be_said():
     assert exponents_of(law, np.array([-50.0]))[0] == 0.0
 
 
-def test_exponent_rises_with_the_strength():
-    law = law_of(np.log(np.random.default_rng(4).exponential(size=200)))
-    exponent = exponents_of(law, np.linspace(-8.0, 6.0, 2000))
-    assert (np.diff(exponent) >= -1e-12).all()
-
-
 @pytest.mark.parametrize("name", sorted(QUANTILES))
 @pytest.mark.parametrize("references", [MIN_REFERENCES, 100, 600, 2000])
 def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references):

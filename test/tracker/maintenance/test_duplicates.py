@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from support.builders import detections
-from support.held import P_D, ids, step, tracks
+from support.held import P_D
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -34,17 +32,6 @@ def test_a_target_that_is_started_again_and_again_is_held_once():
         )
     assert initiator.totals.confirmed > 20
     assert 1 <= len(initiator.current) <= 3
-
-
-def test_targets_that_cross_stay_two(straight):
-    hold = TrackMaintenance(1e6)
-    hold.add(tracks(1), 0.9)
-    hold.add(replace(tracks(2), state=np.array([[3000.0, -5.0, 1300.0, 0.0]])), 0.9)
-    for scan in range(1, 30):
-        time = 12.0 * scan
-        points = [[2000.0 + 5.0 * time, 1000.0], [3000.0 - 5.0 * time, 1300.0]]
-        step(hold, time, detections(points, time), P_D)
-    assert ids(hold) == [1, 2]
 
 
 def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
@@ -68,18 +55,6 @@ def test_tracks_with_plots_of_their_own_are_two_targets():
     assert agrees(0.0, 10.0, plots=(3, 4)) == [False, False]
     assert agrees(0.0, 10.0, plots=(3, 3)) == [False, True]
     assert agrees(0.0, 10.0, plots=(3, NO_HIT)) == [False, True]
-
-
-def test_a_vague_older_track_does_not_end_one_that_is_on_its_target():
-    # The older was missed until its gate holds everything; the younger is detected at each scan.
-    hold = TrackMaintenance(1e6)
-    older = replace(tracks(1), covariance=np.diag([900.0, 3.0, 900.0, 3.0])[None] ** 2)
-    hold.add(older, 0.4)
-    hold.add(replace(tracks(1), track_id=np.array([2])), 0.99)
-    for scan in range(1, 12):
-        stamp = 2.0 * scan
-        step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, variance=100.0), P_D)
-    assert 2 in ids(hold)
 
 
 def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
@@ -131,19 +106,6 @@ def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own
     )
     given = merging.given_starts(hypotheses, [start])
     np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
-
-
-@pytest.mark.parametrize(("births_over_density", "ids"), [(0.99, [4]), (1.01, [-1])])
-def test_a_lost_track_is_continued_where_that_is_likelier_than_a_new_target(
-    births_over_density, ids
-):
-    starts = starts_at((3.0, 0.0))
-    lost = starts_at((0.0, 0.0)).numbered(np.array([4]))
-    # r N(d; 0, P + P') of the sum of two diagonal covariances: one axis of 3 m over 8 m^2.
-    density = 0.3 * math.exp(-0.5 * 9.0 / 8.0) / ((2.0 * math.pi) ** 2 * 8.0 * 2.0)
-    births = births_over_density * density
-    found = merging.continued(starts, lost, np.array([0.3]), {}, births)
-    assert found.tolist() == ids
 
 
 def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continued_once():

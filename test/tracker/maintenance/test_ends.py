@@ -9,67 +9,17 @@ from scipy.stats import multivariate_normal
 from support.builders import detections
 from support.held import P_D, holding, ids, published, step, tracks
 
-from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.data_association import SCANS_OF_FADING, SCANS_TO_VANISH
 from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, stands_still, statuses
-from tsepm_ros.tracker.maintenance.track_maintenance import ENDS, TrackMaintenance
-from tsepm_ros.tracker.merging import may_repeat_older
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.tracks import TrackArrays
-
-
-def missed() -> TrackMaintenance:
-    hold = holding(1)
-    while ids(hold):
-        step(hold, hold.held.tracks.stamp[0] + 12.0, detectable=P_D)
-    return hold
-
-
-def left() -> TrackMaintenance:
-    hold = holding(1)
-    while ids(hold):
-        step(hold, hold.held.tracks.stamp[0] + 12.0, detectable=0.0)
-    return hold
-
-
-def not_detected() -> TrackMaintenance:
-    hold = holding(1, hold_time=30.0)
-    step(hold, 31.0)
-    return hold
-
-
-def duplicate() -> TrackMaintenance:
-    hold = holding(7)
-    hold.add(replace(tracks(7), track_id=np.array([1])), 0.9)
-    while len(hold.held) > 1:
-        stamp = hold.held.tracks.stamp[0] + 2.0
-        seen = detections([[2000.0 + 5.0 * stamp, 7000.0]], stamp, variance=2500.0)
-        step(hold, stamp, seen, P_D)
-    return hold
-
-
-def duplicate_by_extent() -> TrackMaintenance:
-    hold = holding(7)
-    aside = tracks(7)
-    aside.state[:, 2] += 180.0
-    hold.add(replace(aside, track_id=np.array([1])), 0.9)
-    extent = ClusterExtent(250.0, 250.0)
-    hold.end_duplicates(may_repeat_older(hold.held.tracks, extent, np.zeros(2)))
-    return hold
 
 
 def replaced() -> TrackMaintenance:
     hold = holding(1, 2)
     hold.revise(tracks(), [1])
-    return hold
-
-
-def tracker() -> TrackMaintenance:
-    hold = holding(1, 2)
-    hold.follow(1.0, tracks(1, 2, stamp=1.0))
-    hold.follow(2.0, tracks(2, stamp=2.0))
-    step(hold, 3.0)
     return hold
 
 
@@ -80,20 +30,16 @@ def cleared() -> TrackMaintenance:
     return hold
 
 
-ENDED = missed, left, not_detected, duplicate, duplicate_by_extent, replaced, tracker, cleared
+ENDED = replaced, cleared
 
 
-@pytest.mark.parametrize("ended", ENDED, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("ended", ENDED)
 def test_a_track_ends_with_its_reason_and_once(ended):
     hold = ended()
-    assert hold.ended == {1: ended.__name__.removesuffix("_by_extent")}
+    assert hold.ended == {1: ended.__name__}
     assert 1 not in ids(hold)
     step(hold, hold.held.tracks.stamp.max(initial=0.0) + 100.0, detectable=P_D)
     assert 1 not in hold.ended
-
-
-def test_every_reason_is_tested():
-    assert {one.__name__ for one in ENDED} - {"duplicate_by_extent"} | {"forgotten"} == set(ENDS)
 
 
 def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatch):
@@ -108,14 +54,6 @@ def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatc
     step(hold, 72.0, detectable=0.0)
     assert hold.ended == {1: "forgotten", 2: "forgotten"}
     assert [echo.track_id for echo in hold.fixed_echoes] == [3, 4]
-
-
-@pytest.mark.parametrize("whole", [True, False])
-def test_a_look_at_a_part_of_the_coverage_says_nothing_of_targets_elsewhere(whole):
-    hold = holding(1)
-    step(hold, 12.0, detectable=0.0, whole=whole)
-    expected = 0.9 * (1.0 - 1.0 / SCANS_OF_FADING) if whole else 0.9
-    assert hold.held.existence[0] == pytest.approx(expected)
 
 
 def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> TrackArrays:
@@ -136,13 +74,6 @@ def silent(prior: SpeedPrior | None = None) -> TrackMaintenance:
         seen["scan"] = scan
         step(hold, 12.0 * scan, seen, P_D)
     return hold
-
-
-def test_a_start_by_a_held_track_s_own_detections_is_recognised_wherever_it_is():
-    hold = silent()
-    new = start(hold, 5000.0, (2, 0), (3, 0), (7, 4))
-    assert hold.recognised(new, 1e8).tolist() == [1]
-    assert hold.recognised(start(hold, 5000.0, (3, 0), (7, 4)), 1e8).tolist() == [-1]
 
 
 @pytest.mark.parametrize(("larger", "found"), [(1.01, 1), (0.99, -1)])
@@ -184,33 +115,6 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     assert found.age[0] == 96.0, "since its first hit of all"
     assert found.hits == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
     assert hold.ended == {}
-
-
-@pytest.mark.parametrize(
-    ("sigma", "existence", "before", "extent", "after"),
-    [
-        (44.9, 0.9, Status.PUBLISHED, 0.0, Status.PUBLISHED),
-        (45.1, 0.9, Status.PUBLISHED, 0.0, Status.WITHHELD),
-        (45.1, 0.9, Status.PUBLISHED, 50.0, Status.PUBLISHED),
-        (50.1, 0.9, Status.PUBLISHED, 50.0, Status.WITHHELD),
-        (100.1, 0.9, Status.PUBLISHED, 200.0, Status.WITHHELD),
-        (20.0, 0.51, Status.PUBLISHED, 0.0, Status.PUBLISHED),
-        (20.0, 0.49, Status.PUBLISHED, 0.0, Status.WITHHELD),
-        (20.0, 0.89, Status.WITHHELD, 0.0, Status.WITHHELD),
-        (20.0, 0.91, Status.WITHHELD, 0.0, Status.PUBLISHED),
-        (20.0, 0.51, Status.FIXED, 0.0, Status.PUBLISHED),
-    ],
-)
-def test_a_track_is_published_while_it_exists_and_is_located(
-    sigma, existence, before, extent, after
-):
-    # The last detection had an error of 10 m; the range is 400 m.
-    one = tracks(1)
-    one.covariance[0, 0, 0] = sigma**2
-    one.covariance[0, 2, 2] = 1.0
-    held = ConfirmedTracks.of(one, existence, hit_sigma=np.array([10.0]))
-    held = replace(held, status=np.array([before]))
-    assert statuses(held, SpeedPrior(), extent, 400.0).tolist() == [after]
 
 
 @pytest.mark.parametrize(

@@ -36,13 +36,6 @@ def all_pairs(cost: list[list[float]]) -> Pairs:
     return Pairs(parent, row, np.ravel(cost).astype(float))
 
 
-def test_nothing_changes_where_there_is_neither_zone_nor_encounter():
-    factors = environment([False, False]).factors(
-        TWO, APART, all_pairs([[1.0, 2.0], [3.0, 4.0]]), np.stack([BIG, SMALL])
-    )
-    assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
-
-
 def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
     # Of 9 plots of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 + 9).
     clutter = np.concatenate([np.tile(BIG, (2, 1)), np.tile(SMALL, (7, 1))])

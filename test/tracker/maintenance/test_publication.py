@@ -1,7 +1,6 @@
 """Held tracks that are not published: they claim their detections and nobody hears of them."""
 
 import numpy as np
-import pytest
 from support.builders import detections
 from support.held import P_D, published, step, tracks
 
@@ -21,16 +20,6 @@ def holding(*track_ids: int, prior: SpeedPrior = SLOW, hold_time: float = 1e6) -
 
 def echoes(hold: TrackMaintenance) -> list[int]:
     return [echo.track_id for echo in hold.fixed_echoes]
-
-
-def test_without_min_speed_every_track_is_published_with_its_probability():
-    hold = TrackMaintenance(1e6)
-    new = hold.add(tracks(1, 2), 0.9)
-    assert published(hold) == [1, 2] == new.track_id.tolist()
-    assert echoes(hold) == []
-    assert ((new.stationary_probability > 0.0) & (new.stationary_probability < 1.0)).all()
-    step(hold, 12.0, detections([[2060.0, 1000.0]], 12.0), P_D)
-    assert hold.current.stationary_probability[0] != new.stationary_probability[0]
 
 
 def test_what_is_held_back_claims_its_detections_as_every_held_track_does():
@@ -54,16 +43,6 @@ def test_the_end_of_what_was_never_published_is_not_told():
     hold.clear()
     step(hold, 1.0)
     assert hold.ended == {}
-
-
-def test_min_speed_off_publishes_what_was_held_back():
-    hold = holding(1, 2)
-    hold.speed_prior = SpeedPrior()
-    step(hold, 12.0)
-    assert hold.released.track_id.tolist() == [1, 2] == published(hold)
-    assert echoes(hold) == []
-    step(hold, 24.0)
-    assert len(hold.released) == 0
 
 
 def test_min_speed_does_not_take_back_what_was_published():
@@ -106,37 +85,6 @@ def test_what_a_downstream_tracker_lists_is_published():
     assert published(hold) == [1, 7]
     step(hold, 6.0)
     assert len(hold.released) == 0
-
-
-@pytest.mark.parametrize("speed", [0.0, 3.0])
-def test_a_fixed_echo_has_its_place_and_since_when(speed):
-    hold = TrackMaintenance(1e6, speed_prior=SLOW)
-    hold.add(tracks(1, stamp=0.0), 0.9)
-    for stamp in range(12, 121, 12):
-        step(hold, stamp, detections([[2000.0 + speed * stamp, 1000.0]], stamp), P_D)
-    (echo,) = hold.fixed_echoes
-    assert (echo.track_id, echo.stamp, echo.since) == (1, 120.0, 0.0)
-    assert echo.velocity.tolist() == [0.0, 0.0]
-    assert np.linalg.eigvalsh(echo.covariance).min() > 0.0
-    assert echo.stationary_probability > 0.5
-
-
-def test_a_vague_track_is_withheld_and_comes_back_under_its_id():
-    hold = TrackMaintenance()
-    hold.add(tracks(1), 0.99)
-    states = []
-    for scan in range(1, 20):
-        seen = [[2000.0 + 60.0 * scan, 1000.0]] if not 4 <= scan < 10 else np.zeros((0, 2))
-        step(hold, 12.0 * scan, detections(seen, 12.0 * scan, 400.0), P_D)
-        states.append(published(hold))
-        if scan < 10:
-            assert hold.held.tracks.time_since_hit[0] == 12.0 * max(scan - 3, 0)
-        assert hold.held.tracks.existence_probability[0] == hold.held.existence[0]
-    assert states[:3] == [[1]] * 3
-    assert states[8] == [], "six misses"
-    assert states[-1] == [1]
-    assert len(hold.released) == 0
-    assert hold.ended == {}
 
 
 def test_a_fixed_echo_outside_the_coverage_is_remembered_as_it_is():

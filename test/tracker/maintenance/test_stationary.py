@@ -198,22 +198,6 @@ def standing(x: float = 2000.0):
     return type(track)(**{**vars(track), "state": state, "covariance": covariance})
 
 
-def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
-    rng = np.random.default_rng(4)
-    hold = TrackMaintenance(1e6, speed_prior=SpeedPrior(0.5, 10.0))
-    moving = standing()
-    state = np.array([[2000.0, 5.0, 1000.0, 0.0]])
-    hold.add(type(moving)(**{**vars(moving), "state": state}), 0.99)
-    follow(hold, lambda t: (2000.0 + 5.0 * min(t, 60.0), 1000.0), np.arange(1.0, 60.0), rng)
-    assert hold.current.track_id.tolist() == [1]
-    assert hold.current.stationary_probability[0] < 0.01
-    follow(hold, lambda t: (2300.0, 1000.0), np.arange(61.0, 200.0), rng)
-    assert (len(hold.current), [echo.track_id for echo in hold.fixed_echoes]) == (0, [1])
-    follow(hold, lambda t: (2300.0 + 3.0 * (t - 200.0), 1000.0), np.arange(200.0, 240.0), rng)
-    assert (hold.current.track_id.tolist(), len(hold.fixed_echoes)) == ([1], 0)
-    assert len(hold.released) == 0, "it is no new track"
-
-
 def test_what_sets_off_is_released_under_its_id_and_only_once():
     rng = np.random.default_rng(3)
     hold = TrackMaintenance(1e6, speed_prior=SpeedPrior(0.5, 10.0))
