@@ -97,31 +97,32 @@ def test_only_the_speeds_of_score_are_limited_unless_the_user_gives_a_value(meth
 @EVERY_METHOD
 def test_a_target_alone_is_started_where_it_is(method):
     made = make_initiator(method, sensor=FEW_FALSE)
-    started = [track for scan in straight() for track in made.process(scan)]
+    scans, started = straight(13), []
+    for scan in scans[:12]:
+        started += made.process(scan)
+        if made.scan_index == 1:
+            (potential,) = made.potential_tracks()
+            assert potential.hits == ((0, 0), (1, 0))
+            assert potential.track_id == made.next_track_id == 0, "it takes no id"
+            np.testing.assert_allclose(potential.velocity, [3.0, 4.0], atol=0.3)
     track = started[0]
     np.testing.assert_allclose(track.velocity, [3.0, 4.0], atol=0.2)
     truth = np.array([2000.0, 500.0]) + track.stamp * np.array([3.0, 4.0])
     np.testing.assert_allclose(track.position, truth, atol=5.0)
-    check_output(made, made.process(straight(13)[-1]))
+    check_output(made, made.process(scans[12]))
     assert len(made.current) > 0
 
 
 @EVERY_METHOD
-def test_an_empty_sea_starts_nothing(method):
+def test_an_empty_sea_starts_nothing_and_one_detection_is_forgotten_after_the_window(method):
     made = make_initiator(method, sensor=SensorModel())
-    assert not made.potential_tracks()
     for k in range(20):
         assert not made.process(Scan(12.0 * k, [], []))
     assert made.totals == ScanStatistics(scans=20)
     assert not made.potential_tracks()
-
-
-@EVERY_METHOD
-def test_one_detection_is_forgotten_after_the_window(method):
-    made = make_initiator(method, sensor=SensorModel())
-    assert not made.process(scan_at(0.0, [(3000.0, 0.0)]))
+    assert not made.process(scan_at(240.0, [(3000.0, 0.0)]))
     assert made.statistics.potential_tracks == made.statistics.started == 1
-    for k in range(1, 70):
+    for k in range(21, 90):
         assert not made.process(Scan(12.0 * k, [], []))
     assert made.statistics.potential_tracks == 0
     assert made.totals.terminated == 1
@@ -167,10 +168,27 @@ def test_a_refused_scan_leaves_everything_as_it_was(method):
 
 
 @EVERY_METHOD
-def test_a_run_is_the_same_again_and_after_a_reset(method):
+def test_counts_add_up_and_a_run_is_the_same_again_and_after_a_reset(method):
     made, again = (make_initiator(method, sensor=SensorModel()) for _ in range(2))
-    scans = cluttered(12, 60, 3000.0)
-    expected = [made.process(scan) for scan in scans]
+    scans, expected, each = cluttered(12, 60, 3000.0), [], []
+    for scan in scans:
+        expected.append(made.process(scan))
+        counts = made.statistics
+        each.append(counts)
+        assert (counts.scans, counts.detections, counts.confirmed) == (1, 60, len(expected[-1]))
+        assert counts.split >= counts.started > 0
+        ways = (counts.merged, counts.confirmed, counts.cut_confirmations)
+        if method == "score":
+            assert counts.evaluated - counts.pruned == counts.potential_tracks
+            assert counts.raw_confirmations == sum(ways)
+        else:
+            assert counts.raw_confirmations == sum(ways) + counts.pruned
+            assert counts.raw_confirmations >= counts.evaluated
+    for field in dataclasses.fields(ScanStatistics):
+        values = [getattr(one, field.name) for one in each]
+        total = max if field.name in ("potential_tracks", "hopeless_tracks") else sum
+        assert getattr(made.totals, field.name) == total(values), field.name
+    assert made.totals.evaluated > 0 or method not in ("score", "tsepm")
     made.reset()
     assert made.totals == made.statistics == ScanStatistics()
     for scan, tracks in zip(scans, expected, strict=True):
@@ -200,36 +218,6 @@ def test_limits_hold_and_what_they_cut_is_counted(method):
         assert made.statistics.potential_tracks <= 50
         assert made.statistics.confirmed <= (50 if method == "score" else 5)
     assert made.totals.cut_potential_tracks > 0
-
-
-@EVERY_METHOD
-def test_counts_add_up(method):
-    made = make_initiator(method, sensor=SensorModel())
-    for scan in cluttered(10, 60, 3000.0):
-        tracks = made.process(scan)
-        counts = made.statistics
-        assert (counts.scans, counts.detections, counts.confirmed) == (1, 60, len(tracks))
-        assert counts.split >= counts.started > 0
-        ways = (counts.merged, counts.confirmed, counts.cut_confirmations)
-        if method == "score":
-            assert counts.evaluated - counts.pruned == counts.potential_tracks
-            assert counts.raw_confirmations == sum(ways)
-        else:
-            assert counts.raw_confirmations == sum(ways) + counts.pruned
-            assert counts.raw_confirmations >= counts.evaluated
-    assert made.totals.scans == 10
-    assert made.totals.evaluated > 0 or method not in ("score", "tsepm")
-
-
-@EVERY_METHOD
-def test_potential_tracks_have_two_hits_and_take_no_ids(method):
-    made = make_initiator(method, sensor=FEW_FALSE)
-    for scan in straight(2):
-        made.process(scan)
-    found = made.potential_tracks()
-    assert [track.hits for track in found] == [((0, 0), (1, 0))]
-    assert found[0].track_id == made.next_track_id == 0
-    np.testing.assert_allclose(found[0].velocity, [3.0, 4.0], atol=0.3)
 
 
 @EVERY_METHOD

@@ -42,18 +42,6 @@ def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(ru
     assert (outcomes.count(Outcome.TRUE), outcomes.count(Outcome.REDUNDANT)) == (1, 0)
 
 
-def test_a_second_target_is_started_beside_one_that_is_held():
-    # 1 km beside it, both at 3.5 km: many deviations apart, though far within v_max * time held.
-    first, second = (3000.0, 4.0, 2000.0, 0.0), (3000.0, 4.0, 1000.0, 0.0)
-    rng = np.random.default_rng(3)
-    alone, both = sea(rng, 12, [first]), sea(rng, 40, [first, second])[12:]
-    initiator = score()
-    starts = [track for scan in alone + both for track in initiator.process(scan)]
-    y = sorted(track.position[1] for track in starts if abs(track.position[0] - 3000) < 3000)
-    assert len(starts) == 2
-    assert y == pytest.approx([1000.0, 2000.0], abs=200)
-
-
 @pytest.mark.parametrize(
     ("apart", "least"), [pytest.param(100.0, 1, marks=pytest.mark.long), (300.0, 5)]
 )

@@ -54,25 +54,6 @@ def test_pairs_between_are_those_of_a_loop_in_their_order(number):
     assert expected and not len(pairs_between(centres[:0], positions, 30.0)[0])
 
 
-def test_a_search_ends_where_the_time_is_over():
-    rng = np.random.default_rng(4)
-    places = rng.uniform(0.0, 100.0, (3000, 2))
-    asked = []
-
-    def late(after: int) -> bool:
-        asked.append(after)
-        return len(asked) > after
-
-    found = pairs_within(places, places, np.full(3000, 200.0), 10**7, lambda: late(100))
-    assert found is not None
-    assert len(found[0]) == 3000 * 3000
-    assert len(asked) > 1
-    parts = len(asked)
-    asked.clear()
-    assert pairs_within(places, places, np.full(3000, 200.0), 10**7, lambda: late(1)) is None
-    assert len(asked) == 2 < parts
-
-
 @pytest.mark.parametrize("sigma", [0.01, 0.3, 3.0, 100.0])
 @pytest.mark.parametrize("away", [0.0, 0.7, 1.0, 4.0])
 def test_for_a_circle_it_is_that_of_a_noncentral_chi_square(sigma, away):

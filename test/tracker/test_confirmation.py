@@ -23,6 +23,8 @@ from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
 
+EXACT = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
+
 
 def rule_at(threshold_of: Callable[[Tree], float]) -> Any:
     """The rule as built, at a threshold of its own for each tree."""
@@ -98,8 +100,7 @@ def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold):
 @pytest.mark.parametrize(("rate", "waits"), [(1000.0, True), (20000.0, False)])
 def test_where_false_tracks_are_many_by_choice_a_start_need_not_be_as_pure(rate, waits):
     # Of two ways, one is three times as likely: its second difference is 22 m less, of sigma 15 m.
-    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
-    initiator = score(sensor, false_tracks_per_hour=rate)
+    initiator = score(EXACT, false_tracks_per_hour=rate)
     initiator.process(scan_at(0.0, [(3000.0, 0.0)]))
     initiator.process(scan_at(12.0, [(3000.0, 84.0), (3000.0, -84.0)]))
     started = initiator.process(scan_at(24.0, [(3000.0, 168.0), (3000.0, -190.0)]))
@@ -117,8 +118,7 @@ def test_the_purity_of_a_start_falls_from_3000_false_tracks_per_hour_on():
 @pytest.mark.parametrize("wish", [1.0, 1000.0])
 def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wish):
     # Which of them are its own is never clear: it waits for eight hits, not for ever.
-    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
-    initiator = score(sensor, false_tracks_per_hour=wish, plots="off")
+    initiator = score(EXACT, false_tracks_per_hour=wish, plots="off")
     started = []
     for index in range(12):
         y = 41.0 * index
@@ -133,22 +133,17 @@ def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wi
 
 
 def test_no_track_on_two_hits_however_strong():
-    initiator = score(
-        SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4),
-        false_tracks_per_hour=1e6,
-    )
-    first, second = ([(3000.0, 0.0)], [(3010.0, 0.0)])
-    assert len(initiator.process(scan_at(0.0, first))) == 0
-    assert len(initiator.process(scan_at(12.0, second))) == 0
-    assert len(initiator.process(scan_at(24.0, [(3020.0, 0.0)]))) == 1
+    sensor = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4)
+    initiator = score(sensor, false_tracks_per_hour=1e6)
+    scans = [scan_at(12.0 * k, [(3000.0 + 10.0 * k, 0.0)]) for k in range(3)]
+    assert [len(initiator.process(scan)) for scan in scans] == [0, 0, 1]
 
 
 @pytest.mark.parametrize(("earlier", "starts"), [(0.45, 1), (0.8, 0)])
 def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts):
     # 0.45 or 0.8 of the first four hits are due to the held track, 0.67 of six at least.
-    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
     probability = [earlier] * 4 + [0.4] * 2
-    initiator = Tracker(Score(sensor, CommonOptions(**AS_GIVEN), ScoreOptions()))
+    initiator = Tracker(Score(EXACT, CommonOptions(**AS_GIVEN), ScoreOptions()))
 
     def partly_held(tree: Tree) -> float:
         """3 below the largest evidence: not enough for a second target."""

@@ -1,6 +1,7 @@
-"""The sensor's coverage: of a sector that turns with the ship, and whatever the order of echoes."""
+"""The sensor's coverage: sectors that turn with the ship, whole turns, any order of the echoes."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -174,16 +175,6 @@ def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn
     np.testing.assert_allclose(np.cos(found[1] - beam), 1.0, atol=1e-6)
 
 
-def test_a_part_of_a_sweep_sees_its_arc_only():
-    initiator = make_initiator("score", sensor=SensorModel(max_range=1000.0))
-    initiator.process(Scan(0.0, [500.0], [3.1], swept=[3.0, 1.0]))
-    angle = np.array([2.9, 3.01, 3.9, -2.4, -2.2, 0.0])
-    seen = initiator.detection_probability_at(
-        500.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    )
-    assert (seen > 0.0).tolist() == [False, True, True, True, False, False]
-
-
 def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator = make_initiator("score", sensor=SECTOR)
     initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
@@ -230,24 +221,15 @@ def test_a_coverage_given_too_small_does_not_flood_false_tracks(given):
     assert found <= 35, "20 wished for in an hour: Poisson, 99.9 %"
 
 
-@pytest.mark.parametrize(
-    ("range_", "azimuth", "own", "used"),
-    [
-        (1029.0, 0.0, {}, True),
-        (1031.0, 0.0, {}, False),
-        (1031.0, 0.0, {"range_std": [11.0]}, True),
-        (471.0, 0.0, {}, True),
-        (469.0, 0.0, {}, False),
-        (700.0, 1.029, {}, True),
-        (700.0, -1.029, {}, True),
-        (700.0, 1.031, {}, False),
-        (700.0, -1.031, {}, False),
-        (700.0, -1.031, {"azimuth_std": [0.011]}, True),
-        (700.0, math.pi, {}, False),
-    ],
-)
-def test_detections_may_be_three_deviations_beyond_the_edge(range_, azimuth, own, used):
-    assert inside(Scan(0.0, [range_], [azimuth], **own), EDGE).tolist() == [used]
+def test_detections_may_be_three_deviations_beyond_the_edge():
+    range_ = [1029.0, 471.0, 1031.0, 469.0]
+    used = inside(Scan(0.0, range_, np.zeros(4)), EDGE)
+    assert used.tolist() == [True, True, False, False]
+    azimuth = [1.029, -1.029, 1.031, -1.031, math.pi]
+    used = inside(Scan(0.0, np.full(5, 700.0), azimuth), EDGE)
+    assert used.tolist() == [True, True, False, False, False]
+    own = {"range_std": [11.0, 10.0], "azimuth_std": [0.01, 0.011]}
+    assert inside(Scan(0.0, [1031.0, 700.0], [0.0, -1.031], **own), EDGE).all()
 
 
 def test_errors_wider_than_a_sector_leave_no_azimuth_out():
@@ -290,3 +272,70 @@ def test_detections_outside_the_coverage_are_counted_and_said():
     ((reason, sentence),) = said
     assert reason == "outside_coverage"
     assert sentence.startswith("2 of 3 detections dropped")
+
+
+def turned_scans(seed: int, turn: float = 0.0) -> list[Scan]:
+    """Two targets, one of which crosses the azimuth pi, a quay and false detections, turned."""
+    rng, made = np.random.default_rng(seed), []
+    for stamp in np.arange(0.0, 40.0, 0.5):
+        targets = np.array([[-150.0, 40.0 - 2.0 * stamp], [120.0 - 1.5 * stamp, 60.0 + stamp]])
+        along = rng.uniform(-100.0, 100.0, 6)
+        quay = np.stack([140.0 + 0.3 * along, 0.95 * along], axis=1)
+        false = rng.uniform(-290.0, 290.0, (rng.poisson(6), 2))
+        echoes = np.concatenate([targets[rng.random(2) < 0.9], quay, false])
+        range_ = np.hypot(*echoes.T) + rng.standard_normal(len(echoes))
+        azimuth = np.arctan2(echoes[:, 1], echoes[:, 0]) + 0.01 * rng.standard_normal(len(echoes))
+        made.append(Scan(stamp, range_, np.remainder(azimuth + turn + math.pi, math.tau) - math.pi))
+    return made
+
+
+@functools.cache
+def followed(low: float, high: float, seed: int, turn: float = 0.0):
+    """The initiator after the scans, with density and P_D learned; its current tracks."""
+    sensor = SensorModel(
+        range_std=1.0,
+        range_std_fraction=0.0,
+        azimuth_std=0.01,
+        max_range=300.0,
+        azimuth_min=low + turn,
+        azimuth_max=high + turn,
+    )
+    initiator = make_initiator("score", sensor=sensor, max_speed=10.0, min_speed=0.5)
+    current = []
+    for scan in turned_scans(seed, turn):
+        initiator.process(scan)
+        current.append(initiator.current)
+    return initiator, current
+
+
+@pytest.mark.parametrize(("low", "high"), [(-3.1415, 3.1415), (-3.14, 3.14), (0.0, 6.283)])
+def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
+    _, expected = followed(-math.pi, math.pi, seed=3)
+    _, found = followed(low, high, seed=3)
+    assert sum(map(len, expected)) > 50
+    for one, other in zip(found, expected, strict=True):
+        assert one.track_id.tolist() == other.track_id.tolist()
+        np.testing.assert_array_equal(one.state, other.state)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+        np.testing.assert_array_equal(one.existence_probability, other.existence_probability)
+
+
+@pytest.mark.parametrize("turn", [0.7, 2.5, -3.0])
+def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
+    first, expected = followed(-1.5, 2.6, seed=1)
+    second, found = followed(-1.5, 2.6, seed=1, turn=turn)
+    assert first.learned.persistent.found, "the quay"
+    assert second.learned.persistent.found
+    cos, sin = math.cos(turn), math.sin(turn)
+    axes = np.kron(np.array([[cos, -sin], [sin, cos]]), np.eye(2))
+    assert sum(map(len, expected)) > 50
+    for one, other in zip(found, expected, strict=True):
+        assert one.track_id.tolist() == other.track_id.tolist()
+        np.testing.assert_allclose(one.state, other.state @ axes.T, rtol=0, atol=1e-9 * 300.0)
+        turned = axes @ other.covariance @ axes.T
+        np.testing.assert_allclose(
+            one.covariance, turned, rtol=0, atol=1e-9 * np.abs(turned).max(initial=0)
+        )
+        np.testing.assert_allclose(
+            one.existence_probability, other.existence_probability, rtol=1e-9
+        )

@@ -1,17 +1,10 @@
 """The excess of detections beside others: silent in clutter, quick where targets have several."""
 
-from __future__ import annotations
-
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
 from plots_scenes import Swimmers, box
 
 from tsepm_ros import Scan, SensorModel
@@ -62,14 +55,6 @@ def test_clutter_on_arcs_and_rays_and_near_the_sensor_is_no_target(kind, seed):
         azimuth = np.append(azimuth, rng.uniform(-np.pi, np.pi, even))
         scans.append(Scan(0.0, np.maximum(range_, 0.1), azimuth))
     assert largest(SensorModel(max_range=300.0), scans, 6e-5) < LOG_RATIO
-
-
-@pytest.mark.parametrize("common", [True, False])
-def test_several_echoes_are_seen_within_pings(common):
-    scene = Swimmers(common=common, pings=12)
-    for seed in range(4):
-        scans = [ping.scan for ping in scene.draw(seed)]
-        assert largest(scene.sensor, scans, scene.sensor.clutter_density) >= LOG_RATIO
 
 
 def test_pairs_of_detections_may_be_two_targets():

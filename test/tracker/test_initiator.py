@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.patience import WAIT
-from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -23,12 +21,6 @@ def initiator(**options):
     return make_initiator(
         "tsepm", sensor=FIXED_RANGE_ERROR, **{"min_hits": 3, "window": 4, **options}
     )
-
-
-def from_scene(seed: int = 13):
-    scene = random_scene(seed)
-    made = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **scene.options)
-    return made, scene.as_scans()
 
 
 def test_an_unknown_method_is_refused_and_the_known_are_named():
@@ -47,57 +39,30 @@ def test_a_wrong_sensor_is_refused_by_name(sensor):
         make_initiator("tsepm", sensor=sensor)
 
 
+BAD = {
+    "max_speed": (0.0, -5.0, float("nan"), "fast"),
+    "max_detections": (0,),
+    "max_potential_tracks": (0,),
+    "max_raw_confirmations": (-1,),
+    "min_hits": (1, 33, 4.5),
+    "window": (65, 4),
+    "gate_probability": (0.0, 1.0),
+    "estimator": ("best",),
+    "evaluation": ("",),
+    "pruning_probability": (1.5,),
+    "pruning_reading": ("LITERAL",),
+    "clutter_test_size": (-0.1,),
+    "merging_probability": (None,),
+    "merging": (True,),
+}
+
+
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("max_speed", 0.0),
-        ("max_speed", -5.0),
-        ("max_speed", float("nan")),
-        ("max_speed", "fast"),
-        ("max_detections", 0),
-        ("max_potential_tracks", 0),
-        ("max_raw_confirmations", -1),
-        ("min_hits", 1),
-        ("min_hits", 33),
-        ("min_hits", 4.5),
-        ("window", 65),
-        ("window", 4),
-        ("gate_probability", 0.0),
-        ("gate_probability", 1.0),
-        ("estimator", "best"),
-        ("evaluation", ""),
-        ("pruning_probability", 1.5),
-        ("pruning_reading", "LITERAL"),
-        ("clutter_test_size", -0.1),
-        ("merging_probability", None),
-        ("merging", True),
-    ],
+    ("name", "value"), [(name, value) for name, values in BAD.items() for value in values]
 )
 def test_a_bad_value_is_refused_by_the_option_s_name(name, value):
     with pytest.raises(ValueError, match=rf"^{name}\b"):
         make_initiator("tsepm", sensor=SensorModel(), **{name: value})
-
-
-def test_totals_are_the_sums_of_the_scans():
-    made, scans = from_scene()
-    each = []
-    for scan in scans:
-        tracks = made.process(scan)
-        each.append(made.statistics)
-        assert each[-1].scans == 1
-        assert each[-1].detections == len(scan)
-        assert each[-1].confirmed == len(tracks)
-        assert each[-1].raw_confirmations == sum(
-            (each[-1].pruned, each[-1].merged, each[-1].confirmed)
-        )
-    for field in dataclasses.fields(ScanStatistics):
-        values = [getattr(one, field.name) for one in each]
-        total = (
-            max(values) if field.name in ("potential_tracks", "hopeless_tracks") else sum(values)
-        )
-        assert getattr(made.totals, field.name) == total, field.name
-    assert made.totals.merged > 0
-    assert made.totals.pruned > 0
 
 
 def test_an_initiator_is_shown_in_one_line():

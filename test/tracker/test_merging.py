@@ -1,6 +1,7 @@
-"""Merging: which tracks, and into what."""
+"""Merging: which tracks, disjoint ones the best first; and the thresholds of the evaluations."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -8,8 +9,11 @@ from scipy import stats
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.tracker import merging
+from tsepm_ros.tracker import assignment, merging
+from tsepm_ros.tracker.assignment import disjoint
+from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.merging import best_of_alike, groups, merging_threshold
+from tsepm_ros.tracker.pruning import clutter_threshold, distance_threshold
 
 P_TM = 0.9
 
@@ -34,9 +38,9 @@ def every_pair(hits, states, covariances) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
-def crowd(m: int, spread: float, seed: int = 0):
+def crowd(m: int, spread: float):
     """Tracks through the same few detections per scan, states more or less close."""
-    rng = np.random.default_rng([5, m, seed])
+    rng = np.random.default_rng([5, m])
     hits = np.unique(rng.integers(0, 3, (150, m)) + 3 * np.arange(m), axis=0)
     root = rng.standard_normal((len(hits), 4, 6))
     return hits, spread * rng.standard_normal((len(hits), 4)), root @ np.swapaxes(root, 1, 2)
@@ -48,19 +52,11 @@ def partition(labels: np.ndarray) -> set[frozenset[int]]:
 
 @pytest.mark.parametrize("m", [3, 4, 5, 6, 8, 12])
 @pytest.mark.parametrize("spread", [0.5, 3.0, 8.0], ids=["close", "mixed", "apart"])
-def test_groups_are_those_of_a_look_at_every_pair(m, spread):
+@pytest.mark.parametrize("block", [1, 13, merging.PAIR_BLOCK])
+def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread):
+    monkeypatch.setattr(merging, "PAIR_BLOCK", block)
     scene = crowd(m, spread)
     assert partition(groups(*scene, P_TM)[0]) == partition(every_pair(*scene))
-
-
-@pytest.mark.parametrize("block", [1, 13, 1000])
-@pytest.mark.parametrize("spread", [0.5, 3.0], ids=["close", "mixed"])
-def test_the_block_size_does_not_change_the_groups(monkeypatch, block, spread):
-    scene = crowd(5, spread, seed=1)
-    expected = partition(groups(*scene, P_TM)[0])
-    monkeypatch.setattr(merging, "PAIR_BLOCK", block)
-    assert partition(groups(*scene, P_TM)[0]) == expected
-    assert 1 < len(expected) < len(scene[0]) or spread < 1
 
 
 def test_where_the_time_is_over_the_groups_not_compared_are_told_by_their_label():
@@ -79,3 +75,41 @@ def test_where_the_time_is_over_the_groups_not_compared_are_told_by_their_label(
     best = best_of_alike(some, alike, evaluation)
     assert [rows.tolist() for rows in best] == [[0, 1], [4]]
     assert len(best_of_alike(every, same, evaluation)) == 3
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.9, 0.99, 0.999999])
+def test_the_squared_threshold_is_the_chi_square_quantile_of_two_degrees(probability):
+    expected = stats.chi2(2).ppf(probability)
+    assert distance_threshold(probability, "squared") == pytest.approx(expected)
+    assert distance_threshold(probability, "literal") == pytest.approx(math.sqrt(expected))
+
+
+def test_the_literal_threshold_is_the_paper_s():
+    assert distance_threshold(0.99, "literal") == pytest.approx(3.03, abs=0.005)
+
+
+@pytest.mark.parametrize("size", [0.001, 0.05, 0.5, 0.999])
+@pytest.mark.parametrize("min_hits", [2, 5, 16])
+def test_the_clutter_threshold_is_the_chi_square_quantile(size, min_hits):
+    expected = stats.chi2(2 * min_hits - 2).ppf(size)
+    assert clutter_threshold(size, min_hits) == pytest.approx(expected)
+
+
+def plain_disjoint(members, cost):
+    taken, chosen = set(), []
+    for row in sorted(range(len(cost)), key=lambda one: (cost[one], one)):
+        mine = set(members[row].tolist()) - {NO_HIT}
+        if not mine & taken:
+            taken |= mine
+            chosen.append(row)
+    return sorted(chosen)
+
+
+@pytest.mark.parametrize("block", [1, 7, 50_000])
+@pytest.mark.parametrize("seed", range(5))
+def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
+    monkeypatch.setattr(assignment, "BLOCK", block)
+    rng = np.random.default_rng(seed)
+    members = rng.integers(-1, 40, (100, 3))
+    cost = rng.integers(0, 10, 100).astype(float)
+    assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)

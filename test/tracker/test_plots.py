@@ -1,4 +1,4 @@
-"""Plots: groups as in plain loops, and centroids whose errors are what is said of them."""
+"""Plots: groups as in plain loops, runs of rays, and centroids whose errors are what is said."""
 
 import math
 
@@ -11,10 +11,10 @@ from tsepm_ros.tracker.clusters.grouping import (
     ClusterErrors,
     ClusterExtent,
     clusters_of,
-    crowded,
+    goes_on,
     grouped,
 )
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.scan import Scan, arc_of
 from tsepm_ros.tracker.sensor import SensorModel
 
 SENSOR = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
@@ -38,14 +38,6 @@ def test_groups_are_those_of_plain_loops(seed):
     assert groups_of(grouped(scan.range, scan.azimuth, extent)) == plain
 
 
-def test_no_chain_of_detections_becomes_one():
-    range_ = 100.0 + 0.9 * np.arange(50)
-    label = grouped(range_, np.zeros(50), ClusterExtent(2.0, 2.0))
-    widths = [np.ptp(range_[label == one]) for one in np.unique(label)]
-    assert max(widths) <= 2.0
-    assert len(widths) < 35
-
-
 def test_a_saturated_receiver_is_cut_in_cells_in_time():
     rng = np.random.default_rng(1)
     range_, azimuth = rng.uniform(100.0, 120.0, 30_000), rng.uniform(0.0, 0.2, 30_000)
@@ -55,14 +47,6 @@ def test_a_saturated_receiver_is_cut_in_cells_in_time():
     for one in np.unique(label):
         assert np.ptp(range_[label == one]) <= 4.0
         assert np.ptp(azimuth[label == one]) * 100.0 <= 4.0
-
-
-def test_more_pairs_than_a_limit_are_seen_without_making_them():
-    range_, azimuth = np.linspace(100.0, 109.0, 10), np.zeros(10)
-    extent = ClusterExtent(1.5, 1.5)  # each with the next two, as far as its diagonal: 17 pairs
-    assert not crowded(range_, azimuth, extent, 50), "all pairs are fewer"
-    assert not crowded(range_, azimuth, extent, 17)
-    assert crowded(range_, azimuth, extent, 16)
 
 
 def test_a_plot_has_its_strongest_members_figures_and_the_width_of_all():
@@ -136,20 +120,57 @@ def test_a_plot_errs_as_is_said(independent, weighted):
 
 
 def test_chosen_detections_keep_what_is_theirs():
-    scan = Scan(
-        1.0,
-        [10.0, 20.0],
-        [0.1, 0.2],
-        range_std=[1.0, 2.0],
-        azimuth_std=[0.01, 0.02],
-        time_offset=[0.3, 0.4],
-        features={"intensity": [5.0, 6.0]},
-        sensor_pose=[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]],
-        sensor_velocity=[[1.0, 2.0], [3.0, 4.0]],
-    )
-    one = grouping.chosen(scan, np.array([1]))
-    assert (one.range, one.azimuth, one.range_std) == ([20.0], [0.2], [2.0])
-    assert (one.azimuth_std, one.time_offset) == ([0.02], [0.4])
+    columns = {"range": [10.0, 20.0], "azimuth": [0.1, 0.2], "range_std": [1.0, 2.0]}
+    columns |= {"azimuth_std": [0.01, 0.02], "time_offset": [0.3, 0.4]}
+    columns |= {"sensor_pose": [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]}
+    columns |= {"sensor_velocity": [[1.0, 2.0], [3.0, 4.0]]}
+    one = grouping.chosen(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
+    assert {name: getattr(one, name).tolist() for name in columns} == {
+        name: [values[1]] for name, values in columns.items()
+    }
     assert one.features["intensity"] == [6.0]
-    assert one.sensor_pose.tolist() == [[3.0, 4.0, 5.0]]
-    assert one.sensor_velocity.tolist() == [[3.0, 4.0]]
+
+
+INCREMENT = math.radians(0.25)
+SLOPE = math.sin(INCREMENT) / math.sin(math.radians(20.0) - INCREMENT)
+
+
+@pytest.mark.parametrize(("constant", "fraction"), [(0.0, 1e-6), (0.03, 0.0), (0.03, 0.01)])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_jump_is_one_beyond_the_slope_and_three_deviations_of_a_difference(
+    constant, fraction, sign
+):
+    sensor = SensorModel(range_std=constant, range_std_fraction=fraction)
+    deviation = math.sqrt(2.0) * math.hypot(constant, 5.0 * fraction)
+    limit = SLOPE * 5.0 + 3.0 * deviation
+    for share, expected in ((0.999, True), (1.001, False)):
+        rays = [np.array([5.0]), np.array([5.0 + share * limit])]
+        before, after = rays[:: int(sign)]
+        assert goes_on(before, after, sign * INCREMENT, sensor).tolist() == [expected]
+
+
+def test_what_is_no_range_and_a_coarse_fan_always_jump():
+    rays = np.array([math.nan, math.inf, 0.0, -1.0]), np.full(4, 5.0)
+    sensor = SensorModel(range_std=1e3)
+    for before, after in (rays, rays[::-1]):
+        assert not goes_on(before, after, INCREMENT, sensor).any()
+    for increment in (math.radians(3.1), math.nan):
+        assert not goes_on(np.full(1, 5.0), np.full(1, 5.0), increment, sensor).any()
+
+
+@pytest.mark.parametrize("azimuths", [[], [math.nan]])
+def test_no_azimuth_has_no_arc(azimuths):
+    assert arc_of(np.array(azimuths)) is None
+
+
+def test_the_smallest_arc_holds_all_and_is_as_narrow_as_any():
+    rng = np.random.default_rng(2)
+    for number in (1, 1, *rng.integers(1, 8, 200)):
+        azimuths = rng.uniform(-10.0, 10.0, number)
+        arc = arc_of(np.append(azimuths, [math.nan, math.inf]))
+        widths = [np.mod(azimuths - first, 2 * np.pi).max() for first in azimuths]
+        assert arc.width == pytest.approx(min(widths), abs=1e-9)
+        assert (np.mod(azimuths - arc.start + 1e-9, 2 * np.pi) <= arc.width + 2e-9).all()
+        middle = math.remainder(arc.middle - arc.start - 0.5 * arc.width, 2 * math.pi)
+        assert middle == pytest.approx(0.0, abs=1e-9)
+        assert not arc.whole

@@ -1,19 +1,12 @@
 """Plots before every method: one start for a target of several echoes, and off is as without."""
 
-from __future__ import annotations
-
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
 import plots as benchmark
-from plots_scenes import Pool, Swimmers, box
+import pytest
+from plots_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
@@ -101,29 +94,19 @@ def test_a_vessel_longer_than_a_plot_is_one(hull):
 def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy):
     """Two tracks 36 m apart: 5 detections a ping between them, or a boat with a track there."""
     sensor = Swimmers().sensor
-    plots, rng = (
-        ExtendedTargets(sensor, CommonOptions(clutter_density="given")),
-        np.random.default_rng(1),
-    )
+    plots = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
+    rng = np.random.default_rng(1)
     middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
     for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
         scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
         plots.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
     places = [100.0, 136.0, *[118.0] * convoy]
-    held = TrackArrays.of(
-        [
-            ConfirmedTrack(
-                track_id=number,
-                stamp=7.0,
-                state=np.array([x, 0.0, 0.0, 0.0]),
-                covariance=np.eye(4),
-                hits=((0, 0),),
-                evaluation=0.0,
-            )
-            for number, x in enumerate(places)
-        ]
-    )
-    assert plots.of_one_hull(held).tolist() == [False, not convoy, *[False] * convoy]
+    held = [
+        ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), np.eye(4), ((0, 0),), 0.0)
+        for number, x in enumerate(places)
+    ]
+    found = plots.of_one_hull(TrackArrays.of(held))
+    assert found.tolist() == [False, not convoy, *[False] * convoy]
 
 
 def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
@@ -154,23 +137,6 @@ def test_swimmers_of_two_echoes_beside_each_other_are_held():
     run = benchmark.watched(Pool(echoes=2, false=4.0, pings=120), 6)
     assert run.plots
     assert run.held > 0.97
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("method", ["score", "tsepm"])
-@pytest.mark.parametrize("kind", ["uniform", "rough"])
-def test_auto_changes_nothing_in_the_box(method, kind):
-    off, auto = (
-        make_initiator(method, sensor=SensorModel(), clutter_density="estimated", plots=mode)
-        for mode in ("off", "auto")
-    )
-    for scan in box(kind, 40, seed=3):
-        one, other = off.process(scan), auto.process(scan)
-        assert one.hits == other.hits
-        assert one.state.tobytes() == other.state.tobytes()
-        assert off.current.state.tobytes() == auto.current.state.tobytes()
-        assert off.statistics == auto.statistics
-    assert not auto.plots.active
 
 
 @pytest.mark.parametrize("method", available_methods())
@@ -219,26 +185,6 @@ def test_a_hit_is_the_plots_strongest_detection():
     assert initiator.statistics.detections == 4
     assert initiator.statistics.plots == 2
     assert initiator.statistics.outside_coverage == 1
-
-
-def test_tracks_of_one_target_become_one_when_plots_turn_on():
-    scene = Swimmers(spread=3.0, common=False, echoes=(3, 3), pings=40)
-    scans = [ping.scan for ping in scene.draw(1)]
-    initiator = initiator_of(scene)
-    ended, before = [], []
-    for number, scan in enumerate(scans):
-        active = initiator.plots.active
-        before = initiator.current.track_id.tolist() if not active else before
-        initiator.process(scan)
-        assert initiator.scan_index == number
-        assert initiator.totals.scans == number + 1
-        if not active and initiator.plots.active:
-            ended = initiator.maintenance.ended
-            break
-    assert initiator.plots.active
-    left = initiator.current.track_id.tolist()
-    assert set(before) <= set(left) | set(ended), "what ends is named"
-    assert len(left) <= 1
 
 
 @pytest.mark.parametrize("seed", [0, 3, 6])

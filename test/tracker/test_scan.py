@@ -130,17 +130,9 @@ def test_one_pose_or_one_per_detection():
 @pytest.mark.parametrize("pose", [(1.0, 2.0, 3.0), np.zeros((0, 3))], ids=["one", "per detection"])
 @pytest.mark.parametrize("empty", [[], (), np.zeros(0)], ids=["list", "tuple", "array"])
 def test_an_empty_scan_is_a_scan(pose, empty):
-    scan = Scan(
-        1.0,
-        empty,
-        empty,
-        range_std=empty,
-        azimuth_std=empty,
-        time_offset=empty,
-        features={"intensity": empty},
-        sensor_pose=pose,
-        sensor_pose_covariance=np.eye(3),
-    )
+    columns = dict.fromkeys(("range", "azimuth", "range_std", "azimuth_std", "time_offset"), empty)
+    pose = {"sensor_pose": pose, "sensor_pose_covariance": np.eye(3)}
+    scan = Scan(1.0, **columns, features={"intensity": empty}, **pose)
     assert len(scan) == 0
     assert scan.range.shape == scan.time_offset.shape == (0,)
     with pytest.raises(ValueError, match=r"^azimuth"):
@@ -155,16 +147,10 @@ def test_semi_definite_pose_covariances_are_taken(covariance):
 
 
 def test_the_largest_values_are_still_taken():
-    scan = Scan(
-        0.0,
-        [MAX_MAGNITUDE["range"]],
-        [0.0],
-        range_std=[MAX_MAGNITUDE["range_std"]],
-        azimuth_std=[MAX_MAGNITUDE["azimuth_std"]],
-        time_offset=[-MAX_MAGNITUDE["time_offset"]],
-        sensor_pose=(MAX_MAGNITUDE["sensor_pose"], 0.0, 0.0),
-    )
-    assert len(scan) == 1
+    names = "range", "range_std", "azimuth_std", "time_offset"
+    largest = {name: [MAX_MAGNITUDE[name]] for name in names}
+    pose = MAX_MAGNITUDE["sensor_pose"], 0.0, 0.0
+    assert len(Scan(0.0, azimuth=[0.0], sensor_pose=pose, **largest)) == 1
 
 
 @pytest.mark.parametrize("stamp", [0, -1.5, 1.7e9, np.float32(3.0)])

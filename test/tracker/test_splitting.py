@@ -1,9 +1,10 @@
-"""Gates and splitting: who may extend whom."""
+"""Splitting: who may extend whom, and paths held as numbers against paths held one by one."""
 
 import numpy as np
 import pytest
 from support.builders import detections
 
+from tsepm_ros.methods.tsepm import MAX_COUNT, PathCounts
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, residual, split_paths
@@ -53,18 +54,11 @@ def test_split_within_keeps_exactly_the_best_children(monkeypatch, block, ties, 
     assert cut == len(everyone[0]) - limit
 
 
-def test_split_within_looks_at_no_further_children_once_it_is_late(monkeypatch):
-    monkeypatch.setattr(splitting, "TIMED_BLOCK", 20)
-    gates, gated, cost = random_split(1, ties=False)
-    asked: list[bool] = []
-
-    def late() -> bool:
-        asked.append(True)
-        return len(asked) > 2
-
-    everyone = children(gates, gated)
-    parent, detection, cut = split_paths(gates, gated, 100, cost, late)
-    assert 20 <= len(parent) < 100
-    assert cut == len(everyone[0]) - len(parent)
-    assert parent.tolist() == everyone[0][: len(parent)].tolist()
-    assert detection.tolist() == everyone[1][: len(parent)].tolist()
+def test_numbers_stop_before_they_overflow():
+    n = 1000
+    gated = Gated(np.arange(n + 1) * n, np.tile(np.arange(n), n), np.ones(n, bool))
+    counts = PathCounts.of(np.arange(n), np.ones(n, np.int64), np.zeros(n, np.int64))
+    for _ in range(8):
+        counts = counts.children(np.arange(n), gated, np.arange(n))
+    assert counts.number.tolist() == [MAX_COUNT] * n
+    assert 0 < counts.total < 2**63

@@ -12,17 +12,9 @@ from tsepm_ros.tracker.tracks import TrackArrays
 
 def track(track_id: int = 3, stamp: float = 100.0) -> ConfirmedTrack:
     root = np.random.default_rng(track_id).standard_normal((4, 6))
-    return ConfirmedTrack(
-        track_id=track_id,
-        stamp=stamp,
-        state=np.array([1000.0, 2.0, -500.0, -3.0]),
-        covariance=root @ root.T,
-        hits=((0, 1), (2, 0)),
-        evaluation=0.5,
-        score=7.0,
-        scan_count=4,
-        age=36.0,
-    )
+    state, hits = np.array([1000.0, 2.0, -500.0, -3.0]), ((0, 1), (2, 0))
+    more = {"score": 7.0, "scan_count": 4, "age": 36.0}
+    return ConfirmedTrack(track_id, stamp, state, root @ root.T, hits, 0.5, **more)
 
 
 def test_many_tracks_are_predicted_to_one_time_as_each_alone():

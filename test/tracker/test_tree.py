@@ -1,4 +1,4 @@
-"""The tree of hypotheses, against plain loops, and its limits."""
+"""The tree of hypotheses, against plain loops, and its limits; claims of held tracks."""
 
 import math
 from dataclasses import fields
@@ -6,12 +6,13 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from support.batches import batches
-from support.builders import AS_GIVEN
+from support.builders import AS_GIVEN, detections
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
 from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.options import ScoreOptions
 
@@ -87,22 +88,6 @@ def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_o
     assert len(found) + cut >= len(every)
 
 
-def test_no_more_children_than_allowed_and_the_best():
-    every, _ = children(5)
-    found, cut = children(5, limit=20)
-    assert (len(found), cut) == (20, len(every) - 20)
-    assert found.score.min() >= np.sort(every.score)[-20]
-
-
-def test_hypotheses_are_in_the_order_of_their_newest_detections():
-    found, _ = children(5)
-    assert (np.diff(found.last_hit) >= 0).all()
-    initiator = score(false_tracks_per_hour=NEVER)
-    for scan in sea(np.random.default_rng(5), 6, []):
-        initiator.process(scan)
-        assert (np.diff(initiator.method.hypotheses.last_hit) >= 0).all()
-
-
 def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_than_the_most():
     scores = np.array([-5.0, 9.0, 10.0, 0.5, 0.8, 3.0, -1.0])
     newest = np.array([7, 9, 7, 7, 7, 9, 8])
@@ -112,3 +97,38 @@ def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_tha
     kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 3)
     assert (kept.tolist(), cut) == ([2, 1, 5], 2)
     assert pruning.prune(scores[:0], newest[:0], 0.0, 2, 3)[0].tolist() == []
+
+
+def scan_of(n: int, scan: int) -> np.ndarray:
+    found = detections(np.zeros((n, 2)), float(scan))
+    found["scan"], found["index"] = scan, np.arange(n)
+    return found
+
+
+@pytest.fixture
+def window() -> DetectionWindow:
+    window = DetectionWindow()
+    for scan, n in enumerate([3, 0, 2, 4]):
+        window.append(scan_of(n, scan))
+    return window
+
+
+def test_what_several_tracks_claim_is_one_of_theirs(window):
+    window.note_held(np.array([4, 6, 6]), np.array([0.5, 0.5, 0.2]))
+    window.note_held(np.array([4]), np.array([0.5]))
+    np.testing.assert_allclose(
+        window.held_probability(np.array([[3, 4], [5, 6]])), [[0.0, 0.75], [0, 0.6]]
+    )
+
+
+def test_a_certain_claim_that_is_rounded_up_is_certain(window):
+    window.note_held(np.array([3]), np.array([1.0 + 1e-15]))
+    assert window.held_probability(np.array([3])) == [1.0]
+
+
+def test_claims_stay_with_their_detections(window):
+    window.note_held(np.array([2, 8]), np.array([0.25, 0.75]))
+    window.forget(2)
+    assert window.held_probability(np.array([8])) == [0.75]
+    added = window.append(scan_of(2, 4))
+    assert window.held_probability(added).tolist() == [0.0, 0.0]

@@ -41,13 +41,6 @@ def test_a_restart_goes_on_with_what_was_learned(run):
     assert region.area == pytest.approx(before.area, rel=0.02)
 
 
-def test_what_was_learned_fades_with_its_age(run):
-    text = written(run.learned, SENSOR, "sonar", 0.0)
-    scans = run.learned.clutter_map.memory[1]
-    found = read(text, SENSOR, "", HALF_LIFE, DAY)
-    assert found.learned.clutter_map.memory[1] == pytest.approx(0.5 * scans)
-
-
 @pytest.mark.parametrize(
     ("change", "time", "said"),
     [
@@ -96,13 +89,15 @@ def test_replaced_numbers_are_refused_or_targets_confirm_as_without_the_text(cas
     assert 0.05 < used / len(cases) < 0.5, "both outcomes are tried"
 
 
-@pytest.mark.parametrize("days", [30.0, 260.0, 267.0, 365.0])
-def test_a_text_of_long_ago_is_as_good_as_none(run, days):
+def test_what_was_learned_fades_with_its_age_and_a_text_of_long_ago_is_as_good_as_none(run):
     text = written(run.learned, SENSOR, "sonar", 0.0)
-    initiator = score(SENSOR)
-    initiator.learned = read(text, SENSOR, "sonar", days * DAY, 366.0 * DAY).learned
-    assert initiator.clutter_density == pytest.approx(SENSOR.clutter_density)
-    assert initiator.detection_probability == pytest.approx(SENSOR.detection_probability)
+    found = read(text, SENSOR, "", HALF_LIFE, DAY).learned.clutter_map.memory[1]
+    assert found == pytest.approx(0.5 * run.learned.clutter_map.memory[1])
+    for days in (30.0, 260.0, 267.0, 365.0):
+        initiator = score(SENSOR)
+        initiator.learned = read(text, SENSOR, "sonar", days * DAY, 366.0 * DAY).learned
+        assert initiator.clutter_density == pytest.approx(SENSOR.clutter_density)
+        assert initiator.detection_probability == pytest.approx(SENSOR.detection_probability)
 
 
 def test_numbers_that_are_not_finite_are_not_written(run):

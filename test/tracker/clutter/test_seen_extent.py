@@ -52,16 +52,6 @@ def test_the_limit_is_not_exceeded():
     assert limit.azimuth_min <= found.azimuth_min < found.azimuth_max <= limit.azimuth_max
 
 
-def test_the_estimate_does_not_depend_on_when_it_was_asked_for():
-    rng, asked, other = np.random.default_rng(8), SeenExtent(GIVEN), SeenExtent(GIVEN)
-    for _ in range(20):
-        scan = draw(rng, 7, SONAR)
-        for seen in (asked, other):
-            seen.update(*scan, np.ones(7))
-        assert asked.detections == other.detections and asked.estimate != GIVEN
-    assert asked.estimate == other.estimate
-
-
 def test_held_tracks_detections_do_not_count_and_old_ones_go():
     seen = SeenExtent(GIVEN)
     rng = np.random.default_rng(3)

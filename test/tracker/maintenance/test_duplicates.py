@@ -59,16 +59,10 @@ def test_tracks_with_plots_of_their_own_are_two_targets():
 
 def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
     """Starts at positions, at rest, with errors of 2 m and 1 m/s."""
+    covariance = np.diag([4.0, 1.0, 4.0, 1.0])
     return TrackArrays.of(
         [
-            ConfirmedTrack(
-                track_id=place,
-                stamp=7.0,
-                state=np.array([x, 0.0, y, 0.0]),
-                covariance=np.diag([4.0, 1.0, 4.0, 1.0]),
-                hits=hits,
-                evaluation=0.0,
-            )
+            ConfirmedTrack(place, 7.0, np.array([x, 0.0, y, 0.0]), covariance, hits, 0.0)
             for place, (x, y) in enumerate(rows)
         ]
     )
@@ -118,16 +112,6 @@ def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continu
     assert found.tolist() == [-1, -1]
     found = merging.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
     assert found.tolist() == [4, -1], "its own hits do not count"
-
-
-def test_two_tracks_that_explain_two_detections_do_not_agree():
-    state = np.zeros((2, 4))
-    covariance = np.stack([np.eye(4)] * 2)
-    unknown = np.full(2, NO_HIT)
-    for explained, agrees in ((0.7, True), (0.8, False)):
-        each = np.full(2, explained)
-        found = merging.agrees_with_older(state, covariance, unknown, None, each)
-        assert found.tolist() == [False, agrees]
 
 
 def test_continuations_by_a_bound_are_those_of_all_pairs():

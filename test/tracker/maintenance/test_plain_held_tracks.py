@@ -126,16 +126,8 @@ class HeldScene:
                 now = self.place[target] + self.velocity[target] * stamp
                 state = np.append(now, self.velocity[target]) + rng.normal(0, [30, 30, 1, 1])
             root = np.diag([30.0, 2.0, 30.0, 2.0]) @ (np.eye(4) + 0.3 * rng.uniform(-1, 1, (4, 4)))
-            made.append(
-                ConfirmedTrack(
-                    track_id=first_id + len(made),
-                    stamp=stamp,
-                    state=state[[0, 2, 1, 3]],
-                    covariance=root @ root.T,
-                    hits=((0, 0),),
-                    evaluation=0.0,
-                )
-            )
+            id_, state = first_id + len(made), state[[0, 2, 1, 3]]
+            made.append(ConfirmedTrack(id_, stamp, state, root @ root.T, ((0, 0),), 0.0))
         return made
 
 
