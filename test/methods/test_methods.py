@@ -129,18 +129,6 @@ def test_an_empty_sea_starts_nothing_and_one_detection_is_forgotten_after_the_wi
 
 
 @EVERY_METHOD
-def test_detections_at_one_place_do_not_end_anything(method):
-    made = make_initiator(
-        method, sensor=SensorModel(), max_potential_tracks=2000, max_raw_confirmations=2000
-    )
-    for k in range(10):
-        tracks = made.process(scan_at(12.0 * k, [(3000.0, 0.0)] * 60))
-        check_output(made, tracks)
-        made.potential_tracks()
-    assert made.totals.confirmed > 0
-
-
-@EVERY_METHOD
 def test_hits_at_one_time_make_no_track(method):
     # Offsets that undo the stamps: all echoes are of one moment.
     made = make_initiator(method, sensor=SensorModel())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from fixed_echoes import MAX_SPEED, MIN_SPEED, SURE, oracle
 from fixed_echoes_scenes import Scene, reflectors, swimmer
-from support.builders import reconfigured, scan_at
+from support.builders import reconfigured
 
-from tsepm_ros import SensorModel, available_methods, make_initiator
+from tsepm_ros import make_initiator
 from tsepm_ros.tracker.options import CommonOptions
 
 REFLECTORS = Scene(detection_probability=0.8, pings=40)
@@ -99,27 +99,6 @@ def test_a_reflector_that_sets_off_becomes_a_track_under_its_id():
     assert track.track_id == echo_id
     assert track.stamp == 30 + later
     assert echo_id in initiator.current.track_id
-
-
-@pytest.mark.parametrize("method", available_methods())
-def test_with_every_method_what_stands_still_is_a_fixed_echo_in_the_end(method):
-    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, max_range=5000.0)
-    options = {"sensor": sensor, "max_speed": 10.0}
-    rng = np.random.default_rng(3)
-    free = make_initiator(method, **options)
-    careful = make_initiator(method, min_speed=0.5, **options)
-    started: list[int] = []
-    for scan in range(16):
-        moving = [1000.0 + 8.0 * 12.0 * scan, 1500.0 - 3.0 * 12.0 * scan]
-        seen = np.array([[2000.0, -1000.0], moving]) + rng.normal(0.0, 3.0, (2, 2))
-        ping = scan_at(12.0 * scan, seen)
-        started += [scan for track in free.process(ping) if track.position[1] < -500.0]
-        careful.process(ping)
-    assert all(track.position[1] > -500.0 for track in careful.current)
-    if started:
-        assert any(echo.position[1] < -500.0 for echo in careful.fixed_echoes)
-    if len(free.current) > bool(started):
-        assert len(careful.current)
 
 
 def test_min_speed_may_change_between_scans():

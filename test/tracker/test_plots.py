@@ -1,11 +1,14 @@
-"""Plots: groups as in plain loops, runs of rays, and centroids whose errors are what is said."""
+"""Plots: groups as in plain loops, runs of rays, centroids; what tells of several detections."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from plots_scenes import Swimmers, box
 from support.plain_plots import plain_groups
 
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import (
     ClusterErrors,
@@ -14,8 +17,17 @@ from tsepm_ros.tracker.clusters.grouping import (
     goes_on,
     grouped,
 )
-from tsepm_ros.tracker.scan import Scan, arc_of
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.clusters.multi_detection import (
+    LOG_RATIO,
+    MARGIN,
+    SUSPICION,
+    Beside,
+    ClusterDispersion,
+    MultiDetectionTest,
+    extents_of,
+    log_ratio,
+)
+from tsepm_ros.tracker.scan import arc_of
 
 SENSOR = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
 
@@ -174,3 +186,163 @@ def test_the_smallest_arc_holds_all_and_is_as_narrow_as_any():
         middle = math.remainder(arc.middle - arc.start - 0.5 * arc.width, 2 * math.pi)
         assert middle == pytest.approx(0.0, abs=1e-9)
         assert not arc.whole
+
+
+TANK = SensorModel(max_range=100.0, range_std=0.2, range_std_fraction=0.0, azimuth_std=0.004)
+DENSITY = 1e-4
+
+
+def largest(sensor: SensorModel, scans, density: float) -> float:
+    excess, found = MultiDetectionTest(sensor), -math.inf
+    for scan in scans:
+        excess.update(scan, density)
+        found = max(found, excess.log_ratio)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["uniform", "smooth", "rough", "blocks"])
+def test_clutter_of_the_box_looks_like_clutter(kind):
+    scans = box(kind, 600, seed=1, redrawn=100)
+    assert largest(SensorModel(), scans, 1e-6) < LOG_RATIO
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("kind", ["arc", "ring", "spoke", "near"])
+def test_clutter_on_arcs_and_rays_and_near_the_sensor_is_no_target(kind, seed):
+    """Side lobes, a sea floor, interference and reverberation, for 300 pings, in even clutter."""
+    rng, scans = np.random.default_rng(seed), []
+    for _ in range(300):
+        number, even = rng.poisson(12), rng.poisson(5)
+        range_, azimuth = {
+            "arc": (100.0 + rng.standard_normal(number), rng.uniform(-1.0, 1.0, number)),
+            "ring": (40.0 + 3.0 * rng.standard_normal(number), rng.uniform(-3.1, 3.1, number)),
+            "spoke": (300.0 * rng.random(number), 0.5 + 0.01 * rng.standard_normal(number)),
+            "near": (1.0 + rng.exponential(15.0, number), rng.uniform(-3.1, 3.1, number)),
+        }[kind]
+        range_ = np.append(range_, 300.0 * np.sqrt(rng.random(even)))
+        azimuth = np.append(azimuth, rng.uniform(-np.pi, np.pi, even))
+        scans.append(Scan(0.0, np.maximum(range_, 0.1), azimuth))
+    assert largest(SensorModel(max_range=300.0), scans, 6e-5) < LOG_RATIO
+
+
+def test_pairs_of_detections_may_be_two_targets():
+    scans = [Scan(float(k), [50.0, 51.0], [0.0, 0.0]) for k in range(200)]
+    assert largest(TANK, scans, DENSITY) == 0.0
+
+
+def beside_a_track(offset) -> float:
+    """Largest L after 40 pings of a track with another detection at an offset, m."""
+    excess, own = MultiDetectionTest(TANK), np.array([0])
+    for ping in range(40):
+        scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
+        excess.update(scan, DENSITY)
+        excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([7]))
+    return excess.log_ratio
+
+
+def test_what_lies_now_on_one_side_of_a_track_and_now_on_the_other_is_its_own():
+    assert beside_a_track(lambda ping: 3.0 * (-1.0) ** ping) > LOG_RATIO
+
+
+def test_what_lies_on_one_side_of_a_track_is_a_second_targets():
+    assert beside_a_track(lambda ping: 3.0) == 0.0
+
+
+def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
+    """Nine tracks far apart; each is in some pings only, in an order that changes."""
+    rng, number = np.random.default_rng(5), 9
+    together, alone = MultiDetectionTest(TANK), [MultiDetectionTest(TANK) for _ in range(9)]
+    ids, azimuth = 40 + rng.permutation(number), np.linspace(-2.5, 2.5, number)
+    for ping in range(30):
+        side = rng.choice([-1.0, 1.0], number) * (rng.random(number) < 0.7)
+        seen = rng.permutation(number)[: rng.integers(0, number + 1)]
+        for test, rows in ((together, seen), *((alone[row], seen[seen == row]) for row in seen)):
+            range_ = np.append(np.full(len(rows), 50.0), 50.0 + 3.0 * side[rows])
+            scan = Scan(float(ping), range_, np.tile(azimuth[rows], 2))
+            test.update_tracks(scan, DENSITY, ids[rows], np.arange(len(rows)), ids)
+    assert together.waits(ids).tolist() == [
+        bool(one.waits(track_id) or together.log_ratio >= SUSPICION)
+        for one, track_id in zip(alone, ids, strict=True)
+    ]
+    assert together._tracks["looks"].sum() > 100
+    for row, track_id in enumerate(ids):
+        (mine,), (its,) = (
+            test._tracks[test._tracks["track_id"] == track_id] for test in (together, alone[row])
+        )
+        assert mine["offset"] == pytest.approx(its["offset"])
+        assert mine["pings"].tolist() == its["pings"].tolist()
+
+
+def test_a_seam_of_a_sweep_parts_no_neighbours():
+    azimuth = [math.pi - 0.004, 0.004 - math.pi, 0.008 - math.pi]
+    pose = [[0.0, 0.0, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    scan = Scan(0.0, [1000.0] * 3, azimuth, sensor_pose=pose, time_offset=[12.0, 0.0, 0.01])
+    beside = Beside(scan, np.arange(3), extents_of(SensorModel(max_range=2000.0)))
+    assert beside.number[-1].tolist() == [2.0, 2.0, 2.0]
+
+
+def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():
+    excess, own = MultiDetectionTest(TANK), np.array([0])
+    assert excess.waits(7), "nothing is known of it"
+    alone = Scan(0.0, [50.0], [0.0])
+    excess.update_tracks(alone, DENSITY, np.array([7]), own, np.array([7]))
+    assert not excess.waits(7)
+    excess.update_tracks(alone, DENSITY, np.array([8]), own, np.array([8]))
+    assert excess.waits(7), "it ended"
+
+
+def test_counts_are_those_of_a_loop():
+    rng, extents = np.random.default_rng(3), extents_of(TANK)
+    scan = Scan(0.0, rng.uniform(40.0, 60.0, 30), rng.uniform(-0.2, 0.2, 30))
+    centre = np.array([4, 9, 20])
+    beside = Beside(scan, centre, extents)
+    for size, extent in enumerate(ClusterExtent(*one) for one in extents[..., 0].T):
+        for place, one in enumerate(centre):
+            across = extent.across_at(scan.range[one])
+            counts = np.zeros(3)
+            for other in set(range(30)) - {one}:
+                depth = abs(scan.range[other] - scan.range[one]) / extent.along
+                turn = abs(scan.azimuth[other] - scan.azimuth[one])
+                width = scan.range[one] * turn / across
+                counts += [
+                    depth <= 1.0 and width <= 1.0,
+                    depth <= 1.0 and 2.0 < width <= 3.0,
+                    2.0 < depth <= 3.0 and width <= 1.0,
+                ]
+            found = [beside.number[size, place], *beside.strips[:, size, place]]
+            np.testing.assert_array_equal(found, counts)
+
+
+def test_the_log_ratio_is_that_of_poisson_counts():
+    found, expected = np.array([6.0, 1.0]), np.array([1.0, 1.0])
+    log_of = 6.0 * math.log(6.0 / MARGIN) - (6.0 - MARGIN)
+    np.testing.assert_allclose(log_ratio(found, expected), [log_of, 0.0])
+
+
+@pytest.mark.parametrize("share", [0.1, 0.02])
+def test_in_a_shorter_range_every_length_is_as_much_shorter(share):
+    sea, tank = (extents_of(SensorModel(max_range=100.0 * one)) for one in (1.0, share))
+    np.testing.assert_allclose(tank[0], share * sea[0])
+
+
+def test_boxes_have_the_resolution_of_the_sensor():
+    sensor = SensorModel(range_resolution=0.5, azimuth_resolution=0.02)
+    assert extents_of(sensor)[:, 0, 0].tolist() == [1.5, 1.0, 0.02, math.inf]
+
+
+@pytest.mark.parametrize("common", [True, False])
+@pytest.mark.parametrize("spread", [1.0, 3.0])
+def test_the_scatter_tells_errors_from_extent(common, spread):
+    scene = Swimmers(common=common, spread=spread, false=0.0, pings=150)
+    # Clutter of no density is no sensor's.
+    sensor, scatter = replace(scene, false=1.0).sensor, ClusterDispersion.nothing()
+    extent = ClusterExtent(8.0, 8.0, 0.1)
+    for ping in scene.draw(3):
+        label = grouped(ping.scan.range, ping.scan.azimuth, extent)
+        scatter = scatter.after(ping.scan, label, sensor)
+    errors = scatter.errors(extent)
+    assert errors.independent == pytest.approx(0.0 if common else 1.0, abs=0.25)
+    assert errors.extent_variance == pytest.approx(
+        spread**2 / 16.0, abs=0.15 + 0.3 * spread**2 / 16
+    )
+    assert scatter.mean_size == pytest.approx(4.0, abs=0.4)

@@ -114,8 +114,9 @@ def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
     assert len(benchmark.run(scene, 5, "estimated").starts) == 1
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("seed", [2, 5, 6])
+@pytest.mark.parametrize(
+    "seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in (5, 6))]
+)
 def test_swimmers_of_one_echo_that_pass_each_other_are_no_plots(seed):
     run = benchmark.watched(Pool(echoes=1, false=4.0, pings=140), seed)
     assert not run.plots
@@ -185,32 +186,6 @@ def test_a_hit_is_the_plots_strongest_detection():
     assert initiator.statistics.detections == 4
     assert initiator.statistics.plots == 2
     assert initiator.statistics.outside_coverage == 1
-
-
-@pytest.mark.parametrize("seed", [0, 3, 6])
-def test_two_boats_side_by_side_of_one_echo_stay_two(seed):
-    """12 m apart in front of a radar, on one course, and from the middle on apart."""
-    rng = np.random.default_rng([seed, 38])
-    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, max_range=600.0)
-    initiator = make_initiator("score", sensor=sensor, max_speed=15.0)
-    boats, course = np.array([[232.0, -320.0], [220.0, -320.0]]), np.full(2, 0.5 * np.pi)
-    for index in range(80):
-        course[0] -= 0.35 if index == 40 else 0.0
-        boats += 8.0 * np.stack([np.cos(course), np.sin(course)], axis=1)
-        x, y = boats[rng.random(2) < 0.9].T
-        clutter = rng.poisson(5.6)
-        range_ = np.append(
-            np.hypot(x, y) + sensor.range_std * rng.standard_normal(len(x)),
-            sensor.max_range * np.sqrt(rng.random(clutter)),
-        )
-        azimuth = np.append(
-            np.arctan2(y, x) + sensor.azimuth_std * rng.standard_normal(len(x)),
-            rng.uniform(-np.pi, np.pi, clutter),
-        )
-        initiator.process(Scan(1.7 * index, range_, azimuth))
-        assert not initiator.plots.active
-    apart = np.hypot(*(boats[:, None] - initiator.current.state[:, 0::2]).T)
-    assert (apart.min(axis=0) < 3.0 * sensor.range_std).all()
 
 
 def test_a_reset_and_other_options_start_over():

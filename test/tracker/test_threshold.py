@@ -81,24 +81,6 @@ def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, densit
 
 
 @pytest.mark.long
-def test_an_unknown_clutter_density_is_learned_within_ten_scans():
-    # Ten times too low or too high at first; the detections are of the same sea.
-    def rate(given: float, clutter_is: str = "estimated") -> float:
-        initiator = score(
-            SensorModel(clutter_density=given),
-            false_tracks_per_hour=300.0,
-            clutter_density=clutter_is,
-            detection_probability="given",
-        )
-        return false_tracks(initiator, clutter_scans(90, 12), 10) / (80 * 12.0 / 3600.0)
-
-    known = rate(1e-6, "given")
-    for given in (1e-7, 1e-5):
-        # 80 false tracks are expected: a ratio of 1.5 is 2.7 standard errors of it.
-        assert known / 1.5 < rate(given) < known * 1.5
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density(factor):
     # The box of 6 by 6 km in 12 km; 58 false tracks are expected with the density known.

@@ -137,17 +137,6 @@ def test_an_empty_scan_is_one_without_clutter():
     assert 0 < everywhere(made).mean() < before / 5
 
 
-def test_the_mean_is_over_the_area():
-    rng = np.random.default_rng(5)
-    made = ClutterMap(SONAR)
-    for _ in range(30):
-        range_, azimuth = disc(rng, 1e-5)
-        near = range_ < 2000.0  # a twentieth of the area, but most of the rings
-        take(made, range_[near], azimuth[near])
-    # 25 000 places even over the area, 1250 of them near: 10 % is 3.5 standard errors.
-    assert made.mean == pytest.approx(made.at(made.grid.cells(*disc(rng, 1e-4))).mean(), rel=0.1)
-
-
 def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutter():
     range_, azimuth = np.array([170.0, 297.0, 474.0]), np.radians([22.0, -4.0, 22.0])
     sensor = SensorModel(max_range=500.0)

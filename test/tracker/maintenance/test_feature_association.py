@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
-from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros import SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.assignment import Pairs
@@ -58,14 +58,6 @@ def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
     assert factors.tolist() == pytest.approx([0.0, 10.0 / 8.0])
 
 
-def test_in_an_encounter_each_plot_is_the_track_s_that_it_resembles():
-    # Nearest in position is the wrong way round.
-    factors = environment([False, False]).factors(
-        TWO, TOGETHER, all_pairs([[9.0, 0.0], [0.0, 9.0]]), np.stack([BIG, SMALL])
-    )
-    assert factors.tolist() == [1.0, 0.0, 0.0, 1.0]
-
-
 def test_plots_that_resemble_several_go_by_their_distance():
     same = Histories.of(np.stack([plots_like(BIG, 10), plots_like(BIG, 10)]))
     features = np.stack([BIG, BIG])
@@ -78,13 +70,6 @@ def test_plots_that_resemble_several_go_by_their_distance():
         assert factors.tolist() == expected
         factors = environment([False, False]).factors(same, APART, all_pairs(cost), features)
         assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
-
-
-def test_a_plot_of_neither_is_taken_by_none():
-    factors = environment([False]).factors(
-        TWO, TOGETHER, all_pairs([[0.0], [0.0]]), np.array([[300.0, 300.0, 0.3]])
-    )
-    assert factors.tolist() == [0.0, 0.0]
 
 
 def test_histories_are_those_of_the_hits_as_far_as_remembered():
@@ -238,16 +223,6 @@ def test_without_features_and_encounters_the_option_changes_nothing():
     assert started >= 2
 
 
-def test_features_that_come_and_go_are_no_trouble():
-    made = make_initiator("score", sensor=SensorModel(range_std_fraction=0.001), plot_features=True)
-    rng = np.random.default_rng(6)
-    for k in range(30):
-        features = {"intensity": rng.normal(50.0, 5.0, 2)} if k % 3 else {}
-        range_ = np.array([3000.0, 3050.0]) + rng.normal(0.0, 3.0, 2)
-        made.process(Scan(12.0 * k, range_, np.zeros(2), features=features))
-    assert 1 <= len(made.current) <= 2
-
-
 def published(axis: str) -> tuple[np.ndarray, np.ndarray]:
     """Ships A and B of Section 2.2, angles clockwise from north or counter-clockwise from east."""
 
@@ -325,17 +300,3 @@ def test_targets_meet_where_their_gates_overlap_in_time(within, width, met):
     closest = distance_at(*states[:, None], times).min()
     assert (closest <= width) == met, "what the numbers above mean"
     assert (one.tolist(), two.tolist()) == (([0], [1]) if met else ([], []))
-
-
-def test_targets_that_stay_side_by_side_meet_all_the_time():
-    states = np.array([[0.0, 5.0, 0.0, 0.0], [0.0, 5.0, 50.0, 0.0], [0.0, 5.0, 500.0, 0.0]])
-    one, two = meeting(states, np.zeros((3, 4, 4)), np.full(3, 10.0), 3.0, 60.0)
-    assert (one.tolist(), two.tolist()) == ([0], [1])
-
-
-def test_a_velocity_that_is_not_known_well_makes_them_meet_the_more():
-    states = np.array([[0.0, 5.0, 0.0, 0.0], [600.0, -5.0, 200.0, 0.0]])
-    spread = np.zeros((2, 4, 4))
-    assert not len(meeting(states, spread, np.full(2, 10.0), 3.0, 60.0)[0])
-    spread[:, 3, 3] = 1.0
-    assert len(meeting(states, spread, np.full(2, 10.0), 3.0, 60.0)[0]) == 1

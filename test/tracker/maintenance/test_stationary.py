@@ -240,15 +240,6 @@ def test_min_speed_does_not_take_back_what_was_published():
     assert hold.current.stationary_probability[0] > 0.5
 
 
-def test_what_exists_hardly_is_neither_published_nor_a_fixed_echo():
-    hold = TrackMaintenance(1e6, speed_prior=SLOW)
-    hold.add(tracks(1), 0.3)
-    assert echoes(hold) == []
-    hold.speed_prior = SpeedPrior()
-    step(hold, 1.0)
-    assert (published(hold), len(hold.held)) == ([], 1)
-
-
 def test_a_downstream_tracker_does_not_decline_what_it_never_heard_of():
     hold = holding(1)
     for stamp in np.arange(10.0, 160.0, 10.0):
