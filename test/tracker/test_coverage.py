@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from support.batches import batches
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import available_methods
@@ -106,37 +105,6 @@ def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source
     assert one.dropped["heading_unknown"] == dropped
     for result in found:
         np.testing.assert_array_equal(result.scan.azimuth, scan.azimuth)
-
-
-TURNING = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(2.0))
-
-
-def shuffled(scan: Scan, order: np.ndarray) -> Scan:
-    return dataclasses.replace(
-        scan,
-        range=scan.range[order],
-        azimuth=scan.azimuth[order],
-        time_offset=scan.time_offset[order],
-        sensor_pose=scan.sensor_pose[order],
-    )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", batches(6, 2))
-def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
-    scene = scenario(own_ship=TURNING, sensor=dataclasses.replace(SECTOR, max_range=9000.0))
-    scans = [result.scan for result in run(scene, by_bow, seed)]
-    rng, orders = np.random.default_rng(seed), []
-    one, other = (make_initiator("score", sensor=scene.sensor, max_speed=8.0) for _ in range(2))
-    for scan in scans:
-        order = rng.permutation(len(scan))
-        orders.append(order)
-        new, again = one.process(scan), other.process(shuffled(scan, order))
-        as_sent = [{(k, orders[k][row]) for k, row in track.hits} for track in again]
-        assert [set(track.hits) for track in new] == as_sent
-        assert one.statistics == other.statistics
-        for a, b in ((new, again), (one.current, other.current)):
-            np.testing.assert_allclose(a.state, b.state, rtol=1e-6, atol=1e-6)
 
 
 def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
@@ -339,3 +307,22 @@ def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
         np.testing.assert_allclose(
             one.existence_probability, other.existence_probability, rtol=1e-9
         )
+
+
+def test_parts_of_a_turn_that_look_elsewhere_end_no_track():
+    # 16 parts a turn; the target is missed in four looks at it, which are 64 scans.
+    parts, rng = 16, np.random.default_rng(3)
+    sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.005, max_range=100.0)
+    initiator = make_initiator("score", sensor=sensor, max_speed=2.0, plots="off", window=64)
+    ended = {}
+    for number in range(parts * 24):
+        turn, part = divmod(number, parts)
+        here = int(part == 8 and turn not in range(14, 18))
+        range_ = 50.0 + 0.5 * rng.standard_normal(here)
+        azimuth = math.pi / parts + 0.005 * rng.standard_normal(here)
+        width = 2.0 * math.pi / parts
+        swept = ((part - 8) * width, width)
+        initiator.process(Scan(number / 20.0, range_, azimuth, swept=swept))
+        ended |= initiator.maintenance.ended
+    assert not ended
+    assert initiator.current.track_id.tolist() == [0]

@@ -10,7 +10,6 @@ from plots_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
-from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
@@ -150,23 +149,6 @@ def test_with_an_extent_plots_are_on_from_the_first_scan(method):
         initiator.process(echoes)
         number[plots_option, extent] = initiator.statistics.plots
     assert number == {("auto", 3.0): 1, ("auto", 0.0): 2, ("on", 3.0): 1, ("off", 3.0): 2}
-
-
-@pytest.mark.parametrize("plots_option", ["off", "on"])
-@pytest.mark.parametrize("method", available_methods())
-def test_score_alone_takes_an_error_across_as_large_as_along(method, plots_option):
-    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=0.001, max_range=900.0)
-    for own in (None, np.full(3, 0.001)):
-        initiator = make_initiator(method, sensor=sensor, plots=plots_option, target_extent=3.0)
-        scan = Scan(0.0, [200.0, 400.0, 401.0], np.zeros(3), azimuth_std=own)
-        found = initiator.observe(scan, TimeLimit()).detections
-        along, across = np.sqrt(found["covariance"][:, [0, 1], [0, 1]]).T
-        assert len(found) == (3 if plots_option == "off" else 2)
-        # With plots the extent is in their own errors, along and across.
-        if method == "score" and own is None and plots_option == "off":
-            np.testing.assert_allclose(across, along)
-        else:
-            assert (across < 0.5 * along).all()
 
 
 def test_a_hit_is_the_plots_strongest_detection():

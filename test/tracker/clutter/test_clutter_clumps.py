@@ -12,7 +12,6 @@ from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
     HALF_WIDTHS,
-    MAX_VARIANCE,
     RECENT,
     Batch,
     Cells,
@@ -187,17 +186,6 @@ def test_new_targets_in_a_calm_sea_make_no_lumps():
     rng = np.random.default_rng(5)
     places = rng.uniform(2000.0, 8000.0, 10), rng.uniform(-3.0, 3.0, 10)
     assert variance_of((*places, np.full(10, float(scan < 3))) for scan in range(8)) < 0.2
-
-
-def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
-    rng = np.random.default_rng(6)
-
-    def scan():
-        range_, azimuth = rng.uniform(3000.0, 9000.0, 20), rng.uniform(-3.0, 3.0, 20)
-        range_[:10], azimuth[:10] = 5000.0, 0.5
-        return range_, azimuth, np.ones(20)
-
-    assert 0.0 <= variance_of(scan() for _ in range(30)) <= MAX_VARIANCE
 
 
 RADAR = SensorModel(

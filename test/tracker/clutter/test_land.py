@@ -116,13 +116,3 @@ def test_land_beyond_the_coverage_is_outside():
     initiator.process(Scan(0.0, [100.0, 9000.0, 100.0], [0.5, 0.5, -0.5]))
     statistics = initiator.statistics
     assert (statistics.detections, statistics.on_land, statistics.outside_coverage) == (1, 1, 1)
-
-
-def test_the_chart_stays_through_resets_and_may_change():
-    mask = LandMask(np.ones((1, 1)), 1e4, (0.0, 0.0, 0.0))
-    initiator = make_initiator("score", sensor=SENSOR, land=mask)
-    initiator.reset()
-    assert initiator.land is mask
-    initiator.land = None
-    initiator.process(Scan(0.0, [100.0], [0.5]))
-    assert initiator.statistics.on_land == 0

@@ -229,16 +229,6 @@ def test_targets_that_vanish_are_not_missed():
     assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
 
 
-@pytest.mark.long
-def test_starts_are_not_harmed_where_the_data_sheet_is_right():
-    starts = {
-        how: [run(seen(0.9, seed, 40), how).totals.confirmed for seed in range(4)]
-        for how in ("given", "estimated")
-    }
-    assert sum(starts["given"]) >= 12
-    assert abs(sum(starts["estimated"]) - sum(starts["given"])) <= 1
-
-
 def test_forgetting_all_forgets_it_and_another_data_sheet_counts_at_once():
     initiator = run(seen(0.6, 3), "given")
     before = initiator.estimated_detection_probability
