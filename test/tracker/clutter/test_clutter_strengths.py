@@ -313,6 +313,32 @@ COUNT = np.full(ROWS, 30.0)
 """Detections of each row."""
 
 
+@pytest.mark.parametrize(
+    "level",
+    [
+        np.linspace(2.5, -2.5, ROWS),
+        np.where(np.arange(ROWS) < 12, -1.0, 1.5),
+        np.select([np.arange(ROWS) < 5, np.arange(ROWS) < 12], [2.0, -1.0]),
+    ],
+    ids=["power", "step", "two steps"],
+)
+def test_changes_with_range_are_found(level):
+    rng = np.random.default_rng(8)
+    level = level - level.mean()
+    total = COUNT * level + np.sqrt(COUNT) * rng.normal(size=ROWS)
+    found = level_by_range(COUNT, total - total.mean(), 2.0, 1.0)
+    np.testing.assert_allclose(found, level, atol=0.5)
+    assert np.abs(found - level).mean() < 0.2
+
+
+def test_clutter_of_one_level_has_no_change_with_range():
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        total = np.sqrt(COUNT) * rng.normal(size=ROWS)
+        assert not level_by_range(COUNT, total - total.mean(), 2.0, 1.0).any()
+    assert not level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
+
+
 def test_an_unknown_target_is_no_change_with_range():
     count, total = COUNT / 10.0, np.zeros(ROWS)
     count[3] += 6.0

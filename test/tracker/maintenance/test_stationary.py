@@ -200,7 +200,11 @@ def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
     assert hold.current.track_id.tolist() == [1]
     assert hold.current.stationary_probability[0] < 0.01
     follow(hold, lambda t: (2300.0, 1000.0), np.arange(61.0, 200.0), rng)
-    assert (len(hold.current), [echo.track_id for echo in hold.fixed_echoes]) == (0, [1])
+    assert len(hold.current) == 0
+    (echo,) = hold.fixed_echoes
+    assert (echo.track_id, echo.since, echo.stamp) == (1, 0.0, 199.0)
+    np.testing.assert_allclose(echo.position, [2300.0, 1000.0], atol=3.0)
+    assert echo.velocity.tolist() == [0.0, 0.0]
     follow(hold, lambda t: (2300.0 + 3.0 * (t - 200.0), 1000.0), np.arange(200.0, 240.0), rng)
     assert (hold.current.track_id.tolist(), len(hold.fixed_echoes)) == ([1], 0)
     assert len(hold.released) == 0, "it is no new track"
