@@ -10,6 +10,7 @@ from plots_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
+from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
@@ -151,6 +152,23 @@ def test_with_an_extent_plots_are_on_from_the_first_scan(method):
     assert number == {("auto", 3.0): 1, ("auto", 0.0): 2, ("on", 3.0): 1, ("off", 3.0): 2}
 
 
+@pytest.mark.parametrize("plots_option", ["off", "on"])
+@pytest.mark.parametrize("method", available_methods())
+def test_score_alone_takes_an_error_across_as_large_as_along(method, plots_option):
+    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=0.001, max_range=900.0)
+    for own in (None, np.full(3, 0.001)):
+        initiator = make_initiator(method, sensor=sensor, plots=plots_option, target_extent=3.0)
+        scan = Scan(0.0, [200.0, 400.0, 401.0], np.zeros(3), azimuth_std=own)
+        found = initiator.observe(scan, TimeLimit()).detections
+        along, across = np.sqrt(found["covariance"][:, [0, 1], [0, 1]]).T
+        assert len(found) == (3 if plots_option == "off" else 2)
+        # With plots the extent is in their own errors, along and across.
+        if method == "score" and own is None and plots_option == "off":
+            np.testing.assert_allclose(across, along)
+        else:
+            assert (across < 0.5 * along).all()
+
+
 def test_a_hit_is_the_plots_strongest_detection():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
     initiator = make_initiator("score", sensor=sensor, plots="on", target_extent=3.0)
@@ -168,6 +186,26 @@ def test_a_hit_is_the_plots_strongest_detection():
     assert initiator.statistics.detections == 4
     assert initiator.statistics.plots == 2
     assert initiator.statistics.outside_coverage == 1
+
+
+def test_tracks_of_one_target_become_one_when_plots_turn_on():
+    scene = Swimmers(spread=3.0, common=False, echoes=(3, 3), pings=40)
+    scans = [ping.scan for ping in scene.draw(1)]
+    initiator = initiator_of(scene)
+    ended, before = [], []
+    for number, scan in enumerate(scans):
+        active = initiator.plots.active
+        before = initiator.current.track_id.tolist() if not active else before
+        initiator.process(scan)
+        assert initiator.scan_index == number
+        assert initiator.totals.scans == number + 1
+        if not active and initiator.plots.active:
+            ended = initiator.maintenance.ended
+            break
+    assert initiator.plots.active
+    left = initiator.current.track_id.tolist()
+    assert set(before) <= set(left) | set(ended), "what ends is named"
+    assert len(left) <= 1
 
 
 def test_a_reset_and_other_options_start_over():
