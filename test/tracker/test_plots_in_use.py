@@ -188,26 +188,6 @@ def test_a_hit_is_the_plots_strongest_detection():
     assert initiator.statistics.outside_coverage == 1
 
 
-def test_tracks_of_one_target_become_one_when_plots_turn_on():
-    scene = Swimmers(spread=3.0, common=False, echoes=(3, 3), pings=40)
-    scans = [ping.scan for ping in scene.draw(1)]
-    initiator = initiator_of(scene)
-    ended, before = [], []
-    for number, scan in enumerate(scans):
-        active = initiator.plots.active
-        before = initiator.current.track_id.tolist() if not active else before
-        initiator.process(scan)
-        assert initiator.scan_index == number
-        assert initiator.totals.scans == number + 1
-        if not active and initiator.plots.active:
-            ended = initiator.maintenance.ended
-            break
-    assert initiator.plots.active
-    left = initiator.current.track_id.tolist()
-    assert set(before) <= set(left) | set(ended), "what ends is named"
-    assert len(left) <= 1
-
-
 def test_a_reset_and_other_options_start_over():
     scene = Swimmers(pings=12)
     initiator = initiator_of(scene)
