@@ -282,3 +282,31 @@ def test_an_existence_that_is_not_known_leaves_the_others_their_probability_to_s
     alone = fits[np.array([0, 1])].stationary_probability(SLOW, np.array([0.9, 0.8]))
     found = fits.stationary_probability(SLOW, np.array([0.9, 0.8, np.nan]))
     np.testing.assert_allclose(found[:2], alone)
+
+
+def test_what_is_held_back_claims_its_detections_as_every_held_track_does():
+    back, shown = holding(1), holding(1, prior=SpeedPrior())
+    assert (published(back), published(shown)) == ([], [1])
+    scan = detections([[2060.0, 1000.0], [2000.0, 9000.0]], 12.0)
+    np.testing.assert_array_equal(step(back, 12.0, scan, P_D), step(shown, 12.0, scan, P_D))
+    for one, other in zip(back.held_association, shown.held_association, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert back.held_association.probability[0] > 0.9
+    assert (published(back), echoes(back)) == ([], [1])
+
+
+def test_what_exists_hardly_is_neither_published_nor_a_fixed_echo():
+    hold = TrackMaintenance(1e6, speed_prior=SLOW)
+    hold.add(tracks(1), 0.3)
+    assert echoes(hold) == []
+    hold.speed_prior = SpeedPrior()
+    step(hold, 1.0)
+    assert (published(hold), len(hold.held)) == ([], 1)
+
+
+def test_what_a_downstream_tracker_lists_is_published():
+    hold = holding(1)
+    hold.follow(5.0, tracks(1, 7, stamp=5.0))
+    assert published(hold) == [1, 7]
+    step(hold, 6.0)
+    assert len(hold.released) == 0
