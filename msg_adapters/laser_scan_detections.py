@@ -162,7 +162,7 @@ def _fan(first: float, increment: float, rays: int) -> Arc | None:
 def runs_of_rays(
     range: FloatArray, increment: float, sensor: SensorModel | None = None
 ) -> IntArray:
-    """Which rays see one object: neighbours whose ranges do not jump, see `ray_runs.goes_on`.
+    """Which rays see one object: neighbours whose ranges do not jump, see `grouping.goes_on`.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ from tsepm_ros import SensorModel, SonarImage, make_detector, make_initiator
 B, M = 64, 200
 RANGE, AZIMUTH = 1.0 + 0.1 * np.arange(M), np.linspace(-1.0, 1.0, B)
 D_AZIMUTH = AZIMUTH[1] - AZIMUTH[0]
+POINT = {"azimuth_extent": 1e-3, "range_extent": 1e-3}
 
 
 def noise(rng, gain=1.0):
@@ -26,10 +27,11 @@ def images(count, make):
         yield SonarImage(float(k), RANGE, AZIMUTH, make(k))
 
 
-def false_ratio(number, pictures, **options):
-    detector = make_detector(false_detections_per_ping=number, **options)
+def false_ratio(pictures, after=20):
+    """Detections of pictures of noise, over the ten that are wished for."""
+    detector = make_detector(false_detections_per_ping=10.0, **POINT)
     counts = [len(detector.process(image)) for image in pictures]
-    return np.mean(counts[20:]) / number
+    return np.mean(counts[after:]) / 10.0
 
 
 SCALES = {
@@ -46,13 +48,12 @@ SCALES = {
 @pytest.mark.parametrize("scale", SCALES)
 def test_the_stated_number_of_false_detections_is_kept_on_any_scale(scale):
     rng = np.random.default_rng(1)
-    pictures = images(60, lambda k: SCALES[scale](noise(rng)))
-    assert 2 / 3 < false_ratio(10.0, pictures, azimuth_extent=1e-3, range_extent=1e-3) < 1.5
+    assert 2 / 3 < false_ratio(images(60, lambda k: SCALES[scale](noise(rng)))) < 1.5
 
 
 def test_strong_targets_do_not_raise_the_threshold():
     rng, found = np.random.default_rng(2), []
-    detector = make_detector(false_detections_per_ping=5, azimuth_extent=1e-3, range_extent=1e-3)
+    detector = make_detector(false_detections_per_ping=5, **POINT)
 
     def picture(k):
         image = noise(rng)
@@ -75,12 +76,8 @@ def test_strong_targets_do_not_raise_the_threshold():
 def test_after_a_step_of_the_gain_the_number_is_kept_within_five_images():
     rng = np.random.default_rng(4)
     log = lambda a: np.clip(60 + 40 * np.log10(a), 0, 255).astype(np.uint8)  # noqa: E731
-    detector = make_detector(false_detections_per_ping=10, azimuth_extent=1e-3, range_extent=1e-3)
-    counts = [
-        len(detector.process(image))
-        for image in images(60, lambda k: log(noise(rng, 1.0 if k < 40 else 10.0)))
-    ]
-    assert 2 / 3 < np.mean(counts[45:]) / 10 < 1.5
+    pictures = images(60, lambda k: log(noise(rng, 1.0 if k < 40 else 10.0)))
+    assert 2 / 3 < false_ratio(pictures, after=45) < 1.5
 
 
 def test_an_echo_is_measured_where_it_is_as_wide_as_it_is_and_as_strong_as_it_is():
@@ -100,7 +97,7 @@ def test_an_echo_is_measured_where_it_is_as_wide_as_it_is_and_as_strong_as_it_is
 
 def test_errors_of_a_point_are_as_stated():
     rng, errors = np.random.default_rng(6), []
-    detector = make_detector(azimuth_extent=1e-3, range_extent=1e-3)
+    detector = make_detector(**POINT)
     grid = np.arange(B)[:, None], np.arange(M)
     for k in range(120):
         row, column = 32 + rng.uniform(-20, 20), 100 + rng.uniform(-80, 80)
@@ -120,15 +117,14 @@ def test_a_streak_of_a_single_bearing_hardly_changes_the_number():
         image[rng.integers(B)] *= 10.0
         return image
 
-    ratio = false_ratio(10.0, images(60, picture), azimuth_extent=1e-3, range_extent=1e-3)
-    assert 2 / 3 < ratio < 1.5
+    assert 2 / 3 < false_ratio(images(60, picture)) < 1.5
 
 
 def test_a_clutter_map_takes_away_what_stands_and_the_default_does_not():
     rng = np.random.default_rng(8)
     seen = []
     for pings in (0, 20):
-        detector = make_detector(azimuth_extent=1e-3, range_extent=1e-3, clutter_map=pings)
+        detector = make_detector(**POINT, clutter_map=pings)
         picture = lambda k: with_echo(noise(rng), 30, 100, 15.0)  # noqa: E731
         scans = [detector.process(image) for image in images(40, picture)]
         seen.append(np.mean([(abs(s.range - RANGE[100]) < 0.15).any() for s in scans[20:]]))
@@ -205,7 +201,7 @@ def test_other_ranges_in_a_run_are_learned_anew():
 
 def test_cells_that_tremble_are_the_same_cells():
     rng = np.random.default_rng(16)
-    detector = make_detector(azimuth_extent=1e-3, range_extent=1e-3, false_detections_per_ping=5)
+    detector = make_detector(**POINT, false_detections_per_ping=5)
     counts = set()
     for k in range(12):
         distance = RANGE * (1.0 + 1e-4 * rng.standard_normal())

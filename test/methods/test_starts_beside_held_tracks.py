@@ -12,7 +12,6 @@ from support.score_scenes import score, sea
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.evaluation.measures import summarise
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
 from tsepm_ros.tools.replay.offline import process_recording
 from tsepm_ros.tools.replay.recording import read_recording
@@ -25,34 +24,6 @@ RADAR = SensorModel(range_std=15.0, range_std_fraction=0.0, max_range=3000.0)
 """A marine radar: a scan every 2.5 s."""
 
 
-def test_a_target_is_started_once_and_held():
-    initiator = score(false_tracks_per_hour=1.0)
-    target = (3000.0, 4.0, 2000.0, -3.0)
-    new = [initiator.process(scan) for scan in sea(np.random.default_rng(1), 40, [target])]
-    starts = [track for tracks in new for track in tracks]
-    truth = np.array([target[0] + target[1] * 468.0, target[2] + target[3] * 468.0])
-    near = [
-        track
-        for track in starts
-        if np.hypot(*(track.predicted(468.0).position - truth)) < 6.0 * 468.0
-        and np.hypot(*(track.position - (3000 + 4 * track.stamp, 2000 - 3 * track.stamp))) < 300
-    ]
-    assert len(near) == 1
-    held = {track.track_id: track for track in initiator.current}
-    assert np.hypot(*(held[near[0].track_id].position - truth)) < 150.0
-
-
-def test_two_targets_far_apart_are_two_tracks_and_one_id_each():
-    initiator = score()
-    targets = [(3000.0, 4.0, 2000.0, -3.0), (-4000.0, 0.0, 1000.0, 5.0)]
-    starts = [
-        track
-        for scan in sea(np.random.default_rng(2), 25, targets)
-        for track in initiator.process(scan)
-    ]
-    assert len({track.track_id for track in starts}) == len(starts) == 2
-
-
 def test_a_held_target_has_no_potential_tracks():
     initiator = score()
     for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)], density=0.0):
@@ -62,16 +33,6 @@ def test_a_held_target_has_no_potential_tracks():
     assert initiator.statistics.potential_tracks > 0, "they are kept, as rivals"
 
 
-@pytest.mark.long
-def test_few_targets_in_clutter_are_started_twice():
-    # 0.003 a run are expected.
-    scene = load_scenario("box")
-    point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
-    runs = [summarise(simulate(scene, [17, index], point)) for index in range(60)]
-    assert sum(run.count(Outcome.TRUE) for run in runs) >= 50
-    assert sum(run.count(Outcome.REDUNDANT) for run in runs) <= 3
-
-
 @pytest.mark.parametrize("run", [39, 85, 120])
 def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(run):
     # Each of the two has evidence enough; a share of held hits of 0.6 would start the target twice.
@@ -79,18 +40,6 @@ def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(ru
     point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
     outcomes = [judged.outcome for judged in simulate(scene, [900, run], point).judged()]
     assert (outcomes.count(Outcome.TRUE), outcomes.count(Outcome.REDUNDANT)) == (1, 0)
-
-
-def test_a_second_target_is_started_beside_one_that_is_held():
-    # 1 km beside it, both at 3.5 km: many deviations apart, though far within v_max * time held.
-    first, second = (3000.0, 4.0, 2000.0, 0.0), (3000.0, 4.0, 1000.0, 0.0)
-    rng = np.random.default_rng(3)
-    alone, both = sea(rng, 12, [first]), sea(rng, 40, [first, second])[12:]
-    initiator = score()
-    starts = [track for scan in alone + both for track in initiator.process(scan)]
-    y = sorted(track.position[1] for track in starts if abs(track.position[0] - 3000) < 3000)
-    assert len(starts) == 2
-    assert y == pytest.approx([1000.0, 2000.0], abs=200)
 
 
 @pytest.mark.parametrize(

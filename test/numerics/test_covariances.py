@@ -50,14 +50,6 @@ def test_no_variance_stays_at_zero_or_below():
     assert repaired[0].diagonal() == pytest.approx([100.0, 0.0, 0.0, 4.0], abs=1e-6)
 
 
-def test_an_asymmetric_covariance_becomes_symmetric():
-    covariance = ordinary(1)
-    covariance[0, 0, 2] *= 1.0 + 1e-9
-    repaired = proper(covariance)
-    assert (repaired == np.swapaxes(repaired, 1, 2)).all()
-    assert repaired == pytest.approx(covariance, rel=1e-8)
-
-
 def test_what_is_not_finite_is_kept():
     covariance = np.full((2, 4, 4), np.nan)
     covariance[1] = np.ones((4, 4))

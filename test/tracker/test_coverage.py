@@ -1,11 +1,11 @@
-"""The sensor's coverage: of a sector that turns with the ship, and whatever the order of echoes."""
+"""The sensor's coverage: sectors that turn with the ship, whole turns, any order of the echoes."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
 import pytest
-from support.batches import batches
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import available_methods
@@ -17,7 +17,7 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
-from tsepm_ros.tracker.sensor import PosesByAzimuth, PosesByRange, echo_poses_of, inside
+from tsepm_ros.tracker.sensor import PosesByAzimuth, echo_poses_of, inside
 
 SECTOR = SensorModel(
     max_range=4000.0,
@@ -84,13 +84,6 @@ def test_bearings_from_north_give_the_same_tracks_as_those_from_the_bow(density)
         np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.long
-def test_a_sector_of_bearings_from_north_keeps_the_wished_false_tracks():
-    scene = scenario(targets=(), scans=300, sound_speed=0.0)
-    found = sum(len(result.new) for result in run(scene, from_north, 2))
-    assert found <= 27, "15 wished for in half an hour: Poisson, 99.9 %"
-
-
 def test_the_heading_s_error_does_not_move_bearings_from_north():
     scene = scenario()
     one = sailing(scene, np.diag([4.0, 9.0, 0.01]))
@@ -112,50 +105,6 @@ def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source
     assert one.dropped["heading_unknown"] == dropped
     for result in found:
         np.testing.assert_array_equal(result.scan.azimuth, scan.azimuth)
-
-
-TURNING = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(2.0))
-
-
-def shuffled(scan: Scan, order: np.ndarray) -> Scan:
-    return dataclasses.replace(
-        scan,
-        range=scan.range[order],
-        azimuth=scan.azimuth[order],
-        time_offset=scan.time_offset[order],
-        sensor_pose=scan.sensor_pose[order],
-    )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", batches(6, 2))
-def test_the_order_of_a_scan_s_detections_does_not_change_its_tracks(seed):
-    scene = scenario(own_ship=TURNING, sensor=dataclasses.replace(SECTOR, max_range=9000.0))
-    scans = [result.scan for result in run(scene, by_bow, seed)]
-    rng, orders = np.random.default_rng(seed), []
-    one, other = (make_initiator("score", sensor=scene.sensor, max_speed=8.0) for _ in range(2))
-    for scan in scans:
-        order = rng.permutation(len(scan))
-        orders.append(order)
-        new, again = one.process(scan), other.process(shuffled(scan, order))
-        as_sent = [{(k, orders[k][row]) for k, row in track.hits} for track in again]
-        assert [set(track.hits) for track in new] == as_sent
-        assert one.statistics == other.statistics
-        for a, b in ((new, again), (one.current, other.current)):
-            np.testing.assert_allclose(a.state, b.state, rtol=1e-6, atol=1e-6)
-
-
-def test_a_position_is_judged_by_the_pose_that_an_echo_from_there_would_have():
-    speed, turn_rate = 1500.0, math.radians(2.0)
-    range_ = np.array([8000.0, 500.0, 6000.0, 3000.0])
-    yaw = 3.1 + turn_rate * 2.0 * range_ / speed
-    pose = np.stack([0.0 * range_, 0.0 * range_, np.remainder(yaw + np.pi, 2 * np.pi) - np.pi])
-    poses = PosesByRange.of(Scan(0.0, range_, 0.0 * range_, sensor_pose=pose.T))
-    here = np.array([1000.0, 3000.0, 7000.0])
-    sight = 3.1 + turn_rate * 2.0 * here / speed + 0.2
-    found = poses.polar(here[:, None] * np.stack([np.cos(sight), np.sin(sight)], axis=1))
-    np.testing.assert_allclose(found[0], here)
-    np.testing.assert_allclose(np.remainder(found[1], 2 * np.pi), 0.2, atol=1e-12)
 
 
 def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
@@ -192,22 +141,6 @@ def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn
     found = poses.polar(place)
     np.testing.assert_allclose(found[0], far, atol=0.05)
     np.testing.assert_allclose(np.cos(found[1] - beam), 1.0, atol=1e-6)
-
-
-def test_a_part_of_a_sweep_sees_its_arc_only():
-    initiator = make_initiator("score", sensor=SensorModel(max_range=1000.0))
-    initiator.process(Scan(0.0, [500.0], [3.1], swept=[3.0, 1.0]))
-    angle = np.array([2.9, 3.01, 3.9, -2.4, -2.2, 0.0])
-    seen = initiator.detection_probability_at(
-        500.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    )
-    assert (seen > 0.0).tolist() == [False, True, True, True, False, False]
-
-
-@pytest.mark.parametrize("swept", [[1.0], [7.0, 1.0], [0.0, -0.1], [0.0, 7.0], [np.nan, 1.0]])
-def test_an_arc_that_is_none_is_refused(swept):
-    with pytest.raises(ValueError, match=r"^swept must"):
-        Scan(0.0, [1.0], [0.0], swept=swept)
 
 
 def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
@@ -256,24 +189,15 @@ def test_a_coverage_given_too_small_does_not_flood_false_tracks(given):
     assert found <= 35, "20 wished for in an hour: Poisson, 99.9 %"
 
 
-@pytest.mark.parametrize(
-    ("range_", "azimuth", "own", "used"),
-    [
-        (1029.0, 0.0, {}, True),
-        (1031.0, 0.0, {}, False),
-        (1031.0, 0.0, {"range_std": [11.0]}, True),
-        (471.0, 0.0, {}, True),
-        (469.0, 0.0, {}, False),
-        (700.0, 1.029, {}, True),
-        (700.0, -1.029, {}, True),
-        (700.0, 1.031, {}, False),
-        (700.0, -1.031, {}, False),
-        (700.0, -1.031, {"azimuth_std": [0.011]}, True),
-        (700.0, math.pi, {}, False),
-    ],
-)
-def test_detections_may_be_three_deviations_beyond_the_edge(range_, azimuth, own, used):
-    assert inside(Scan(0.0, [range_], [azimuth], **own), EDGE).tolist() == [used]
+def test_detections_may_be_three_deviations_beyond_the_edge():
+    range_ = [1029.0, 471.0, 1031.0, 469.0]
+    used = inside(Scan(0.0, range_, np.zeros(4)), EDGE)
+    assert used.tolist() == [True, True, False, False]
+    azimuth = [1.029, -1.029, 1.031, -1.031, math.pi]
+    used = inside(Scan(0.0, np.full(5, 700.0), azimuth), EDGE)
+    assert used.tolist() == [True, True, False, False, False]
+    own = {"range_std": [11.0, 10.0], "azimuth_std": [0.01, 0.011]}
+    assert inside(Scan(0.0, [1031.0, 700.0], [0.0, -1.031], **own), EDGE).all()
 
 
 def test_errors_wider_than_a_sector_leave_no_azimuth_out():
@@ -316,3 +240,89 @@ def test_detections_outside_the_coverage_are_counted_and_said():
     ((reason, sentence),) = said
     assert reason == "outside_coverage"
     assert sentence.startswith("2 of 3 detections dropped")
+
+
+def turned_scans(seed: int, turn: float = 0.0) -> list[Scan]:
+    """Two targets, one of which crosses the azimuth pi, a quay and false detections, turned."""
+    rng, made = np.random.default_rng(seed), []
+    for stamp in np.arange(0.0, 40.0, 0.5):
+        targets = np.array([[-150.0, 40.0 - 2.0 * stamp], [120.0 - 1.5 * stamp, 60.0 + stamp]])
+        along = rng.uniform(-100.0, 100.0, 6)
+        quay = np.stack([140.0 + 0.3 * along, 0.95 * along], axis=1)
+        false = rng.uniform(-290.0, 290.0, (rng.poisson(6), 2))
+        echoes = np.concatenate([targets[rng.random(2) < 0.9], quay, false])
+        range_ = np.hypot(*echoes.T) + rng.standard_normal(len(echoes))
+        azimuth = np.arctan2(echoes[:, 1], echoes[:, 0]) + 0.01 * rng.standard_normal(len(echoes))
+        made.append(Scan(stamp, range_, np.remainder(azimuth + turn + math.pi, math.tau) - math.pi))
+    return made
+
+
+@functools.cache
+def followed(low: float, high: float, seed: int, turn: float = 0.0):
+    """The initiator after the scans, with density and P_D learned; its current tracks."""
+    sensor = SensorModel(
+        range_std=1.0,
+        range_std_fraction=0.0,
+        azimuth_std=0.01,
+        max_range=300.0,
+        azimuth_min=low + turn,
+        azimuth_max=high + turn,
+    )
+    initiator = make_initiator("score", sensor=sensor, max_speed=10.0, min_speed=0.5)
+    current = []
+    for scan in turned_scans(seed, turn):
+        initiator.process(scan)
+        current.append(initiator.current)
+    return initiator, current
+
+
+@pytest.mark.parametrize(("low", "high"), [(-3.1415, 3.1415), (-3.14, 3.14), (0.0, 6.283)])
+def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
+    _, expected = followed(-math.pi, math.pi, seed=3)
+    _, found = followed(low, high, seed=3)
+    assert sum(map(len, expected)) > 50
+    for one, other in zip(found, expected, strict=True):
+        assert one.track_id.tolist() == other.track_id.tolist()
+        np.testing.assert_array_equal(one.state, other.state)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+        np.testing.assert_array_equal(one.existence_probability, other.existence_probability)
+
+
+@pytest.mark.parametrize("turn", [0.7, 2.5, -3.0])
+def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
+    first, expected = followed(-1.5, 2.6, seed=1)
+    second, found = followed(-1.5, 2.6, seed=1, turn=turn)
+    assert first.learned.persistent.found, "the quay"
+    assert second.learned.persistent.found
+    cos, sin = math.cos(turn), math.sin(turn)
+    axes = np.kron(np.array([[cos, -sin], [sin, cos]]), np.eye(2))
+    assert sum(map(len, expected)) > 50
+    for one, other in zip(found, expected, strict=True):
+        assert one.track_id.tolist() == other.track_id.tolist()
+        np.testing.assert_allclose(one.state, other.state @ axes.T, rtol=0, atol=1e-9 * 300.0)
+        turned = axes @ other.covariance @ axes.T
+        np.testing.assert_allclose(
+            one.covariance, turned, rtol=0, atol=1e-9 * np.abs(turned).max(initial=0)
+        )
+        np.testing.assert_allclose(
+            one.existence_probability, other.existence_probability, rtol=1e-9
+        )
+
+
+def test_parts_of_a_turn_that_look_elsewhere_end_no_track():
+    # 16 parts a turn; the target is missed in four looks at it, which are 64 scans.
+    parts, rng = 16, np.random.default_rng(3)
+    sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.005, max_range=100.0)
+    initiator = make_initiator("score", sensor=sensor, max_speed=2.0, plots="off", window=64)
+    ended = {}
+    for number in range(parts * 24):
+        turn, part = divmod(number, parts)
+        here = int(part == 8 and turn not in range(14, 18))
+        range_ = 50.0 + 0.5 * rng.standard_normal(here)
+        azimuth = math.pi / parts + 0.005 * rng.standard_normal(here)
+        width = 2.0 * math.pi / parts
+        swept = ((part - 8) * width, width)
+        initiator.process(Scan(number / 20.0, range_, azimuth, swept=swept))
+        ended |= initiator.maintenance.ended
+    assert not ended
+    assert initiator.current.track_id.tolist() == [0]

@@ -1,65 +1,63 @@
-"""The fits: against general solvers, far from the origin, and consistent."""
+"""The fits against general solvers, far from the origin, and consistent; figures of their hits."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
-from support.builders import fit_matrix
+from scipy.stats import chi2
+from support.builders import detections, fit_matrix
 
-from tsepm_ros import Scan, SensorModel
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tracker import initial_state
-from tsepm_ros.tracker.initial_state import ESTIMATORS, fit, positions_at, unweighted, weighted
-from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, convert
+from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.evaluation import clutter_statistic
+from tsepm_ros.tracker.initial_state import (
+    ESTIMATORS,
+    figures_of_hits,
+    fit,
+    positions_at,
+    unweighted,
+    weighted,
+)
+from tsepm_ros.tracker.measurement import DETECTION, convert, major_sigma
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
 
 
-def random_batch(m: int, seed: int = 0):
-    rng = np.random.default_rng([8, m, seed])
+def random_batch(m: int):
+    rng = np.random.default_rng([8, m])
     tau = -np.cumsum(rng.uniform(3, 20, (20, m)), axis=1)[:, ::-1]
     root = rng.uniform(-80, 80, (20, m, 2, 2))
     covariances = root @ np.swapaxes(root, -1, -2) + 25.0 * np.eye(2)
     return tau, rng.uniform(-5000, 5000, (20, m, 2)), covariances
 
 
-def block_diagonal(blocks: np.ndarray) -> np.ndarray:
-    full = np.zeros((2 * len(blocks), 2 * len(blocks)))
-    for k, block in enumerate(blocks):
-        full[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = block
-    return full
-
-
 @pytest.mark.parametrize("m", [2, 3, 5, 12])
-def test_unweighted_is_lstsq_with_the_sandwich_covariance(m):
+def test_the_fits_are_the_general_solutions_of_the_stacked_problem(m):
     tau, positions, covariances = random_batch(m)
-    states, spreads = unweighted(tau, positions, covariances)
+    plain, sandwiches = unweighted(tau, positions, covariances)
+    fits = [weighted(tau, positions, covariances, start) for start in (np.zeros((20, 4)), plain)]
     for i in range(len(tau)):
-        H, R = fit_matrix(tau[i]), block_diagonal(covariances[i])
-        expected = np.linalg.lstsq(H, positions[i].ravel(), rcond=None)[0]
+        H, R, z = fit_matrix(tau[i]), block_diag(*covariances[i]), positions[i].ravel()
+        expected = np.linalg.lstsq(H, z, rcond=None)[0]
         bread = np.linalg.inv(H.T @ H)
         sandwich = bread @ H.T @ R @ H @ bread
-        np.testing.assert_allclose(states[i], expected, rtol=1e-9, atol=1e-8)
-        np.testing.assert_allclose(
-            spreads[i], sandwich, rtol=0, atol=1e-10 * np.linalg.norm(sandwich)
-        )
-
-
-@pytest.mark.parametrize("m", [2, 3, 5, 12])
-@pytest.mark.parametrize("start", ["zero", "near"])
-def test_weighted_is_the_general_solution_of_the_stacked_problem(m, start):
-    tau, positions, covariances = random_batch(m)
-    begin = np.zeros((20, 4)) if start == "zero" else unweighted(tau, positions, covariances)[0]
-    states, spreads = weighted(tau, positions, covariances, begin)
-    for i in range(len(tau)):
-        H, R = fit_matrix(tau[i]), block_diagonal(covariances[i])
+        scale = np.linalg.norm(sandwich)
+        np.testing.assert_allclose(plain[i], expected, rtol=1e-9, atol=1e-8)
+        np.testing.assert_allclose(sandwiches[i], sandwich, rtol=0, atol=1e-10 * scale)
         white = np.linalg.inv(np.linalg.cholesky(R))
-        expected = np.linalg.lstsq(white @ H, white @ positions[i].ravel(), rcond=None)[0]
+        expected = np.linalg.lstsq(white @ H, white @ z, rcond=None)[0]
         spread = np.linalg.inv(H.T @ np.linalg.inv(R) @ H)
-        np.testing.assert_allclose(states[i], expected, rtol=1e-7, atol=1e-6)
-        np.testing.assert_allclose(spreads[i], spread, rtol=0, atol=1e-8 * np.linalg.norm(spread))
-        np.testing.assert_array_equal(spreads[i], spreads[i].T)
+        for states, spreads in fits:
+            scale = np.linalg.norm(spread)
+            np.testing.assert_allclose(states[i], expected, rtol=1e-7, atol=1e-6)
+            np.testing.assert_allclose(spreads[i], spread, rtol=0, atol=1e-8 * scale)
+            np.testing.assert_array_equal(spreads[i], spreads[i].T)
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
@@ -83,21 +81,6 @@ def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
     np.testing.assert_allclose(far.covariance, near.covariance, rtol=0, atol=1e-9 * scale)
 
 
-def test_both_fits_take_the_same_error_across_where_it_is_at_least_that_along():
-    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=1e-3)
-    hits = np.zeros((1, 6), DETECTION)
-    for k in range(6):
-        hits[:, k] = convert(Scan(2.0 * k, [200.0 + 3.0 * k], [0.3]), sensor, k, LEAST_ACROSS)
-    sigma = {}
-    for estimator in ("weighted", "polar"):
-        turn = np.kron([[math.cos(0.3), math.sin(0.3)], [-math.sin(0.3), math.cos(0.3)]], np.eye(2))
-        sigma[estimator] = np.sqrt(
-            np.diag(turn @ fit(hits, 10.0, sensor, estimator).covariance[0] @ turn.T)
-        )
-        assert sigma[estimator][2:] == pytest.approx(sigma[estimator][:2], rel=0.02), estimator
-    assert sigma["polar"] == pytest.approx(sigma["weighted"], rel=0.02)
-
-
 # The estimation experiment of the design, section 6: 5 hits in 6 scans (the third one missed),
 # T = 10 s, 5 km, sigma_r = 10 m, sigma_az = 2 degrees, 5 m/s.
 TIMES = np.array([0.0, 10.0, 30.0, 40.0, 50.0])
@@ -115,11 +98,6 @@ def noisy_hits(rng: np.random.Generator, runs: int) -> np.ndarray:
     return hits
 
 
-@pytest.fixture(scope="module")
-def experiment() -> np.ndarray:
-    return noisy_hits(np.random.default_rng(6), RUNS)
-
-
 def nees(states: np.ndarray, covariances: np.ndarray, truth: np.ndarray = STATE) -> np.ndarray:
     error = states - truth
     return np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariances), error)
@@ -128,19 +106,12 @@ def nees(states: np.ndarray, covariances: np.ndarray, truth: np.ndarray = STATE)
 @pytest.mark.parametrize(
     ("estimator", "published"), [("unweighted", 3.85), ("weighted", 4.14), ("polar", 4.15)]
 )
-def test_the_covariance_tells_the_truth_about_the_error(experiment, estimator, published):
-    # NEES has mean 4 and variance 8 where state and covariance are right: the mean of 20 000 runs
-    # has a standard error of 0.02, 0.08 at 99.99 %. The design's figures come from fewer runs,
-    # whose errors were 2 % below the Cramer-Rao bound and so their NEES some 3 % low: 0.2 covers
-    # both. A covariance that is a tenth too small would give 4.4 and 4.7.
-    fitted = fit(experiment, 50.0, SENSOR, estimator)
+def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estimator, published):
+    # NEES has mean 4 where state and covariance are right. The design's figures come from fewer
+    # runs, with errors 2 % below the bound and so NEES some 3 % low: 0.2 covers both. A covariance
+    # a tenth too small would give 4.4 and 4.7. RMS errors have a standard error of 0.5 %.
+    fitted = fit(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
-
-
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_the_error_is_within_two_percent_of_the_cramer_rao_bound(experiment, estimator):
-    # RMS errors of 20 000 runs have a standard error of 0.5 %: 2 % is 99.99 %.
-    fitted = fit(experiment, 50.0, SENSOR, estimator)
     square = np.square(fitted.state - STATE).mean(axis=0)
     positions = positions_at(STATE[None], TIMES[None] - 50.0)[0]
     bound = np.diag(cramer_rao(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
@@ -292,39 +263,72 @@ def test_where_range_and_azimuth_bend_the_weighted_fit_is_kept(distance, range_s
     assert_kept(hits, sensor)
 
 
-# Consistency of starts whose hits are all the target's: T = 12 s, 1.5 % of range, 5 m/s.
-STARTS = pytest.mark.parametrize(
-    ("scans", "state"),
-    [
-        pytest.param([0, 1, 3, 4, 5], [5000.0, 5.0, 0.0, 0.0], id="5 of 6, away"),
-        pytest.param([0, 1, 3, 5, 6], [0.0, -5.0, 8000.0, 0.0], id="5 of 7, across"),
-        pytest.param([0, 2, 4, 5, 7], [4200.0, 3.0, -4200.0, 4.0], id="5 of 8, oblique"),
-        pytest.param(range(8), [-5000.0, 0.0, -3000.0, 5.0], id="8 of 8"),
-    ],
-)
+def scans(away: float, number: int = 5) -> DetectionWindow:
+    """Scans of a target at 2 m/s, the last hit of which is some metres off, and of clutter."""
+    recent = DetectionWindow()
+    for scan in range(number):
+        place = [2.0 * scan + (away if scan == number - 1 else 0.0), 0.0]
+        found = detections([[500.0, 500.0], place], float(scan), 4.0)
+        found["scan"], found["index"] = scan, [3, 7]
+        recent.append(found)
+    return recent
 
 
-@pytest.mark.parametrize("estimator", ["weighted", "polar"])
-@pytest.mark.parametrize("azimuth_std_deg", [1.0, 3.0])
-@STARTS
-def test_starts_reach_the_cramer_rao_bound_and_say_so(scans, state, azimuth_std_deg, estimator):
-    # 8000 starts: the RMS errors have standard errors of 0.8 % at most, the mean NEES 0.03 (its
-    # variance is 8). The limits are 6 of them away from what 200 000 starts give at 1, 2 and 3
-    # degrees: RMS errors within 0.5 % of the bound, NEES 3.99 to 4.02.
-    runs, truth = 8000, np.array(state)
-    sensor = SensorModel(azimuth_std=math.radians(azimuth_std_deg))
-    times = 12.0 * np.array(scans)
-    positions = positions_at(truth[None], times[None] - times[-1])[0]
-    rng = np.random.default_rng([20, len(times), int(azimuth_std_deg)])
-    hits = np.zeros((runs, len(times)), DETECTION)
-    for k, (stamp, (x, y)) in enumerate(zip(times, positions, strict=True)):
-        range_ = math.hypot(x, y) * (1.0 + sensor.range_std_fraction * rng.standard_normal(runs))
-        azimuth = math.atan2(y, x) + sensor.azimuth_std * rng.standard_normal(runs)
-        hits[:, k] = convert(Scan(stamp, range_, azimuth), sensor, k)
-    fitted = fit(hits, times[-1], sensor, estimator)
-    square = np.square(fitted.state - truth).mean(axis=0)
-    bound = np.diag(cramer_rao(positions, times, (0.0, 0.0), sensor, times[-1]))
-    for axes in ([0, 2], [1, 3]):
-        ratio = math.sqrt(square[axes].sum() / bound[axes].sum())
-        assert ratio == pytest.approx(1.0, abs=0.05)
-    assert 3.8 < nees(fitted.state, fitted.covariance, truth).mean() < 4.3
+def figures(window: DetectionWindow, tracks: TrackArrays):
+    sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
+    return figures_of_hits(window, tracks.hits, tracks.stamp, tracks.state, sigma)
+
+
+def track(hits: int = 5) -> TrackArrays:
+    state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
+    pairs = tuple((scan, 7) for scan in range(hits))
+    return TrackArrays.of([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
+
+
+def test_hits_that_fit_leave_the_covariance_as_it_is():
+    limit = 2.0 * np.sqrt(chi2.ppf(0.99, 6))  # of a single error, in metres
+    assert figures(scans(0.0), track())[0].tolist() == [1.0]
+    assert figures(scans(0.99 * limit), track())[0].tolist() == [1.0]
+
+
+def test_a_hit_far_off_makes_it_larger_by_the_mean_square():
+    np.testing.assert_allclose(figures(scans(30.0), track())[0], (30.0 / 2.0) ** 2 / 6.0)
+
+
+def test_two_hits_fit_every_line_and_forgotten_hits_do_not_count():
+    assert figures(scans(30.0, 2), track(2))[0].tolist() == [1.0]
+    recent = scans(30.0)
+    recent.forget(20)
+    assert figures(recent, track())[0].tolist() == [1.0]
+    assert figures(recent, TrackArrays.of([]))[0].shape == (0,)
+
+
+def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
+    recent = DetectionWindow()
+    for scan, strength in enumerate((1.5, np.nan, 4.0)):
+        found = detections([[0.0, 0.0], [500.0, 500.0]], float(scan), 4.0)
+        found["scan"], found["index"], found["strength"] = scan, [7, 3], [strength, 100.0]
+        recent.append(found)
+    both = track(3).joined(track(1))
+    _, (number, total), sigma = figures(recent, both)
+    assert number.tolist() == [2.0, 1.0]
+    assert total.tolist() == [5.5, 1.5]
+    assert sigma.tolist() == [2.0, 2.0], "of the last hit, whose variance is 4"
+
+
+@pytest.mark.parametrize("hit_count", [2, 3, 5])
+def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
+    # Kennedy's null hypothesis: from point to nearest point of each new scan. 1000 independent
+    # tracks; a Kolmogorov-Smirnov test at 0.1 %, for which a density 12 % off is found.
+    rng = np.random.default_rng([12, hit_count])
+    density, half = 1e-6, 6000.0
+    positions = np.zeros((1000, hit_count, 2))
+    for track in positions:
+        for k in range(1, hit_count):
+            n = rng.poisson(density * (2 * half) ** 2)
+            points = track[k - 1] + rng.uniform(-half, half, (n, 2))
+            track[k] = points[np.argmin(np.square(points - track[k - 1]).sum(axis=1))]
+    statistic = clutter_statistic(positions, density)
+    assert stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue > 1e-3
+    wrong = stats.kstest(1.12 * statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
+    assert wrong < stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue

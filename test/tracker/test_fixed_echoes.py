@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from fixed_echoes import MAX_SPEED, MIN_SPEED, SURE, oracle
 from fixed_echoes_scenes import Scene, reflectors, swimmer
-from support.builders import assert_same_tracks, reconfigured, scan_at
+from support.builders import reconfigured
 
-from tsepm_ros import SensorModel, available_methods, make_initiator
+from tsepm_ros import make_initiator
 from tsepm_ros.tracker.options import CommonOptions
 
 REFLECTORS = Scene(detection_probability=0.8, pings=40)
@@ -58,21 +58,26 @@ def test_few_of_a_hundred_reflectors_are_ever_published_in_two_minutes():
     assert listed >= 0.95
 
 
+def first_track(initiator, pings):
+    """Number of the ping of the first track on the scene's target, and the track."""
+    for number, ping in enumerate(pings):
+        for track in initiator.process(ping.scan):
+            if np.hypot(*(ping.truth[0] - track.position)) < 15.0:
+                return number, track
+    raise AssertionError("no track on the target")
+
+
 @pytest.mark.parametrize(("course", "seed"), [("radial", 1), ("radial", 2), ("any", 3), ("any", 4)])
 def test_a_swimmer_is_published_soon_after_an_oracle_is_sure(course, seed):
     rng = np.random.default_rng([seed, 24])
     scene = Scene([swimmer(rng, course)], pings=40)
     pings = list(scene.draw(rng))
-    first = {}
-    for min_speed in (0.0, MIN_SPEED):
-        initiator = initiator_of(scene, min_speed, clutter_density="estimated")
-        for number, ping in enumerate(pings):
-            for track in initiator.process(ping.scan):
-                if np.hypot(*(ping.truth[0] - track.position)) < 15.0:
-                    first.setdefault(min_speed, (number, track))
+    (free, _), (number, track) = (
+        first_track(initiator_of(scene, min_speed, clutter_density="estimated"), pings)
+        for min_speed in (0.0, MIN_SPEED)
+    )
     sure = [probability >= SURE for probability in oracle(pings, 0)].index(True)
-    number, track = first[MIN_SPEED]
-    assert number <= max(sure, first[0.0][0]) + 2
+    assert number <= max(sure, free) + 2
     assert track.stationary_probability <= 0.5
     assert track.scan_count == number + 1 - track.hits[0][0]
 
@@ -82,56 +87,18 @@ def test_a_reflector_that_sets_off_becomes_a_track_under_its_id():
     target = replace(swimmer(rng, "radial"), sets_off=30.0)
     scene = Scene([target], pings=50)
     pings = list(scene.draw(rng))
-    initiator, first, echo_id = initiator_of(scene, clutter_density="estimated"), None, None
-    for number, ping in enumerate(pings):
-        for track in initiator.process(ping.scan):
-            if np.hypot(*(ping.truth[0] - track.position)) < 15.0:
-                first = first or (number, track)
-        if number == 29:
-            (echo_id,) = (
-                echo.track_id
-                for echo in initiator.fixed_echoes
-                if np.hypot(*(ping.truth[0] - echo.position)) < 3.0
-            )
-    number, track = first
+    initiator = initiator_of(scene, clutter_density="estimated")
+    for ping in pings[:30]:
+        new = initiator.process(ping.scan)
+        assert all(np.hypot(*(ping.truth[0] - track.position)) >= 15.0 for track in new)
+    apart = np.hypot(*(pings[29].truth[0] - initiator.fixed_echoes.state[:, 0::2]).T)
+    (echo_id,) = initiator.fixed_echoes.track_id[apart < 3.0]
+    later, track = first_track(initiator, pings[30:])
     sure = [probability >= SURE for probability in oracle(pings, 0, target)].index(True)
-    assert 30 <= number <= sure + 10
+    assert 30 + later <= sure + 10
     assert track.track_id == echo_id
-    assert track.stamp == number
+    assert track.stamp == 30 + later
     assert echo_id in initiator.current.track_id
-
-
-@pytest.mark.parametrize("method", available_methods())
-def test_with_every_method_what_stands_still_is_a_fixed_echo_in_the_end(method):
-    sensor = SensorModel(range_std=5.0, range_std_fraction=0.0, max_range=5000.0)
-    options = {"sensor": sensor, "max_speed": 10.0}
-    rng = np.random.default_rng(3)
-    free = make_initiator(method, **options)
-    careful = make_initiator(method, min_speed=0.5, **options)
-    started: list[int] = []
-    for scan in range(16):
-        moving = [1000.0 + 8.0 * 12.0 * scan, 1500.0 - 3.0 * 12.0 * scan]
-        seen = np.array([[2000.0, -1000.0], moving]) + rng.normal(0.0, 3.0, (2, 2))
-        ping = scan_at(12.0 * scan, seen)
-        started += [scan for track in free.process(ping) if track.position[1] < -500.0]
-        careful.process(ping)
-    assert all(track.position[1] > -500.0 for track in careful.current)
-    if started:
-        assert any(echo.position[1] < -500.0 for echo in careful.fixed_echoes)
-    if len(free.current) > bool(started):
-        assert len(careful.current)
-
-
-def test_min_speed_changes_no_track_of_fast_targets_but_the_time_it_is_published():
-    rng = np.random.default_rng([1, 26])
-    scene = Scene([swimmer(rng, "radial", speed=3.0)], pings=20)
-    one, other = initiator_of(scene, 0.0), initiator_of(scene)
-    for ping in scene.draw(rng):
-        one.process(ping.scan)
-        other.process(ping.scan)
-    near = one.current
-    assert len(near)
-    assert_same_tracks(near.where(np.isin(near.track_id, other.current.track_id)), other.current)
 
 
 def test_min_speed_may_change_between_scans():

@@ -1,6 +1,7 @@
-"""What every initiator keeps to: options, counts, ids, and scans that are refused."""
+"""What every initiator keeps to: options, ids, refusals, limits; that it stays alive."""
 
 import dataclasses
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 from support.patience import WAIT
-from support.scenes import random_scene
 
-from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros.numerics.arrays import keep_best
+from tsepm_ros.tracker.maintenance.track_maintenance import best_held
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -23,12 +24,6 @@ def initiator(**options):
     return make_initiator(
         "tsepm", sensor=FIXED_RANGE_ERROR, **{"min_hits": 3, "window": 4, **options}
     )
-
-
-def from_scene(seed: int = 13):
-    scene = random_scene(seed)
-    made = make_initiator("tsepm", sensor=SensorModel(**scene.sensor), **scene.options)
-    return made, scene.as_scans()
 
 
 def test_an_unknown_method_is_refused_and_the_known_are_named():
@@ -47,57 +42,30 @@ def test_a_wrong_sensor_is_refused_by_name(sensor):
         make_initiator("tsepm", sensor=sensor)
 
 
+BAD = {
+    "max_speed": (0.0, -5.0, float("nan"), "fast"),
+    "max_detections": (0,),
+    "max_potential_tracks": (0,),
+    "max_raw_confirmations": (-1,),
+    "min_hits": (1, 33, 4.5),
+    "window": (65, 4),
+    "gate_probability": (0.0, 1.0),
+    "estimator": ("best",),
+    "evaluation": ("",),
+    "pruning_probability": (1.5,),
+    "pruning_reading": ("LITERAL",),
+    "clutter_test_size": (-0.1,),
+    "merging_probability": (None,),
+    "merging": (True,),
+}
+
+
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("max_speed", 0.0),
-        ("max_speed", -5.0),
-        ("max_speed", float("nan")),
-        ("max_speed", "fast"),
-        ("max_detections", 0),
-        ("max_potential_tracks", 0),
-        ("max_raw_confirmations", -1),
-        ("min_hits", 1),
-        ("min_hits", 33),
-        ("min_hits", 4.5),
-        ("window", 65),
-        ("window", 4),
-        ("gate_probability", 0.0),
-        ("gate_probability", 1.0),
-        ("estimator", "best"),
-        ("evaluation", ""),
-        ("pruning_probability", 1.5),
-        ("pruning_reading", "LITERAL"),
-        ("clutter_test_size", -0.1),
-        ("merging_probability", None),
-        ("merging", True),
-    ],
+    ("name", "value"), [(name, value) for name, values in BAD.items() for value in values]
 )
 def test_a_bad_value_is_refused_by_the_option_s_name(name, value):
     with pytest.raises(ValueError, match=rf"^{name}\b"):
         make_initiator("tsepm", sensor=SensorModel(), **{name: value})
-
-
-def test_totals_are_the_sums_of_the_scans():
-    made, scans = from_scene()
-    each = []
-    for scan in scans:
-        tracks = made.process(scan)
-        each.append(made.statistics)
-        assert each[-1].scans == 1
-        assert each[-1].detections == len(scan)
-        assert each[-1].confirmed == len(tracks)
-        assert each[-1].raw_confirmations == sum(
-            (each[-1].pruned, each[-1].merged, each[-1].confirmed)
-        )
-    for field in dataclasses.fields(ScanStatistics):
-        values = [getattr(one, field.name) for one in each]
-        total = (
-            max(values) if field.name in ("potential_tracks", "hopeless_tracks") else sum(values)
-        )
-        assert getattr(made.totals, field.name) == total, field.name
-    assert made.totals.merged > 0
-    assert made.totals.pruned > 0
 
 
 def test_an_initiator_is_shown_in_one_line():
@@ -140,42 +108,6 @@ def test_a_track_says_when_where_and_from_what():
     assert np.isnan(track.score)
     assert track.covariance.shape == (4, 4)
     np.testing.assert_allclose(track.position, [3000.0, 10.0], atol=5.0)
-
-
-ABSURD = {
-    "huge range": {"range": [1e200], "azimuth": [0.0]},
-    "huge own deviation": {"range": [3000.0], "azimuth": [0.0], "azimuth_std": [60.0]},
-    "largest range": {"range": [1e8], "azimuth": [0.0]},
-    "largest deviations": {
-        "range": [3000.0],
-        "azimuth": [0.0],
-        "range_std": [1e5],
-        "azimuth_std": [3.14],
-    },
-    "tiny range": {"range": [1e-200], "azimuth": [0.0]},
-    "tiny own deviations": {
-        "range": [3000.0],
-        "azimuth": [0.0],
-        "range_std": [1e-200],
-        "azimuth_std": [1e-200],
-    },
-}
-
-
-@pytest.mark.parametrize("estimator", ["unweighted", "weighted", "polar"])
-@pytest.mark.parametrize("absurd", ABSURD)
-def test_absurd_numbers_are_refused_by_name_or_processed(absurd, estimator):
-    made = make_initiator("tsepm", sensor=SensorModel(), min_hits=3, window=4, estimator=estimator)
-    try:
-        scans = [Scan(12.0 * k, **ABSURD[absurd]) for k in range(4)]
-    except ValueError as refused:
-        assert str(refused).startswith(tuple(ABSURD[absurd]))
-        return
-    for scan in scans:
-        for track in made.process(scan):
-            assert np.isfinite(track.state).all()
-            assert np.isfinite(track.covariance).all()
-    assert made.totals.scans == 4
 
 
 def test_a_changed_speed_counts_at_the_next_scan():
@@ -241,3 +173,159 @@ def test_a_figure_of_the_sensor_is_asked_for_where_it_belongs():
         make_initiator("score", sensor=SensorModel(), clutter_density=2e-4)
     with pytest.raises(ValueError, match=r"max_range is not an option.*mean sensor.max_range"):
         make_initiator("score", sensor=SensorModel(), max_range=300.0)
+
+
+@pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
+@pytest.mark.parametrize("values", [3, 10_000], ids=["many ties", "few ties"])
+def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
+    cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
+    expected = np.sort(np.argsort(cost, kind="stable")[:limit])
+    assert keep_best(cost, limit).tolist() == expected.tolist()
+
+
+def busy_scans() -> list[Scan]:
+    """Twelve scans with clutter ten times denser than the sensor model's, and two targets."""
+    rng = np.random.default_rng(9)
+    scans = []
+    for k in range(12):
+        points = rng.uniform(-3000, 3000, (360, 2)).tolist()
+        points += [(1000.0 + 60.0 * k, 500.0), (-800.0, 900.0 - 50.0 * k)]
+        scans.append(scan_at(12.0 * k, points))
+    return scans
+
+
+@pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
+def test_what_is_cut_keeps_its_gates_so_that_no_others_start(evaluation):
+    def counts(**limits: int):
+        initiator = make_initiator(
+            "tsepm", sensor=SensorModel(), min_hits=4, window=6, evaluation=evaluation, **limits
+        )
+        return [(initiator.process(scan), initiator.statistics)[1] for scan in busy_scans()]
+
+    free, limited = counts(), counts(max_potential_tracks=150, max_raw_confirmations=40)
+    assert sum(count.cut_potential_tracks for count in limited) > 1000
+    assert [count.started for count in limited] == [count.started for count in free]
+    # What is not confirmed is counted: each path that reached M hits, wherever it was cut before.
+    assert [count.raw_confirmations + count.cut_confirmations for count in limited] == [
+        count.raw_confirmations for count in free
+    ]
+
+
+def test_a_limit_keeps_the_tightest_tracks():
+    initiator = make_initiator(
+        "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=1
+    )
+    initiator.process(scan_at(0.0, [(2000.0, 0.0)]))
+    (track,) = initiator.process(scan_at(12.0, [(2000.0, 90.0), (2000.0, 5.0), (2000.0, -60.0)]))
+    assert track.hits == ((0, 0), (1, 1))
+
+
+def test_a_hundred_thousand_detections_in_one_scan_do_not_end_anything():
+    # The scan's 100 000 potential tracks gate everything until their window ends; a target that
+    # appears after that is found as if the scan had not been, and nothing is left of it.
+    rng = np.random.default_rng(1)
+    n = 100_000
+    initiator = make_initiator("tsepm", sensor=SensorModel())
+    initiator.process(
+        Scan(0.0, 9000 * np.sqrt(rng.uniform(1e-6, 1, n)), rng.uniform(-math.pi, math.pi, n))
+    )
+    assert initiator.statistics.potential_tracks == n
+    for k in range(1, 9):
+        initiator.process(
+            scan_at(12.0 * k, [rng.uniform(-6000, 6000, 2), (1000.0 + 50.0 * k, 3000.0)])
+        )
+        assert initiator.statistics.potential_tracks <= 250_000
+    late = [initiator.process(scan_at(12.0 * k, [(-4000.0, 60.0 * k)])) for k in range(9, 18)]
+    assert sum(map(len, late)) >= 1
+    track = next(new[0] for new in late if new)
+    np.testing.assert_allclose(track.position, (-4000.0, 5.0 * track.stamp), rtol=1e-3)
+    assert initiator.statistics.potential_tracks < 100
+
+
+def cluster(scans: int, number: int, scan_time: float = math.inf):
+    """So many detections in a cluster in each scan: number^5 raw confirmations in the fifth."""
+    rng = np.random.default_rng(1)
+    initiator = make_initiator("tsepm", sensor=SensorModel())
+    initiator.max_scan_time = scan_time
+    for k in range(scans):
+        range_, azimuth = rng.uniform(-100, 100, number), rng.uniform(-0.02, 0.02, number)
+        tracks = initiator.process(Scan(12.0 * k, 5000 + range_, azimuth))
+    return initiator, tracks
+
+
+@pytest.mark.timeout(60)
+def test_a_small_cluster_of_detections_in_every_scan_is_processed_in_time():
+    # A wreck or a jetty: 1e5 raw confirmations, all of which merge; every pair takes minutes.
+    initiator, _ = cluster(6, 10)
+    assert initiator.totals.confirmed >= 1
+
+
+def test_a_time_limit_cuts_what_it_must_counts_it_and_the_output_is_valid():
+    initiator, tracks = cluster(5, 12, 0.05)
+    statistics = initiator.statistics
+    assert tracks
+    assert statistics.raw_confirmations == 12**5
+    assert statistics.cut_confirmations > 0
+    assert statistics.raw_confirmations == sum(
+        (statistics.cut_confirmations, statistics.pruned, statistics.merged, statistics.confirmed)
+    )
+    for track in tracks:
+        assert np.linalg.eigvalsh(track.covariance).min() > 0
+        assert [scan for scan, _ in track.hits] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("method", [name for name in available_methods() if name != "hough"])
+def test_where_the_time_is_over_only_part_of_the_pairs_in_one_place_is_looked_at(method):
+    # A thousand detections twice: a million pairs, of which none may be left out in silence.
+    n = 1000
+    initiator = make_initiator(method, sensor=SensorModel(), plots="off")
+    initiator.max_scan_time = 1e-9
+    for k in range(2):
+        initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
+    assert initiator.statistics.cut_potential_tracks >= n * n - 500_000
+    assert initiator.statistics.potential_tracks <= 500_000
+
+
+def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
+    made = make_initiator("clutter_test", sensor=SensorModel(), plots="off", clutter_test_size=0.9)
+    made.max_scan_time = 1e-9
+    rng = np.random.default_rng(1)
+    for k in range(5):
+        made.process(Scan(12.0 * k, 5000 + rng.uniform(-100, 100, 5), rng.uniform(-0.02, 0.02, 5)))
+    assert len(made.current) == made.statistics.confirmed == 10
+    assert made.statistics.raw_confirmations == sum(
+        getattr(made.statistics, name)
+        for name in ("cut_confirmations", "pruned", "merged", "confirmed")
+    )
+    assert made.statistics.cut_confirmations > 100
+
+
+def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
+    existence = np.array([0.5, 0.9, 0.9, 0.9])
+    assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("changed", "density"),
+    [({"evaluation": "normalized_distance"}, 1e-5), ({"clutter_test_size": 0.6}, 1e-5), ({}, 1e-6)],
+    ids=["evaluation", "test size", "density"],
+)
+def test_what_was_cut_under_another_threshold_starts_over(changed, density):
+    rule = {"min_hits": 4, "window": 6, "evaluation": "clutter_statistic", "clutter_test_size": 0.3}
+    made = make_initiator(
+        "tsepm", sensor=SensorModel(clutter_density=1e-5), clutter_density="given", **rule
+    )
+    for scan in busy_scans()[:5]:
+        made.process(scan)
+    same = made.sensor, made.common, made.options
+    assert reconfigured(made, *same)
+    assert made.statistics.hopeless_tracks > 0
+    kept = reconfigured(
+        made,
+        replace(made.sensor, clutter_density=density),
+        made.common,
+        replace(made.options, **changed),
+    )
+    assert not kept
+    made.process(busy_scans()[5])
+    assert made.statistics.potential_tracks <= len(busy_scans()[5])

@@ -94,6 +94,14 @@ def test_strong_echoes_start_a_track_sooner_and_their_ratio_is_published():
     assert "compared with" in initiator.intensity
 
 
+@pytest.mark.parametrize("value", [3.0, np.nan, 0.0], ids=["constant", "nan", "zero"])
+def test_strengths_that_say_nothing_change_nothing(value):
+    scans = scans_of(None)
+    without, _ = started(scans)
+    found, _ = started(with_strength(scans, lambda scan: np.full(len(scan), value)))
+    assert_same_tracks(without, found)
+
+
 def test_without_strengths_or_with_intensity_off_everything_is_as_before_to_the_bit():
     scans = scans_of(10.0)
     without, _ = started(with_strength(scans, None))
@@ -101,31 +109,6 @@ def test_without_strengths_or_with_intensity_off_everything_is_as_before_to_the_
     assert_same_tracks(without, off)
     assert initiator.intensity == "not used: off"
     assert all(math.isnan(track.signal_to_clutter_db) for track in off)
-
-
-@pytest.mark.parametrize(
-    "strength_of",
-    [
-        lambda scan: np.full(len(scan), 3.0),
-        lambda scan: np.full(len(scan), np.nan),
-        lambda scan: np.zeros(len(scan)),
-    ],
-    ids=["constant", "nan", "zero"],
-)
-def test_strengths_that_say_nothing_change_nothing(strength_of):
-    scans = scans_of(None)
-    without, _ = started(scans)
-    found, _ = started(with_strength(scans, strength_of))
-    assert_same_tracks(without, found)
-
-
-def test_another_unit_gives_nearly_the_same_evidence():
-    scans = scans_of(10.0, seed=3)
-    decibels = with_strength(scans, lambda scan: 10.0 * np.log10(scan.features["intensity"]) - 90.0)
-    one, other = started(scans)[0], started(decibels)[0]
-    assert [track.hits for track in one] == [track.hits for track in other]
-    for a, b in zip(one, other, strict=True):
-        assert a.score == pytest.approx(b.score, abs=0.3)
 
 
 def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():

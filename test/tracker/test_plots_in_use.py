@@ -1,19 +1,12 @@
 """Plots before every method: one start for a target of several echoes, and off is as without."""
 
-from __future__ import annotations
-
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
 import plots as benchmark
-from plots_scenes import Pool, Swimmers, box
+import pytest
+from plots_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
@@ -21,7 +14,6 @@ from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -47,10 +39,11 @@ def check(runs: list[benchmark.Run]) -> None:
         assert run.held <= 1 + false
 
 
+@pytest.mark.parametrize(("density", "sensor"), [("given", "given"), ("estimated", "unknown")])
 @pytest.mark.parametrize(("spread", "common"), MANY)
-def test_a_swimmer_of_several_echoes_is_one(spread, common):
+def test_a_swimmer_of_several_echoes_is_one(spread, common, density, sensor):
     scene = Swimmers(spread=spread, common=common, pings=25)
-    check([benchmark.run(scene, seed) for seed in range(2)])
+    check([benchmark.run(scene, seed, density, sensor) for seed in range(2)])
 
 
 @pytest.mark.long
@@ -87,12 +80,6 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
         assert {start.target for start in run.starts} == {0, 1}
 
 
-@pytest.mark.parametrize("spread", [1.0, 3.0])
-def test_of_an_unknown_sensor_too_a_swimmer_of_several_echoes_is_one(spread):
-    scene = Swimmers(spread=spread, common=False, pings=25)
-    check([benchmark.run(scene, seed, "estimated", "unknown") for seed in range(2)])
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("hull", [20.0, 40.0])
 def test_a_vessel_longer_than_a_plot_is_one(hull):
@@ -107,29 +94,19 @@ def test_a_vessel_longer_than_a_plot_is_one(hull):
 def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy):
     """Two tracks 36 m apart: 5 detections a ping between them, or a boat with a track there."""
     sensor = Swimmers().sensor
-    plots, rng = (
-        ExtendedTargets(sensor, CommonOptions(clutter_density="given")),
-        np.random.default_rng(1),
-    )
+    plots = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
+    rng = np.random.default_rng(1)
     middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
     for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
         scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
         plots.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
     places = [100.0, 136.0, *[118.0] * convoy]
-    held = TrackArrays.of(
-        [
-            ConfirmedTrack(
-                track_id=number,
-                stamp=7.0,
-                state=np.array([x, 0.0, 0.0, 0.0]),
-                covariance=np.eye(4),
-                hits=((0, 0),),
-                evaluation=0.0,
-            )
-            for number, x in enumerate(places)
-        ]
-    )
-    assert plots.of_one_hull(held).tolist() == [False, not convoy, *[False] * convoy]
+    held = [
+        ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), np.eye(4), ((0, 0),), 0.0)
+        for number, x in enumerate(places)
+    ]
+    found = plots.of_one_hull(TrackArrays.of(held))
+    assert found.tolist() == [False, not convoy, *[False] * convoy]
 
 
 def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
@@ -137,8 +114,9 @@ def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
     assert len(benchmark.run(scene, 5, "estimated").starts) == 1
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("seed", [2, 5, 6])
+@pytest.mark.parametrize(
+    "seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in (5, 6))]
+)
 def test_swimmers_of_one_echo_that_pass_each_other_are_no_plots(seed):
     run = benchmark.watched(Pool(echoes=1, false=4.0, pings=140), seed)
     assert not run.plots
@@ -160,37 +138,6 @@ def test_swimmers_of_two_echoes_beside_each_other_are_held():
     run = benchmark.watched(Pool(echoes=2, false=4.0, pings=120), 6)
     assert run.plots
     assert run.held > 0.97
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("method", ["score", "tsepm"])
-@pytest.mark.parametrize("kind", ["uniform", "rough"])
-def test_auto_changes_nothing_in_the_box(method, kind):
-    off, auto = (
-        make_initiator(method, sensor=SensorModel(), clutter_density="estimated", plots=mode)
-        for mode in ("off", "auto")
-    )
-    for scan in box(kind, 40, seed=3):
-        one, other = off.process(scan), auto.process(scan)
-        assert one.hits == other.hits
-        assert one.state.tobytes() == other.state.tobytes()
-        assert off.current.state.tobytes() == auto.current.state.tobytes()
-        assert off.statistics == auto.statistics
-    assert not auto.plots.active
-
-
-@pytest.mark.parametrize("method", available_methods())
-def test_every_method_sees_plots(method):
-    scene = Swimmers(pings=12, false=2.0)
-    initiator = initiator_of(scene, method, plots="on", target_extent=3.0)
-    for ping in scene.draw(4):
-        for track in initiator.process(ping.scan):
-            assert all(0 <= row < 10_000 for _, row in track.hits)
-        statistics = initiator.statistics
-        assert statistics.detections == len(ping.scan) - statistics.outside_coverage
-        assert statistics.plots <= statistics.detections
-        if (ping.origin == 0).any():
-            assert statistics.plots <= (ping.origin < 0).sum() + 2
 
 
 @pytest.mark.parametrize("method", available_methods())
@@ -241,52 +188,6 @@ def test_a_hit_is_the_plots_strongest_detection():
     assert initiator.statistics.outside_coverage == 1
 
 
-def test_tracks_of_one_target_become_one_when_plots_turn_on():
-    scene = Swimmers(spread=3.0, common=False, echoes=(3, 3), pings=40)
-    scans = [ping.scan for ping in scene.draw(1)]
-    initiator = initiator_of(scene)
-    ended, before = [], []
-    for number, scan in enumerate(scans):
-        active = initiator.plots.active
-        before = initiator.current.track_id.tolist() if not active else before
-        initiator.process(scan)
-        assert initiator.scan_index == number
-        assert initiator.totals.scans == number + 1
-        if not active and initiator.plots.active:
-            ended = initiator.maintenance.ended
-            break
-    assert initiator.plots.active
-    left = initiator.current.track_id.tolist()
-    assert set(before) <= set(left) | set(ended), "what ends is named"
-    assert len(left) <= 1
-
-
-@pytest.mark.parametrize("seed", [0, 3, 6])
-def test_two_boats_side_by_side_of_one_echo_stay_two(seed):
-    """12 m apart in front of a radar, on one course, and from the middle on apart."""
-    rng = np.random.default_rng([seed, 38])
-    sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, max_range=600.0)
-    initiator = make_initiator("score", sensor=sensor, max_speed=15.0)
-    boats, course = np.array([[232.0, -320.0], [220.0, -320.0]]), np.full(2, 0.5 * np.pi)
-    for index in range(80):
-        course[0] -= 0.35 if index == 40 else 0.0
-        boats += 8.0 * np.stack([np.cos(course), np.sin(course)], axis=1)
-        x, y = boats[rng.random(2) < 0.9].T
-        clutter = rng.poisson(5.6)
-        range_ = np.append(
-            np.hypot(x, y) + sensor.range_std * rng.standard_normal(len(x)),
-            sensor.max_range * np.sqrt(rng.random(clutter)),
-        )
-        azimuth = np.append(
-            np.arctan2(y, x) + sensor.azimuth_std * rng.standard_normal(len(x)),
-            rng.uniform(-np.pi, np.pi, clutter),
-        )
-        initiator.process(Scan(1.7 * index, range_, azimuth))
-        assert not initiator.plots.active
-    apart = np.hypot(*(boats[:, None] - initiator.current.state[:, 0::2]).T)
-    assert (apart.min(axis=0) < 3.0 * sensor.range_std).all()
-
-
 def test_a_reset_and_other_options_start_over():
     scene = Swimmers(pings=12)
     initiator = initiator_of(scene)
@@ -307,19 +208,6 @@ def test_a_reset_and_other_options_start_over():
     assert initiator.plots.active
     initiator.reset()
     assert not initiator.plots.active
-
-
-def test_a_scan_that_is_refused_changes_nothing():
-    scene = Swimmers(pings=3)
-    initiator = initiator_of(scene, max_detections=60)
-    scans = [ping.scan for ping in scene.draw(3)]
-    initiator.process(scans[0])
-    ratio = initiator.plots.log_ratio
-    with pytest.raises(ValueError, match="stamp"):
-        initiator.process(scans[0])
-    with pytest.raises(ValueError, match="max_detections"):
-        initiator.process(Scan(5.0, np.full(61, 9.0), np.zeros(61)))
-    assert initiator.plots.log_ratio == ratio
 
 
 def test_the_session_says_so_once():
@@ -349,20 +237,3 @@ def test_neighbouring_rays_are_one_plot_at_once():
             assert initiator.statistics.plots == number
         newest = {track.hits[-1][1] for track in initiator.current}
         assert mode == "off" or 1 in newest <= {1, 3, 4, 5}
-
-
-def test_the_detections_of_a_scan_are_grouped_once(monkeypatch):
-    calls: list[int] = []
-    grouped = grouping.grouped
-    monkeypatch.setattr(
-        grouping, "grouped", lambda *arguments: calls.append(1) or grouped(*arguments)
-    )
-    scene = Swimmers(pings=14)
-    initiator = initiator_of(scene)
-    for index, ping in enumerate(scene.draw(1)):
-        before = len(calls)
-        was_active = initiator.plots.active
-        initiator.process(ping.scan)
-        if index == 13:
-            assert was_active, "learned by then"
-            assert len(calls) == before + 1

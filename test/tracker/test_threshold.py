@@ -1,7 +1,9 @@
-"""The threshold keeps the wanted false-track rate, by the scans as they come."""
+"""The threshold keeps the wanted false-track rate, by the scans as they come; its plan."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from support.score_scenes import NEVER, SONAR, clutter, score, sea
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.tracker import threshold as threshold_plan
+from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.threshold import Threshold, coarse_sensor
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -37,30 +41,30 @@ def test_the_smallest_rate_has_a_threshold():
     assert 0.0 < initiator.method.threshold < math.inf
 
 
-def false_tracks(initiator: Tracker, scans: int, first: int = 0, density: float = 1e-6) -> int:
-    rng = np.random.default_rng(8)
-    return sum(
-        len(initiator.process(Scan(12.0 * (first + index), *clutter(rng, density))))
-        for index in range(scans)
-    )
+def false_tracks(initiator: Tracker, scans: Iterable[Scan], learning: int = 0) -> int:
+    """Tracks that clutter starts after the first scans."""
+    return sum([len(initiator.process(scan)) for scan in scans][learning:])
 
 
-def test_clutter_after_a_quiet_time_is_held_against_the_wish_at_once():
-    initiator = score(false_tracks_per_hour=30.0)
-    for index in range(50):
-        initiator.process(Scan(12.0 * index, [], []))
-    assert false_tracks(initiator, 30, first=50) <= 9, "3 wished for in 30 scans"
+def clutter_scans(number: int, seed: Any = 8, first: int = 0, density: float = 1e-6):
+    rng = np.random.default_rng(seed)
+    return (Scan(12.0 * k, *clutter(rng, density)) for k in range(first, first + number))
 
 
-def test_one_long_interval_does_not_lower_the_threshold():
-    initiator = score(false_tracks_per_hour=30.0)
-    initiator.process(Scan(-3000.0, [], []))
-    assert false_tracks(initiator, 30) <= 9, "3 wished for in 30 scans"
-
-
-def test_a_generous_coverage_keeps_the_wish():
-    initiator = score(SensorModel(max_range=1e6), false_tracks_per_hour=30.0)
-    assert false_tracks(initiator, 60) <= 18, "6 wished for in 60 scans"
+@pytest.mark.parametrize(
+    ("before", "max_range", "scans"),
+    [
+        pytest.param(np.arange(50) * 12.0, 9000.0, 30, id="a quiet time before"),
+        pytest.param([-3000.0], 9000.0, 30, id="one long interval before"),
+        pytest.param([], 1e6, 60, id="a generous coverage"),
+    ],
+)
+def test_clutter_is_held_against_the_wish_at_once(before, max_range, scans):
+    initiator = score(SensorModel(max_range=max_range), false_tracks_per_hour=30.0)
+    for stamp in before:
+        initiator.process(Scan(stamp, [], []))
+    found = false_tracks(initiator, clutter_scans(scans, first=50))
+    assert found <= 0.3 * scans, "0.1 wished for in a scan"
 
 
 @pytest.mark.long
@@ -71,35 +75,9 @@ def test_the_wanted_false_track_rate_is_kept_within_a_factor_of_two(wish, densit
     sensor = replace(SONAR, clutter_density=density)
     scans = round(60 / wish * 300)
     initiator = score(sensor, false_tracks_per_hour=wish, **AS_GIVEN)
-    rng = np.random.default_rng([7, round(wish)])
-    confirmed = 0
-    for index in range(scans + 10):
-        tracks = initiator.process(Scan(12.0 * index, *clutter(rng, density)))
-        confirmed += len(tracks) if index >= 10 else 0
-    rate = confirmed / (scans * 12.0 / 3600.0)
+    sea_scans = clutter_scans(scans + 10, [7, round(wish)], density=density)
+    rate = false_tracks(initiator, sea_scans, 10) / (scans * 12.0 / 3600.0)
     assert wish / 2 < rate < 2 * wish
-
-
-@pytest.mark.long
-def test_an_unknown_clutter_density_is_learned_within_ten_scans():
-    # Ten times too low or too high at first; the detections are of the same sea.
-    def rate(given: float, clutter_is: str = "estimated") -> float:
-        initiator = score(
-            SensorModel(clutter_density=given),
-            false_tracks_per_hour=300.0,
-            clutter_density=clutter_is,
-            detection_probability="given",
-        )
-        rng = np.random.default_rng(12)
-        confirmed = [
-            len(initiator.process(Scan(12.0 * index, *clutter(rng)))) for index in range(90)
-        ]
-        return sum(confirmed[10:]) / (80 * 12.0 / 3600.0)
-
-    known = rate(1e-6, "given")
-    for given in (1e-7, 1e-5):
-        # 80 false tracks are expected: a ratio of 1.5 is 2.7 standard errors of it.
-        assert known / 1.5 < rate(given) < known * 1.5
 
 
 @pytest.mark.long
@@ -116,10 +94,9 @@ def test_clutter_that_ends_inside_the_coverage_keeps_the_rate_of_a_known_density
                 clutter_density=clutter_is,
                 detection_probability="given",
             )
-            for index in range(50):
-                x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
-                tracks = initiator.process(Scan(12.0 * index, np.hypot(x, y), np.arctan2(y, x)))
-                total += len(tracks) if index >= 10 else 0
+            places = (rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0))) for _ in range(50))
+            scans = (Scan.from_xy(12.0 * k, *place) for k, place in enumerate(places))
+            total += false_tracks(initiator, scans, 10)
         return total
 
     # A true ratio of 1.4 stays below 2 with 97 %; cells that straddle the border gave 2.8.
@@ -154,14 +131,6 @@ def test_one_scan_has_no_threshold_yet():
     assert threshold.value(SONAR, initiator.common, initiator.options) == math.inf
 
 
-def test_evidence_far_below_every_threshold_asks_for_none():
-    threshold, initiator = observed(sea(np.random.default_rng(2), 3, []))
-    arguments = SONAR, initiator.common, initiator.options
-    exact = threshold.value(*arguments)
-    assert threshold.value_if_near(-math.inf, *arguments) == math.inf
-    assert threshold.value_if_near(exact, *arguments) == exact
-
-
 def test_estimates_are_rounded_and_what_is_given_is_not():
     initiator = score()
     seen = initiator.observe(sea(np.random.default_rng(2), 1, [])[0], TimeLimit())
@@ -172,3 +141,81 @@ def test_estimates_are_rounded_and_what_is_given_is_not():
     assert coarse.clutter_density == pytest.approx(10.0**-5.5)
     given = coarse_sensor(SONAR, seen, score(**AS_GIVEN).common)
     assert given == replace(SONAR, range_rate_std=0.0)
+
+
+RULE = {
+    "max_speed": 10.0,
+    "interval": 12.0,
+    "window": 16,
+    "gate_probability": 0.99,
+    "process_noise": 0.001,
+    "deletion": ScoreOptions().deletion_threshold,
+    "min_hits": 3,
+}
+
+
+def plan(**sensor: float) -> threshold_plan.ScorePlan:
+    return threshold_plan.score_plan(replace(SensorModel(), **sensor), **RULE)
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6, 1e-30, 1e-60])
+def test_no_threshold_is_above_the_one_that_holds_for_every_target(share):
+    threshold = plan().threshold(share)
+    assert -math.log(share) - threshold_plan.MAX_BELOW_VILLE <= threshold <= -math.log(share)
+
+
+def test_no_target_is_predicted_beyond_the_simulated_thresholds():
+    made = plan()
+    assert made.passed(0.0)[-1] > 0.5
+    assert not made.passed(1e6).any() and made.passed(1e6).shape == made.passed(0.0).shape
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {"azimuth_std": 1e-9},
+        {"azimuth_std": 1.0, "max_range": 1e6},
+        {"detection_probability": 1.0},
+        {"detection_probability": 0.01},
+        {"clutter_density": 1e-30},
+        {"clutter_density": 1.0},
+        {"range_std": 1e4},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("window", [3, 8, 16])
+def test_a_rarer_wish_has_a_higher_threshold_whatever_the_sensor(sensor, window):
+    made = threshold_plan.score_plan(replace(SensorModel(), **sensor), **{**RULE, "window": window})
+    thresholds = [made.threshold(10.0**-power) for power in (1, 3, 6, 12, 24)]
+    assert np.diff(thresholds) == pytest.approx(np.log(10.0) * np.array([2, 3, 6, 12]), abs=2.5)
+    assert thresholds[2] > 10.0
+
+
+def test_an_azimuth_error_far_below_the_range_error_changes_no_threshold():
+    # Detections have as large an error across as along then, in the plan as in the method.
+    near = {"range_std": 8.0, "range_std_fraction": 0.0, "max_range": 300.0}
+    thresholds = [plan(**near, azimuth_std=std).threshold(1e-4) for std in (1e-6, 1e-4, 1e-2)]
+    assert thresholds[:2] == pytest.approx([thresholds[2]] * 2, abs=0.2)
+    own = [plan(**near, azimuth_std=std).passed_share for std in (1e-6, 1e-4)]
+    assert own[0].shape == own[1].shape
+    np.testing.assert_allclose(*own, atol=0.01)
+
+
+def test_strengths_overshoot_more_so_that_the_threshold_is_lower():
+    plain = plan()
+    strong = threshold_plan.score_plan(SensorModel(), **RULE, strengths=True)
+    for share in (1e-3, 1e-4):
+        least = -math.log(share) - threshold_plan.MAX_BELOW_VILLE
+        assert least <= strong.threshold(share) < plain.threshold(share)
+
+
+def test_the_stronger_the_targets_the_sooner_they_pass():
+    rest = {name: value for name, value in RULE.items() if name != "window"}
+    shares = []
+    for ratio in (None, 1.0, 4.0, 30.0):
+        made = threshold_plan.score_plans(
+            SensorModel(), windows=(16,), scans=16, ratio=ratio, **rest
+        )[0]
+        shares.append(made.passed(8.0)[7])
+    assert shares[0] < shares[2] < shares[3]
+    assert shares[1] == pytest.approx(shares[0], abs=0.15)  # 0 dB: nearly nothing

@@ -12,22 +12,16 @@ from tsepm_ros.tracker.tracks import TrackArrays
 
 def track(track_id: int = 3, stamp: float = 100.0) -> ConfirmedTrack:
     root = np.random.default_rng(track_id).standard_normal((4, 6))
-    return ConfirmedTrack(
-        track_id=track_id,
-        stamp=stamp,
-        state=np.array([1000.0, 2.0, -500.0, -3.0]),
-        covariance=root @ root.T,
-        hits=((0, 1), (2, 0)),
-        evaluation=0.5,
-        score=7.0,
-        scan_count=4,
-        age=36.0,
-    )
+    state, hits = np.array([1000.0, 2.0, -500.0, -3.0]), ((0, 1), (2, 0))
+    more = {"score": 7.0, "scan_count": 4, "age": 36.0}
+    return ConfirmedTrack(track_id, stamp, state, root @ root.T, hits, 0.5, **more)
+
+
+TRACKS = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
 
 
 def test_many_tracks_are_predicted_to_one_time_as_each_alone():
-    tracks = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
-    for one, alone in zip(TrackArrays.of(tracks).predicted(150.0), tracks, strict=True):
+    for one, alone in zip(TrackArrays.of(TRACKS).predicted(150.0), TRACKS, strict=True):
         expected = alone.predicted(150.0)
         assert (one.track_id, one.stamp, one.age) == (alone.track_id, 150.0, expected.age)
         np.testing.assert_allclose(one.state, expected.state)
@@ -35,9 +29,8 @@ def test_many_tracks_are_predicted_to_one_time_as_each_alone():
 
 
 def test_arrays_give_back_the_tracks_that_they_were_made_of():
-    tracks = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
-    arrays = TrackArrays.of(tracks[:1]).joined(TrackArrays.of(tracks[1:]))
-    for one, expected in zip(arrays, tracks, strict=True):
+    arrays = TrackArrays.of(TRACKS[:1]).joined(TrackArrays.of(TRACKS[1:]))
+    for one, expected in zip(arrays, TRACKS, strict=True):
         for name in ("track_id", "stamp", "hits", "evaluation", "score", "scan_count", "age"):
             assert getattr(one, name) == getattr(expected, name)
         np.testing.assert_array_equal(one.state, expected.state)
@@ -72,21 +65,19 @@ def test_without_stone_soup_the_error_names_it(monkeypatch):
 
 
 @pytest.mark.parametrize("order_by_dim", [True, False])
-def test_a_filterpy_filter_predicts_as_the_track_does(order_by_dim):
+def test_a_filterpy_filter_predicts_as_the_track_does_and_may_change_its_own(
+    order_by_dim,
+):
     """In filterpy's words: ``x = F x``, ``P = F P F'``, x as a column."""
-    x, P = track().as_filterpy(order_by_dim=order_by_dim)
+    one = track()
+    x, P = one.as_filterpy(order_by_dim=order_by_dim)
     assert x.shape == (4, 1)
     block = np.array([[1.0, 12.0], [0.0, 1.0]])
     F = np.kron(np.eye(2), block) if order_by_dim else np.kron(block, np.eye(2))
-    later = track().predicted(112.0)
+    later = one.predicted(112.0)
     order = [0, 1, 2, 3] if order_by_dim else [0, 2, 1, 3]
     np.testing.assert_allclose((F @ x).ravel(), later.state[order])
     np.testing.assert_allclose(F @ P @ F.T, later.covariance[order][:, order])
-
-
-def test_a_filter_may_change_what_it_was_given():
-    one = track()
-    x, P = one.as_filterpy()
     x += 1.0
     P += 1.0
     np.testing.assert_array_equal(one.state, track().state)

@@ -117,7 +117,7 @@ class Detector:
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
         x, defined = conditioned(amplitude, there)
         x = self._map.subtracted(x, defined)
-        modes = ("wrap" if turn else "constant", "constant")
+        modes: Modes = ("wrap" if turn else "constant", "constant")
         tried = [scale.detect(x, defined, modes) for scale in self._scales]
         best = self._best()
         scale, (echoes, stages) = self._scales[best], tried[best]

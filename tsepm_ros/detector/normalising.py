@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,8 @@ Image = NDArray[np.float32]
 Box = tuple[int, int]
 """Cells of an echo: bearings and ranges."""
 
-Modes = tuple[str, str]
+Mode = Literal["wrap", "constant"]
+Modes = tuple[Mode, Mode]
 """Of filters at the ends of the axes."""
 
 LIMIT = 2.5
@@ -122,7 +124,7 @@ def _ring(values: Image, box: Box, modes: Modes) -> Image:
 
 @functools.lru_cache(maxsize=4)
 def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
-    """Number of cells of the ring around each block: of most images the same as of the one before."""
+    """Number of cells of the ring around each block: mostly the same as of the image before."""
     ones = np.frombuffer(defined, bool).reshape(shape)
     return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0))
 

@@ -98,7 +98,7 @@ def make_initiator(
         Land of the fixed frame: detections on it are left out.
     **options
         Options common to all methods (`max_speed` and the limits, see
-        `common_options.CommonOptions`) and the method's own (its class's `Options`).
+        `tracker.options.CommonOptions`) and the method's own (its class's `Options`).
 
     Returns
     -------

@@ -222,7 +222,7 @@ class Session:
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.
 
-        Unusable targets are left out, see `downstream_tracker.usable`.
+        Unusable targets are left out, see `external_tracker.usable`.
         """
         jump = self.settings.session.restart_jump
         self._report_all(self._downstream.add(report, self.fixed_frame, jump))

@@ -32,7 +32,7 @@ Readings:
 - A target has one detection a scan, so a combination is one or the other: its moments are those of
   the mixture with equal weights, the spread of their means included. Averaging them as two
   measurements of one target, the other reading, would halve the variance.
-- The position is Eq. 4's, R is from the unscented transform (`conversion.unscented`).
+- The position is Eq. 4's, R is from the unscented transform (`measurement.unscented`).
 
 The clutter test
 ----------------

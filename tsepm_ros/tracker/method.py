@@ -148,7 +148,7 @@ class Observation:
         P_D in the coverage, given or estimated.
     time_limit : TimeLimit
         Time that the scan may take.
-    strengths : ScanStrengths or None
+    strengths : ScanAmplitudes or None
         What the strengths of the detections say; None where they do not count.
     predictive : PredictiveDensity or None
         What makes the clutter density uncertain; None where it is given.

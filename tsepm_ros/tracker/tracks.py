@@ -207,7 +207,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
-        """The tracks with covariances that are positive definite, see `covariances.proper`."""
+        """The tracks with covariances that are positive definite, see `gaussian.proper`."""
         covariance = proper(self.covariance) if len(self) else self.covariance
         return self if covariance is self.covariance else changed(self, covariance=covariance)
 

@@ -1,4 +1,4 @@
-"""The predictive density of clutter: closed forms, loops, and lumpy and even seas."""
+"""Clutter in excess of the map: lumpy and even seas, and clutter behind echoes and targets."""
 
 import math
 from copy import deepcopy
@@ -8,15 +8,17 @@ import pytest
 from scipy import stats
 from support.lumpy_seas import LumpySea
 
-from tsepm_ros import SensorModel
+from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
-    MAX_VARIANCE,
+    HALF_WIDTHS,
     RECENT,
     Batch,
     Cells,
+    HeldTargets,
     Overdispersion,
     PredictiveDensity,
+    SecondaryEchoes,
 )
 
 SONAR = SensorModel()
@@ -107,16 +109,7 @@ def test_neighbours_are_those_that_a_loop_counts():
 
 
 class Learned:
-    """What scans of a sea teach.
-
-    Attributes
-    ----------
-    clumps : ClutterClumps
-    predictive : PredictiveDensity
-        Of the last scan.
-    places : tuple of (n,) ndarray
-        Range and azimuth of its detections.
-    """
+    """What scans of a sea teach; `predictive` and `places` are of the last scan."""
 
     def __init__(self, sea: LumpySea, scans: int) -> None:
         self.sea, self.map = sea, ClutterMap(sea.sensor)
@@ -148,10 +141,8 @@ def test_in_even_clutter_next_to_nothing_is_lost(density, scans):
 @pytest.mark.parametrize(("kind", "most"), [("smooth", 1.2), ("blocks", 4.0)])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, seed):
-    # The likelihood ratio of each path is its density as a target's over that as clutter: its mean
-    # in clutter is the mean of true over predictive densities at the hits of targets' paths, each
-    # of which begins at a detection and is seen by the later ones.
-    # Alone it is up to 600; what remains is of lumps smaller than the neighbourhood of a hit.
+    # The mean likelihood ratio in clutter is that of true over predictive densities at the hits of
+    # targets' paths, each of which begins at a detection and is seen by the later ones.
     found = Learned(LumpySea(math.log(3.0), 1e-6, seed=seed, kind=kind), 24)
     assert 0.1 < found.clumps.variance < 0.8
     range_, azimuth = found.places
@@ -172,37 +163,148 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
     assert all(mean < most for _, mean in means)
 
 
-def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
-    rng, made = np.random.default_rng(4), ClutterMap(SensorModel(max_range=12000.0))
+def variance_of(scans, sensor: SensorModel = SONAR) -> float:
+    """Variance of the lumps after scans of ranges, azimuths and weights."""
+    made = ClutterMap(sensor)
     clumps = Overdispersion(made.grid)
-    for _ in range(16):
-        x, y = rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0)))
-        cells = made.grid.cells(np.hypot(x, y), np.arctan2(y, x))
-        made.update(cells, np.ones(len(x)))
-        taken(clumps, made, cells, np.ones(len(x)))
-    assert clumps.variance < 0.05
+    for range_, azimuth, weight in scans:
+        cells = made.grid.cells(range_, azimuth)
+        made.update(cells, weight)
+        taken(clumps, made, cells, weight)
+    return clumps.variance
+
+
+def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
+    rng = np.random.default_rng(4)
+    places = (rng.uniform(2000.0, 8000.0, (2, rng.poisson(36.0))) for _ in range(16))
+    scans = ((np.hypot(x, y), np.arctan2(y, x), np.ones(len(x))) for x, y in places)
+    assert variance_of(scans, SensorModel(max_range=12000.0)) < 0.05
 
 
 def test_new_targets_in_a_calm_sea_make_no_lumps():
     # Ten targets appear together; from the fourth scan on they are recognised.
-    rng, made = np.random.default_rng(5), ClutterMap(SONAR)
-    clumps = Overdispersion(made.grid)
+    rng = np.random.default_rng(5)
     places = rng.uniform(2000.0, 8000.0, 10), rng.uniform(-3.0, 3.0, 10)
-    for scan in range(8):
-        cells, weight = made.grid.cells(*places), np.full(10, float(scan < 3))
-        made.update(cells, weight)
-        taken(clumps, made, cells, weight)
-    assert clumps.variance < 0.2
+    assert variance_of((*places, np.full(10, float(scan < 3))) for scan in range(8)) < 0.2
 
 
-def test_lumps_from_detections_that_share_their_neighbours_are_bounded():
-    made = ClutterMap(SONAR)
-    clumps = Overdispersion(made.grid)
-    rng = np.random.default_rng(6)
-    for _ in range(30):
-        range_, azimuth = rng.uniform(3000.0, 9000.0, 20), rng.uniform(-3.0, 3.0, 20)
-        range_[:10], azimuth[:10] = 5000.0, 0.5
-        cells = made.grid.cells(range_, azimuth)
-        made.update(cells, np.ones(20))
-        taken(clumps, made, cells, np.ones(20))
-    assert 0.0 <= clumps.variance <= MAX_VARIANCE
+RADAR = SensorModel(
+    range_std=8.0, range_std_fraction=0.0, max_range=500.0, detection_probability=0.9
+)
+NO_TARGETS = HeldTargets(np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def disc(rng: np.random.Generator, number: float, max_range: float = 9000.0) -> np.ndarray:
+    n = rng.poisson(number)
+    return np.array([max_range * np.sqrt(rng.random(n)), rng.uniform(-math.pi, math.pi, n)])
+
+
+def held(range_: float, azimuth: float) -> HeldTargets:
+    return HeldTargets(np.array([7]), np.array([range_]), np.array([azimuth]), np.ones(1))
+
+
+class Sea:
+    """A map and what it learns of secondary echoes, scan by scan."""
+
+    def __init__(self, sensor: SensorModel = SONAR) -> None:
+        self.map = ClutterMap(sensor)
+        self.echoes = SecondaryEchoes(self.map.grid)
+
+    def take(self, places: np.ndarray, targets: HeldTargets = NO_TARGETS) -> np.ndarray:
+        range_, azimuth = places
+        weight = np.ones(len(range_))
+        cells = self.map.grid.cells(range_, azimuth)
+        self.map.update(cells, weight)
+        self.map.take_level(weight.sum())
+        batch, expected = Batch(self.map.grid.shape[1]), self.map.expected
+        batch.take(cells, (range_, azimuth), weight, np.ones(self.map.grid.shape[1]))
+        self.echoes.update(targets, batch, expected)
+        among = self.echoes.among(cells, weight, expected)
+        return among * self.echoes.behind_targets(targets, cells)
+
+
+def pair_correlation(sea: Sea) -> np.ndarray:
+    return sea.echoes.pairs.counted / sea.echoes.pairs.expected
+
+
+@pytest.mark.parametrize("number", [3.0, 30.0, 250.0])
+def test_even_clutter_is_left_as_it_is(number):
+    rng, sea = np.random.default_rng(4), Sea()
+    factors = [sea.take(disc(rng, number), held(3000.0, 0.5)) for _ in range(50)]
+    late = np.concatenate(factors[15:])
+    assert np.log(late).mean() < 0.02
+    assert np.log(late).std() < 0.15
+    np.testing.assert_allclose(pair_correlation(sea), 1.0, atol=0.3)
+
+
+def test_pairs_are_those_that_a_loop_counts():
+    rng, sea = np.random.default_rng(5), Sea()
+    places = disc(rng, 60.0)
+    sea.take(places)
+    row, column = sea.map.grid.cells(*places)
+    columns = sea.map.grid.shape[1]
+    every = Cells(*np.indices(sea.map.grid.shape).reshape(2, -1))
+    expected = (sea.map.at(every)).reshape(sea.map.grid.shape) * sea.map.counted_area
+    for width, found in zip(HALF_WIDTHS, pair_correlation(sea), strict=True):
+        pairs = mean = 0.0
+        for i in range(len(row)):
+            strip = [(column[i] + k) % columns for k in range(-width, width + 1)]
+            pairs += sum(row[j] < row[i] and column[j] in strip for j in range(len(row)))
+            mean += expected[: row[i], strip].sum()
+        assert found == pytest.approx(pairs / mean)
+
+
+def test_a_spoke_of_interference_is_dense_clutter_in_its_scan_alone():
+    rng, sea = np.random.default_rng(6), Sea()
+    in_spokes, elsewhere = [], []
+    for index in range(60):
+        places = disc(rng, 30.0)
+        number = 0
+        if index % 5 == 0:
+            number = 12
+            spoke = np.array([rng.uniform(2000.0, 9000.0, number), np.full(number, index / 9.0)])
+            places = np.append(spoke, places, axis=1)
+        factor = sea.take(places)
+        if index >= 20:
+            in_spokes += factor[:number].tolist()
+            elsewhere += factor[number:].tolist()
+    assert np.median(in_spokes) > 5.0
+    assert np.median(elsewhere) < 1.05
+
+
+def test_a_second_target_behind_a_held_one_is_not_taken_for_its_ghost():
+    rng, sea = np.random.default_rng(8), Sea()
+    for index in range(5):
+        bearing = math.radians(index)
+        places = np.append(disc(rng, 30.0), [[5000.0], [bearing]], axis=1)
+        sea.take(places, held(2000.0, bearing))
+        where = np.array([5000.0]), np.array([bearing])
+        factor = sea.echoes.behind_targets(held(2000.0, bearing), sea.map.grid.cells(*where))
+        assert factor[0] < 1.2
+
+
+def ghost_scene(seed: int, ghosts: float) -> tuple[list[np.ndarray], int]:
+    """Places of the starts in 45 scans: a vessel passes 60 m off, with ghosts behind it."""
+    rng = np.random.default_rng(seed)
+    initiator = make_initiator("score", sensor=RADAR, max_speed=15.0, false_tracks_per_hour=10.0)
+    on_vessel, elsewhere = 0, []
+    for index in range(45):
+        vessel = np.array([60.0, -90.0 + 4.0 * index])
+        bearing = math.atan2(vessel[1], vessel[0])
+        own = np.hypot(*vessel) + 5.0 * rng.standard_normal()
+        number = rng.poisson(ghosts)
+        behind = rng.uniform(350.0, 490.0, number), bearing + 0.1 * rng.standard_normal(number)
+        places = np.concatenate([[[own], [bearing]], behind, disc(rng, 2.0, 500.0)], axis=1)
+        for track in initiator.process(Scan(1.7 * index, *places)):
+            near = math.dist(track.position, vessel) < 40.0
+            on_vessel += near
+            elsewhere += [] if near else [track.position]
+    return elsewhere, on_vessel
+
+
+@pytest.mark.long
+def test_few_tracks_start_on_ghosts_and_the_vessel_is_started_once():
+    found = [ghost_scene(seed, 5.0) for seed in range(2)]
+    assert [number for _, number in found] == [1, 1]
+    # 9 where the density does not count what is behind targets.
+    assert sum(len(elsewhere) for elsewhere, _ in found) <= 5

@@ -1,6 +1,7 @@
-"""Strengths of clutter, learned from scan to scan: units, gain, texture, targets and restarts."""
+"""Strengths of clutter, learned from scan to scan: units, gain, levels, texture and restarts."""
 
 import dataclasses
+import math
 from collections import deque
 from functools import partial
 
@@ -9,7 +10,16 @@ import pytest
 
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
-from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes, Judged
+from tsepm_ros.tracker.clutter import amplitude
+from tsepm_ros.tracker.clutter.amplitude import (
+    LAGS,
+    RINGS,
+    ClutterAmplitudes,
+    Judged,
+    PlaceLevels,
+    level_by_range,
+    ping_level,
+)
 from tsepm_ros.tracker.clutter.amplitude_law import MAX_PER_PING, MAX_PINGS, REFERENCE, References
 from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 
@@ -78,13 +88,6 @@ def test_nothing_is_said_before_there_are_references():
     assert sea.learner.use.startswith("used")
 
 
-@pytest.mark.parametrize("value", [7.0, 0.0, -40.0])
-def test_constant_strengths_say_nothing(value):
-    sea = Sea()
-    assert sea.pings(20, lambda strength, range_: np.full(len(strength), value)) == [None] * 20
-    assert sea.learner.use == "not used: constant strengths"
-
-
 def test_strengths_that_vanish_say_nothing_and_those_that_appear_again_go_on():
     sea = Sea()
     sea.pings(16)
@@ -95,17 +98,6 @@ def test_strengths_that_vanish_say_nothing_and_those_that_appear_again_go_on():
     assert sea.pings(3, missing) == [None] * 3
     assert sea.learner.use == "not used: no strengths"
     assert None not in sea.pings(1)
-
-
-def test_a_detection_without_a_strength_is_not_judged():
-    sea = Sea()
-    sea.pings(16)
-
-    def some(strength, range_):
-        return np.where(np.arange(len(strength)) == 3, np.nan, strength)
-
-    (found,) = sea.pings(1, some)
-    assert np.isnan(found.exponent).tolist() == [row == 3 for row in range(len(found.exponent))]
 
 
 def test_saturated_strengths_count_as_the_share_that_saturates():
@@ -140,16 +132,17 @@ def test_a_change_of_gain_does_not_pass_for_strong_echoes(gain):
     assert np.mean(found > 4.0) < 0.06
 
 
-def test_a_change_of_unit_drops_the_law_of_before():
+@pytest.mark.parametrize("offset", [60.0, -30.0], ids=["positive", "negative"])
+def test_a_change_to_decibels_drops_the_law_of_before(offset):
     sea = Sea()
     sea.pings(30)
 
     def decibels(strength, range_):
-        return 60.0 + 10.0 * np.log10(strength)
+        return offset + 10.0 * np.log10(strength)
 
-    sea.pings(8, decibels)
-    found = exponents(sea.pings(20, decibels))
-    assert found.mean() == pytest.approx(1.0, abs=0.15)
+    first = sea.pings(8, decibels)[0]
+    assert (first is None) == sea.learner.memory[2] == (offset < 0.0), "begun anew as decibels"
+    assert exponents(sea.pings(20, decibels)).mean() == pytest.approx(1.0, abs=0.15)
 
 
 def test_texture_is_seen_and_independent_clutter_has_none():
@@ -162,23 +155,6 @@ def test_texture_is_seen_and_independent_clutter_has_none():
     assert textured.learner.texture > 0.1
     assert judged[-1].samples < 10.0
     assert "neighbouring clutter is alike" in textured.learner.use
-
-
-def test_references_of_targets_are_weighed_down():
-    """Echoes of a target, the strongest of each ping, are told to be its."""
-    told, untold = Sea(), Sea()
-
-    def strong(strength, range_):
-        return np.where(np.arange(len(strength)) == 0, 1e3, strength)
-
-    for sea in (told, untold):
-        sea.pings(16, strong)
-    one, zero = np.ones(16), np.zeros(16, np.int64)
-    told.learner.discount(np.arange(16), zero, one)
-    told.pings(1), untold.pings(1)
-    found, other = (sea.pings(1, strong)[0].exponent for sea in (told, untold))
-    assert found[0] > other[0] + 1.0
-    assert np.abs(found[1:] - other[1:]).mean() < 0.2
 
 
 def test_memory_counts_after_a_restart_with_the_same_law_only():
@@ -197,18 +173,6 @@ def test_memory_counts_after_a_restart_with_the_same_law_only():
     (found,), (changed,) = same.pings(1), other.pings(1, louder)
     assert found.samples > 200.0
     assert changed.samples < 100.0
-
-
-def test_negative_strengths_begin_anew_as_decibels():
-    sea = Sea()
-    sea.pings(16)
-
-    def decibels(strength, range_):
-        return 10.0 * np.log10(strength) - 30.0
-
-    assert sea.pings(1, decibels) == [None]
-    assert exponents(sea.pings(10, decibels)).mean() == pytest.approx(1.0, abs=0.2)
-    assert sea.learner.memory[2]
 
 
 def test_a_large_scan_is_bounded_in_memory():
@@ -253,11 +217,130 @@ def test_the_last_pings_are_those_of_a_plain_list(size):
         assert references.begins(3) == [0, *np.cumsum([len(raw) for raw in last])[:-1].tolist()]
 
 
-def test_another_level_changes_the_pings_that_have_the_level():
-    references = References()
-    for level in (1.0, 2.0, 1.0):
-        references.append(rows_of(np.arange(3.0)), level)
-    references.relevel(1.0, 4.0)
-    assert list(references.levels) == [4.0, 2.0, 4.0]
-    values = references.rows["value"].reshape(3, 3).tolist()
-    assert values == [[-4.0, -3.0, -2.0], [0.0, 1.0, 2.0], [-4.0, -3.0, -2.0]]
+GAIN = math.log(100.0)
+
+
+def pings_of(rng, number: int, size: int):
+    return [np.log(rng.exponential(size=size)) for _ in range(number)]
+
+
+MEDIAN = math.log(math.log(2.0))
+
+
+def level_of(level: float, pings) -> float:
+    return ping_level(level, np.concatenate(pings), [len(ping) for ping in pings])
+
+
+def test_a_level_that_does_not_change_stays_to_the_bit():
+    pings = pings_of(np.random.default_rng(1), 64, 36)
+    levels = [level_of(MEDIAN, pings[: last + 1]) for last in range(16, 64)]
+    assert np.mean(np.array(levels) == MEDIAN) > 0.9
+
+
+def test_targets_alone_in_a_calm_sea_do_not_raise_the_level():
+    """Two of three detections a ping are 20 dB above the clutter."""
+    pings = [
+        ping + np.array([GAIN, GAIN, 0.0]) for ping in pings_of(np.random.default_rng(3), 1, 3)
+    ]
+    assert level_of(MEDIAN, [*pings_of(np.random.default_rng(4), 16, 3), *pings]) == MEDIAN
+
+
+def test_a_step_is_found_within_a_cell():
+    """Its ring has the level of either side, and no other has a mixture of both."""
+    rng, side, step = np.random.default_rng(2), 40, 20 * RINGS + 3
+    places = PlaceLevels((side, side), True)
+    for _ in range(40):
+        ring, column = rng.integers(side * RINGS, size=200), rng.integers(side, size=200)
+        values = np.clip(rng.normal(size=200) + np.where(ring < step, -1.15, 1.15), -4.0, 4.0)
+        places.update(places.places_of(ring, column), values, np.ones(200), 4.0, 1.5)
+    places.renew()
+    near = step + np.arange(-4, 4)
+    found = places.by_range(places.places_of(near, np.full(8, 7)))
+    np.testing.assert_allclose(found[1:] - found[:-1], 2.3 * (np.arange(7) == 3), atol=0.35)
+
+
+def beside_a_target(value: float) -> PlaceLevels:
+    """Levels of even clutter, with a detection of this value in a single cell in each ping."""
+    rng = np.random.default_rng(7)
+    places = PlaceLevels((40, 40), False)
+    for _ in range(12):
+        cells = rng.integers(40, size=31), rng.integers(40, size=31)
+        cells[0][-1] = cells[1][-1] = 20
+        values = rng.normal(size=31)
+        values[-1] = value
+        places.update(places.places_of(RINGS * cells[0], cells[1]), values, np.ones(31), 4.0, 1.0)
+    places.renew()
+    return places
+
+
+def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
+    places = beside_a_target(4.0)
+    assert places.at(places.places_of(np.array([20 * RINGS]), np.array([20])))[0] < 0.3
+
+
+def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
+    """The weight of a target's detections has faded since they were learned."""
+    places = beside_a_target(-4.0)
+    cell = places.places_of(np.full(12, 20 * RINGS), np.full(12, 20))
+    assert places.at(cell[:1])[0] < -0.5
+    places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
+    places.renew()
+    assert abs(places.at(cell[:1])[0]) < 0.3
+
+
+@pytest.mark.parametrize("shape", [(7, 5), (1, 1), (5, 1), (2, 3)])
+def test_units_that_fade_change_nothing(monkeypatch, shape):
+    """With an update a unit, and with a unit for all."""
+    found = []
+    for least in (0.99, 0.0):
+        monkeypatch.setattr(amplitude, "LEAST_UNIT", least)
+        rng, places = np.random.default_rng(4), PlaceLevels(shape, True)
+        for _ in range(120):
+            ring = rng.integers(shape[0] * RINGS, size=30)
+            at = places.places_of(ring, rng.integers(shape[1], size=30))
+            values = rng.normal(size=30) + 2.0 * (ring < 2 * shape[0])
+            places.update(at, values, np.ones(30), 4.0, 1.0)
+            places.withdraw(at[:5], values[:5], np.full(5, 0.5), np.zeros(5, np.int64))
+        places.renew()
+        ring = np.arange(shape[0] * RINGS)
+        found.append(places.at(places.places_of(ring, ring % shape[1])))
+    assert found[0].any()
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+
+
+ROWS = 20
+COUNT = np.full(ROWS, 30.0)
+"""Detections of each row."""
+
+
+@pytest.mark.parametrize(
+    "level",
+    [
+        np.linspace(2.5, -2.5, ROWS),
+        np.where(np.arange(ROWS) < 12, -1.0, 1.5),
+        np.select([np.arange(ROWS) < 5, np.arange(ROWS) < 12], [2.0, -1.0]),
+    ],
+    ids=["power", "step", "two steps"],
+)
+def test_changes_with_range_are_found(level):
+    rng = np.random.default_rng(8)
+    level = level - level.mean()
+    total = COUNT * level + np.sqrt(COUNT) * rng.normal(size=ROWS)
+    found = level_by_range(COUNT, total - total.mean(), 2.0, 1.0)
+    np.testing.assert_allclose(found, level, atol=0.5)
+    assert np.abs(found - level).mean() < 0.2
+
+
+def test_clutter_of_one_level_has_no_change_with_range():
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        total = np.sqrt(COUNT) * rng.normal(size=ROWS)
+        assert not level_by_range(COUNT, total - total.mean(), 2.0, 1.0).any()
+    assert not level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
+
+
+def test_an_unknown_target_is_no_change_with_range():
+    count, total = COUNT / 10.0, np.zeros(ROWS)
+    count[3] += 6.0
+    total[3] += 6.0 * 2.0
+    assert not level_by_range(count, total - count * total.sum() / count.sum(), 2.0, 1.0).any()

@@ -182,32 +182,34 @@ def test_the_density_of_a_quay_is_found_within_a_factor_of_two():
     assert 0.5 * density < density_at(learned, (142.0, 6.0)) < 1.2 * density
 
 
-def test_a_target_that_stands_still_is_no_clutter():
-    learned = learned_from(lambda ping, rng: np.array([[150.0, 50.0]]))
-    assert density_at(learned, (150.0, 50.0)) == 0.0
+def silent(ping, rng):
+    return np.zeros((0, 2))
 
 
-def test_a_target_that_passes_is_no_clutter():
-    learned = learned_from(lambda ping, rng: np.array([[60.0 + 5.0 * ping, 10.0]]), 60)
-    assert not learned.found
+@pytest.mark.parametrize(
+    ("places", "pings"),
+    [
+        pytest.param(lambda ping, rng: np.array([[150.0, 50.0]]), 200, id="stands still"),
+        pytest.param(lambda ping, rng: np.array([[60.0 + 5.0 * ping, 10.0]]), 60, id="passes"),
+        pytest.param(silent, (PERIODS + 2) * SCANS, id="nothing"),
+        pytest.param(
+            lambda ping, rng: quay(rng) if ping < 24 else silent(ping, rng),
+            24 + (PERIODS + 2) * SCANS,
+            id="after a quay, until no period with detections is left",
+        ),
+    ],
+)
+def test_a_target_is_no_clutter_and_without_detections_nothing_stays(places, pings):
+    learned = learned_from(places, pings)
+    assert not learned.found or density_at(learned, (150.0, 50.0)) == 0.0
 
 
-@pytest.mark.parametrize("silent", [0, 24], ids=["always", "after a quay"])
-def test_without_detections_nothing_stays(silent):
-    # After a quay: until no period with detections is left.
+@pytest.mark.parametrize(("silence", "pings"), [(0, 24), (40, 120)])
+def test_a_quay_is_found_at_once_and_after_silence(silence, pings):
     def places(ping, rng):
-        return quay(rng) if ping < silent else np.zeros((0, 2))
+        return silent(ping, rng) if ping < silence else quay(rng)
 
-    learned = learned_from(places, silent + (PERIODS + 2) * SCANS)
-    assert not learned.found
-    assert learned_from(lambda ping, rng: quay(rng), 24).found
-
-
-def test_a_quay_is_found_after_silence():
-    def places(ping, rng):
-        return np.zeros((0, 2)) if ping < 40 else quay(rng)
-
-    assert learned_from(places, 120).found
+    assert learned_from(places, pings).found
 
 
 def test_even_clutter_is_hardly_raised():

@@ -1,4 +1,4 @@
-"""The law of the strength of clutter: ranks in its body, a tail with both parameters integrated."""
+"""The law of the strength of clutter, and the likelihood ratio of strengths along a path."""
 
 import math
 
@@ -10,6 +10,14 @@ from support.strength_laws import QUANTILES
 from tsepm_ros.tracker.clutter import amplitude_likelihood
 from tsepm_ros.tracker.clutter.amplitude import TAIL_SAMPLES
 from tsepm_ros.tracker.clutter.amplitude_law import CURVATURES, MIN_REFERENCES, REACH, AmplitudeLaw
+from tsepm_ros.tracker.clutter.amplitude_likelihood import (
+    FIGURES_DB,
+    LAW_KNOWN,
+    PathRatio,
+    log_ratio,
+    ratio_db,
+    ratio_prior,
+)
 
 
 def law_of(values, weights=None) -> AmplitudeLaw:
@@ -87,12 +95,6 @@ def test_exponent_ends_where_nothing_can_be_said():
     assert exponents_of(law, np.array([-50.0]))[0] == 0.0
 
 
-def test_exponent_rises_with_the_strength():
-    law = law_of(np.log(np.random.default_rng(4).exponential(size=200)))
-    exponent = exponents_of(law, np.linspace(-8.0, 6.0, 2000))
-    assert (np.diff(exponent) >= -1e-12).all()
-
-
 @pytest.mark.parametrize("name", sorted(QUANTILES))
 @pytest.mark.parametrize("references", [MIN_REFERENCES, 100, 600, 2000])
 def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references):
@@ -126,21 +128,56 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
     assert (mean < 1.3).all()
 
 
-def test_strong_references_of_nearly_no_weight_leave_the_law_as_it_is():
-    """They are of targets, 100 dB above the clutter."""
-    rng = np.random.default_rng(6)
-    clutter = np.log(rng.exponential(size=300))
-    values = np.append(clutter, clutter[:20] + 10.0 * np.log(10.0))
-    law = law_of(values, np.append(np.ones(300), np.full(20, 1e-9)))
-    there = np.array([0.5, 1.5])
-    found = exponents_of(law, there)
-    np.testing.assert_allclose(found, exponents_of(law_of(clutter), there), rtol=0.02)
-    far = law.exponents(clutter[:20] + 1e3)
-    assert np.isfinite(far.told).all() and np.isfinite(far.extrapolated).all()
-
-
 def test_figure_in_db_goes_on_where_evidence_ends():
     law = law_of(np.log(np.random.default_rng(5).exponential(size=600)))
     found = law.exponents(np.log(np.array([0.5, 20.0, 60.0]))).extrapolated
     assert found[0] == exponents_of(law, np.log(np.array([0.5])))[0]
     np.testing.assert_allclose(10.0 * np.log10(found[1:] / [20.0, 60.0]), 0.0, atol=2.0)
+
+
+def exponential_ratio(hits: int, total: float) -> float:
+    """sum_k w_k (1 + r_k)^-n exp(S r_k / (1 + r_k)), term by term."""
+    return sum(
+        weight * (1.0 + ratio) ** -hits * math.exp(total * ratio / (1.0 + ratio))
+        for ratio, weight in zip(*ratio_prior(), strict=True)
+    )
+
+
+@pytest.mark.parametrize(("hits", "total"), [(1, 0.1), (3, 9.0), (8, 40.0), (16, 12.0)])
+def test_a_known_law_gives_the_ratio_of_exponentials(hits, total):
+    found = log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
+    assert found == pytest.approx(math.log(exponential_ratio(hits, total)), abs=1e-5)
+
+
+@pytest.mark.parametrize("samples", [0.5, 10.0, 300.0])
+def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
+    """Of three hits: V is a sum of three, over a scale known from `samples`: beta prime."""
+
+    def weighted(share: float) -> float:
+        total = samples * share / (1.0 - share)  # share: beta(3, N)
+        log_density = 2.0 * math.log(share) + (samples - 1.0) * math.log1p(-share)
+        norm = math.gamma(3.0) / np.prod([samples, samples + 1.0, samples + 2.0])
+        log_ratio_there = log_ratio(np.array(3.0), np.array(total), samples)
+        return math.exp(log_density + log_ratio_there) / norm
+
+    mean = integrate.quad(weighted, 0.0, 1.0, limit=500)[0]
+    assert mean == pytest.approx(1.0, abs=1e-4)
+
+
+def test_table_agrees_with_the_formula():
+    table = PathRatio.of(200.0, 16)
+    hits, total = np.arange(17), np.linspace(0.0, 150.0, 17)
+    expected = log_ratio(hits.astype(float), total, table.count)
+    np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)
+    assert abs(table.count / 200.0 - 1.0) < 0.1
+
+
+def test_ratio_of_many_hits_is_that_of_their_mean():
+    for truth in (0.0, 10.0):
+        hits = np.array([400.0])
+        found = ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
+        assert found == pytest.approx(truth, abs=0.6)
+    assert np.isnan(ratio_db(np.zeros(2), np.zeros(2))).all()
+    low = ratio_db(np.array([50.0]), np.array([50.0]))[0]
+    assert FIGURES_DB[0] <= low < -3.0
+    assert LAW_KNOWN > 1e4

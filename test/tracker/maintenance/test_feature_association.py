@@ -1,18 +1,27 @@
-"""Clutter zones and encounters: what they change in the association."""
+"""Clutter zones and encounters: closest approach, and what they change in the association."""
 
 import dataclasses
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
-from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
+from tsepm_ros import SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.assignment import Pairs
 from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
-from tsepm_ros.tracker.maintenance.features import MEMORY, Environment, Surroundings
+from tsepm_ros.tracker.maintenance.features import (
+    MEMORY,
+    Environment,
+    Surroundings,
+    closest_approach,
+    distance_at,
+    meeting,
+)
 from tsepm_ros.tracker.measurement import Histories
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -36,13 +45,6 @@ def all_pairs(cost: list[list[float]]) -> Pairs:
     return Pairs(parent, row, np.ravel(cost).astype(float))
 
 
-def test_nothing_changes_where_there_is_neither_zone_nor_encounter():
-    factors = environment([False, False]).factors(
-        TWO, APART, all_pairs([[1.0, 2.0], [3.0, 4.0]]), np.stack([BIG, SMALL])
-    )
-    assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
-
-
 def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
     # Of 9 plots of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 + 9).
     clutter = np.concatenate([np.tile(BIG, (2, 1)), np.tile(SMALL, (7, 1))])
@@ -54,14 +56,6 @@ def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
         TWO, APART, all_pairs([[1.0], [1.0]]), SMALL[None]
     )
     assert factors.tolist() == pytest.approx([0.0, 10.0 / 8.0])
-
-
-def test_in_an_encounter_each_plot_is_the_track_s_that_it_resembles():
-    # Nearest in position is the wrong way round.
-    factors = environment([False, False]).factors(
-        TWO, TOGETHER, all_pairs([[9.0, 0.0], [0.0, 9.0]]), np.stack([BIG, SMALL])
-    )
-    assert factors.tolist() == [1.0, 0.0, 0.0, 1.0]
 
 
 def test_plots_that_resemble_several_go_by_their_distance():
@@ -76,13 +70,6 @@ def test_plots_that_resemble_several_go_by_their_distance():
         assert factors.tolist() == expected
         factors = environment([False, False]).factors(same, APART, all_pairs(cost), features)
         assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
-
-
-def test_a_plot_of_neither_is_taken_by_none():
-    factors = environment([False]).factors(
-        TWO, TOGETHER, all_pairs([[0.0], [0.0]]), np.array([[300.0, 300.0, 0.3]])
-    )
-    assert factors.tolist() == [0.0, 0.0]
 
 
 def test_histories_are_those_of_the_hits_as_far_as_remembered():
@@ -236,11 +223,80 @@ def test_without_features_and_encounters_the_option_changes_nothing():
     assert started >= 2
 
 
-def test_features_that_come_and_go_are_no_trouble():
-    made = make_initiator("score", sensor=SensorModel(range_std_fraction=0.001), plot_features=True)
-    rng = np.random.default_rng(6)
-    for k in range(30):
-        features = {"intensity": rng.normal(50.0, 5.0, 2)} if k % 3 else {}
-        range_ = np.array([3000.0, 3050.0]) + rng.normal(0.0, 3.0, 2)
-        made.process(Scan(12.0 * k, range_, np.zeros(2), features=features))
-    assert 1 <= len(made.current) <= 2
+def published(axis: str) -> tuple[np.ndarray, np.ndarray]:
+    """Ships A and B of Section 2.2, angles clockwise from north or counter-clockwise from east."""
+
+    def ship(distance: float, bearing: float, speed: float, heading: float) -> np.ndarray:
+        bearing, heading = np.deg2rad([bearing, heading])
+        first, second = (np.sin, np.cos) if axis == "north" else (np.cos, np.sin)
+        return np.array(
+            [
+                distance * first(bearing),
+                speed * first(heading),
+                distance * second(bearing),
+                speed * second(heading),
+            ]
+        )
+
+    return ship(18e3, 187.0, 6.0, 330.0), ship(17e3, 189.0, 4.0, 190.0)
+
+
+def moved(state: np.ndarray, time: float) -> np.ndarray:
+    return state + time * np.array([state[1], 0.0, state[3], 0.0])
+
+
+@pytest.mark.parametrize("axis", ["north", "east"])
+def test_the_published_ships_meet_whatever_the_angles_are_measured_from(axis):
+    one, two = published(axis)
+    found = minimize_scalar(
+        lambda t: math.dist(moved(one, t)[[0, 2]], moved(two, t)[[0, 2]]), bounds=(-1e3, 1e3)
+    )
+    time, distance = closest_approach(one, two)
+    assert time == pytest.approx(found.x, abs=0.01)
+    assert distance == pytest.approx(found.fun, abs=1e-3)
+    assert (time, distance) == (pytest.approx(122.7, abs=0.05), pytest.approx(188.5, abs=0.05))
+
+
+def test_the_shipped_scenario_has_the_published_ships():
+    targets = load_scenario("encounter").targets
+    np.testing.assert_allclose(targets[:2], published("north"), atol=0.01)
+
+
+def test_it_is_the_printed_equation_but_for_its_sign():
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        one, two = rng.normal(0.0, [1e3, 5.0, 1e3, 5.0], (2, 4))
+        (east, ve, north, vn) = two - one
+        speeds = np.hypot(one[1], one[3]), np.hypot(two[1], two[3])
+        headings = math.atan2(one[1], one[3]), math.atan2(two[1], two[3])
+        relative = math.sqrt(  # Eq. 1
+            speeds[1] ** 2
+            + speeds[0] ** 2
+            - 2.0 * speeds[1] * speeds[0] * math.cos(headings[0] - headings[1])
+        )
+        angle = math.hypot(east, north) * math.cos(math.atan2(ve, vn) - math.atan2(east, north))
+        time, _ = closest_approach(one, two)
+        assert abs(time) == pytest.approx(abs(angle) / relative)  # Eq. 9
+        assert np.sign(time) == -np.sign(east * ve + north * vn), "above 0 while they approach"
+
+
+def test_ships_on_one_course_are_closest_now():
+    state = np.array([[0.0, 3.0, 0.0, 4.0], [30.0, 3.0, 40.0, 4.0]])
+    assert closest_approach(*state) == (0.0, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("within", "width", "met"),
+    [(125.0, 188.6, True), (125.0, 188.4, False), (120.0, 190.3, True), (120.0, 190.2, False)],
+)
+def test_targets_meet_where_their_gates_overlap_in_time(within, width, met):
+    # Two gates of half the width each, 3 standard deviations of the state's and the plot's error.
+    states = np.stack(published("north"))
+    spread = np.zeros((2, 4, 4))
+    spread[:, [0, 2], [0, 2]] = 3.0**2
+    error = math.sqrt((width / 6.0) ** 2 - 9.0)
+    one, two = meeting(states, spread, np.full(2, error), 3.0, within)
+    times = np.linspace(-within, within, 10_001)
+    closest = distance_at(*states[:, None], times).min()
+    assert (closest <= width) == met, "what the numbers above mean"
+    assert (one.tolist(), two.tolist()) == (([0], [1]) if met else ([], []))

@@ -195,12 +195,11 @@ class ExtendedTargets:
         near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
         waits = self._excess.waits(held.track_id)
         if self._excess.crowded:
-            waits = np.append(waits, ~nothing)
             # Echoes in a row that stand still, a quay, look for some hits like a target along it.
             still = held.stationary_probability > STANDS_STILL
             moves = is_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
             moves &= new.hit_count >= MAX_UNRESOLVED_HITS
-            near[:, :number] &= waits[:number] | (still & ~moves[:, None])
+            near[:, :number] &= waits | (still & ~moves[:, None])
         else:
             near = near[:, :number] & waits
         return np.asarray(filled | near.any(axis=1))

@@ -10,17 +10,17 @@ too far apart. A target has no part in it, however strong.
 Levels of the strength of clutter: from ping to ping, and from place to place.
 
 A level is a shift of the logarithms of strengths. It changes only as far as the detections require,
-from long windows to short ones (Lepski, as in `clutter_map`), so that a level that does not change
+from long windows to short ones (Lepski, as in `density`), so that a level that does not change
 costs nothing, and ties stay ties. An unknown target may have a detection a ping: as many do not
 count in a rise.
 
 The strength of clutter, learned from scan to scan: exponents of detections.
 
-The exponent of a detection is u = -ln P(clutter is at least as strong), see `strength_law`: it is
+The exponent of a detection is u = -ln P(clutter is at least as strong), see `amplitude_law`: it is
 free of the unit. Strengths are compared after taking away the level of their ping and of their
-place (`strength_levels`); what the levels leave in common to neighbours, a texture, counts as a
-doubt about the law (`amplitude_likelihood`). Detections of targets are weighed down by the evidence
-of their positions alone: weighed by their strength, clutter would lose its tail.
+place (`ping_level`, `PlaceLevels`); what the levels leave in common to neighbours, a texture,
+counts as a doubt about the law (`amplitude_likelihood`). Detections of targets are weighed down by
+the evidence of their positions alone: weighed by their strength, clutter would lose its tail.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Texture:
 
         Parameters
         ----------
-        law : StrengthLaw
+        law : AmplitudeLaw
             Of the pings before it.
         references : References
             With the last ping.
@@ -579,7 +579,7 @@ class ClutterAmplitudes:
             Probability that each detection is of clutter.
         near : float
             Distance within which detections are neighbours, m.
-        reach : (TEXTURE_LAGS + 1,) ndarray
+        reach : (LAGS + 1,) ndarray
             Distance within which two detections may be one target's, in scans so far apart, m.
         """
         judged, self._next = self._next, None

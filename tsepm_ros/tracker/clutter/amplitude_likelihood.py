@@ -1,7 +1,7 @@
 """What the strengths of a target's echoes say: the likelihood ratio along a path.
 
 For clutter u = -ln P(clutter is at least as strong) is exponential of mean 1, whatever the unit and
-the law (`strength_law`). A fluctuating target (Swerling I) with the signal-to-clutter ratio r is
+the law (`amplitude_law`). A fluctuating target (Swerling I) with the signal-to-clutter ratio r is
 exponential of mean 1 + r. The ratio is unknown, and the same along a path, so that the number n of
 a path's hits and the sum S of their u are sufficient::
 

@@ -112,13 +112,13 @@ class Learned:
     Attributes
     ----------
     clutter_map : ClutterMap
-    clumps : ClutterClumps
+    clumps : Overdispersion
         How much lumpier clutter is than the map.
     seen_extent : SeenExtent
         Where clutter is seen, in the coverage.
-    strengths : ClutterStrengths
+    strengths : ClutterAmplitudes
         Strengths of clutter.
-    persistent : PersistentClutter
+    persistent : FixedPlaces
         Where clutter stays in the fixed frame.
     secondary_echoes : SecondaryEchoes
         Clutter behind targets, and behind other clutter of a scan.

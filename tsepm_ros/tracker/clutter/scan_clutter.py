@@ -44,7 +44,7 @@ class ScanClutter:
     ----------
     predictive : PredictiveDensity or None
         What makes the density uncertain; None where it is given, and until `learn`.
-    strengths : ClutterStrengths or None
+    strengths : ClutterAmplitudes or None
         The law of strengths, where the method learns it.
     polar : tuple of ndarray
         Range and azimuth, as given.
@@ -167,7 +167,7 @@ class ScanClutter:
 
         Returns
         -------
-        ScanStrengths or None
+        ScanAmplitudes or None
             None where they say nothing.
         """
         if self.strengths is None:

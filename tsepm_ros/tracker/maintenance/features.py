@@ -30,10 +30,10 @@ of clutter.
 
 Readings
 --------
-- Resemblance is the normalised distance of `sensing.plot_features`, not the printed decision
+- Resemblance is the normalised distance of `measurement.Histories`, not the printed decision
   function (Eqs. 10 and 11), for which no threshold fits two tracks.
 - In a clutter zone the estimated density is several times its mean over the coverage
-  (`clutter_map.ClutterMap.in_zone`). The source compares the counts of a cell and its neighbours
+  (`density.ClutterMap.in_zone`). The source compares the counts of a cell and its neighbours
   with thresholds, whose values it does not give.
 
 Plot features and strengths of held tracks: factors of likelihood ratios, the own plots.
@@ -163,7 +163,7 @@ class Environment:
     def meeting(
         self, state: FloatArray, covariance: FloatArray, error: FloatArray, gate: float
     ) -> BoolArray:
-        """Which pairs of targets meet, (n, n); see `encounters.meeting`."""
+        """Which pairs of targets meet, (n, n); see `meeting`."""
         first, second = meeting(state, covariance, error, gate, self.encounter_time)
         meets = np.zeros((len(state), len(state)), bool)
         meets[first, second] = meets[second, first] = True

@@ -1,4 +1,4 @@
-"""States given a speed of at most v_max: against sums over the disc, and samples."""
+"""Prediction and update, and states given a speed of at most v_max: against sums and samples."""
 
 import math
 
@@ -8,6 +8,7 @@ from support.builders import scan_at
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
+from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.motion import MAX_OUTSIDE, in_disc, limited, log_speed_probability, slowed
 
 V_MAX = 10.0
@@ -87,29 +88,6 @@ def test_only_a_mean_that_is_faster_is_slowed_and_as_it_is_limited():
     np.testing.assert_array_equal(spread[1], of[0])
 
 
-def test_without_a_limit_a_state_stays():
-    state, covariance = with_velocity(3, [30.0, 0.0], np.eye(2))
-    found, _ = limited(
-        np.repeat(state, 2, 0), np.repeat(covariance, 2, 0), np.array([np.inf, 10.0])
-    )
-    assert found[0].tobytes() == state[0].tobytes()
-    assert np.hypot(*found[1, 1::2]) <= 10.0
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_position_follows_the_velocity_as_in_samples(seed):
-    rng = np.random.default_rng(seed)
-    covariance = turned(rng.uniform(0.0, 3.0), 4.0, 2.0)
-    state, whole = with_velocity(seed, [8.0, 8.0], covariance)
-    samples = rng.multivariate_normal(state[0], whole[0], 400_000)
-    samples = samples[np.hypot(samples[:, 1], samples[:, 3]) <= V_MAX]
-    found, spread = limited(state, whole, V_MAX)
-    error = np.sqrt(np.diag(whole[0]) / len(samples))
-    assert (np.abs(found[0] - samples.mean(axis=0)) < 5.0 * error).all()
-    scale = np.sqrt(np.outer(np.diag(spread[0]), np.diag(spread[0])))
-    assert (np.abs(spread[0] - np.cov(samples.T)) < 0.03 * scale).all()
-
-
 def test_the_mean_is_inside_and_the_covariance_positive_definite_however_far_outside():
     rng = np.random.default_rng(5)
     for seed in range(200):
@@ -140,23 +118,6 @@ def test_a_limited_state_is_limited_once():
         np.testing.assert_array_equal(again[1], once[1])
 
 
-def test_errors_shrink_and_the_nees_stays_honest_for_velocities_all_over_the_disc():
-    rng = np.random.default_rng(7)
-    n = 4000
-    speed, angle = V_MAX * np.sqrt(rng.random(n)), rng.uniform(-math.pi, math.pi, n)
-    truth = np.stack([speed * np.cos(angle), speed * np.sin(angle)], axis=1)
-    _, covariance = with_velocity(7, np.zeros(2), turned(0.5, 5.0, 3.0))
-    error = rng.multivariate_normal(np.zeros(4), covariance[0], n)
-    target = np.zeros((n, 4))
-    target[:, 1::2] = truth
-    state, spread = limited(target + error, np.repeat(covariance, n, 0), V_MAX)
-    found = state - target
-    assert np.square(found[:, 1::2]).sum() < 0.8 * np.square(error[:, 1::2]).sum()
-    assert np.square(found[:, 0::2]).sum() < np.square(error[:, 0::2]).sum()
-    nees = np.einsum("ni,ni->n", found, np.linalg.solve(spread, found[..., None])[..., 0])
-    assert nees.mean() == pytest.approx(4.0, abs=0.25)
-
-
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=6000.0)
 
 
@@ -174,3 +135,28 @@ def test_what_is_faster_than_the_maximum_does_not_start():
     assert first_score(8.0) > 0.0
     assert first_score(13.0) == 0.0
     assert first_score(13.0, max_speed=15.0) > 0.0
+
+
+def states(seed: int, n: int = 7) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((n, 4, 6))
+    return rng.uniform(-1e4, 1e4, (n, 4)), root @ np.swapaxes(root, 1, 2)
+
+
+def transition(step: float) -> np.ndarray:
+    return np.kron(np.eye(2), [[1.0, step], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+@pytest.mark.parametrize("step", [0.0, 12.0, -12.0])
+def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
+    state, covariance = states(1)
+    found, spread = motion.predict(state, covariance, step, noise)
+    # Backward as well, uncertainty grows with the time between; only its correlation turns over.
+    time = abs(step)
+    block = noise * np.array([[time**3 / 3, step * time / 2], [step * time / 2, time]])
+    for row in range(len(state)):
+        F = transition(step)
+        np.testing.assert_allclose(found[row], F @ state[row])
+        expected = F @ covariance[row] @ F.T + np.kron(np.eye(2), block)
+        np.testing.assert_allclose(spread[row], expected, rtol=1e-9, atol=1e-9)

@@ -1,0 +1,299 @@
+"""Splitting and merging: who may extend whom, which tracks are one target's, and thresholds."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.stats import multivariate_normal
+from support.builders import detections
+from support.held import P_D
+
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros.methods.tsepm import MAX_COUNT, PathCounts
+from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.tracker import assignment, merging, splitting
+from tsepm_ros.tracker.assignment import disjoint
+from tsepm_ros.tracker.hypotheses import Hypotheses, Start
+from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker.merging import best_of_alike, groups, merging_threshold
+from tsepm_ros.tracker.pruning import clutter_threshold, distance_threshold
+from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, residual, split_paths
+from tsepm_ros.tracker.tracks import TrackArrays
+
+P_TM = 0.9
+
+
+def test_the_threshold_is_that_of_two_degrees_of_freedom_as_published():
+    assert merging_threshold(0.9) == pytest.approx(stats.chi2(2).ppf(0.9))
+    assert merging_threshold(0.9) == pytest.approx(4.61, abs=0.005)
+
+
+def every_pair(hits, states, covariances) -> np.ndarray:
+    """Labels from a look at every pair."""
+    n, m = hits.shape
+    edges = []
+    for i, j in itertools.combinations(range(n), 2):
+        if 2 * len(set(hits[i]) & set(hits[j])) <= m:
+            continue
+        d = states[i] - states[j]
+        if d @ np.linalg.solve(covariances[i] + covariances[j], d) <= merging_threshold(P_TM):
+            edges.append((i, j))
+    one, other = np.array(edges).reshape(-1, 2).T
+    graph = csr_array((np.ones(len(edges)), (one, other)), shape=(n, n))
+    return connected_components(graph, directed=False)[1]
+
+
+def crowd(m: int, spread: float):
+    """Tracks through the same few detections per scan, states more or less close."""
+    rng = np.random.default_rng([5, m])
+    hits = np.unique(rng.integers(0, 3, (150, m)) + 3 * np.arange(m), axis=0)
+    root = rng.standard_normal((len(hits), 4, 6))
+    return hits, spread * rng.standard_normal((len(hits), 4)), root @ np.swapaxes(root, 1, 2)
+
+
+def partition(labels: np.ndarray) -> set[frozenset[int]]:
+    return {frozenset(np.flatnonzero(labels == label).tolist()) for label in np.unique(labels)}
+
+
+@pytest.mark.parametrize("m", [3, 4, 5, 6, 8, 12])
+@pytest.mark.parametrize("spread", [0.5, 3.0, 8.0], ids=["close", "mixed", "apart"])
+@pytest.mark.parametrize("block", [1, 13, merging.PAIR_BLOCK])
+def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread):
+    monkeypatch.setattr(merging, "PAIR_BLOCK", block)
+    scene = crowd(m, spread)
+    assert partition(groups(*scene, P_TM)[0]) == partition(every_pair(*scene))
+
+
+def test_where_the_time_is_over_the_groups_not_compared_are_told_by_their_label():
+    # The first and the second agree, and so do the second and the fourth; which is not compared.
+    hits = np.array([[1, 2, 3, 4], [1, 2, 3, 5], [1, 2, 3, 6], [1, 2, 3, 7], [8, 9, 10, 11]])
+    states = np.zeros((5, 4))
+    states[:, 0] = [0.0, 1.0, 1e4, 0.5, 0.0]
+    covariances = np.broadcast_to(np.eye(4), (5, 4, 4))
+    every, same = groups(hits, states, covariances, P_TM)
+    assert partition(every) == partition(np.array([0, 0, 1, 0, 2]))
+    assert same is every
+    some, alike = groups(hits, states, covariances, P_TM, lambda: True)
+    assert partition(some) == partition(np.array([0, 0, 1, 2, 3]))
+    assert partition(alike) == partition(np.array([0, 0, 0, 0, 1]))
+    evaluation = np.array([3.0, 1.0, 2.0, 4.0, 9.0])
+    best = best_of_alike(some, alike, evaluation)
+    assert [rows.tolist() for rows in best] == [[0, 1], [4]]
+    assert len(best_of_alike(every, same, evaluation)) == 3
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.9, 0.99, 0.999999])
+def test_the_squared_threshold_is_the_chi_square_quantile_of_two_degrees(probability):
+    expected = stats.chi2(2).ppf(probability)
+    assert distance_threshold(probability, "squared") == pytest.approx(expected)
+    assert distance_threshold(probability, "literal") == pytest.approx(math.sqrt(expected))
+
+
+def test_the_literal_threshold_is_the_paper_s():
+    assert distance_threshold(0.99, "literal") == pytest.approx(3.03, abs=0.005)
+
+
+@pytest.mark.parametrize("size", [0.001, 0.05, 0.5, 0.999])
+@pytest.mark.parametrize("min_hits", [2, 5, 16])
+def test_the_clutter_threshold_is_the_chi_square_quantile(size, min_hits):
+    expected = stats.chi2(2 * min_hits - 2).ppf(size)
+    assert clutter_threshold(size, min_hits) == pytest.approx(expected)
+
+
+def plain_disjoint(members, cost):
+    taken, chosen = set(), []
+    for row in sorted(range(len(cost)), key=lambda one: (cost[one], one)):
+        mine = set(members[row].tolist()) - {NO_HIT}
+        if not mine & taken:
+            taken |= mine
+            chosen.append(row)
+    return sorted(chosen)
+
+
+@pytest.mark.parametrize("block", [1, 7, 50_000])
+@pytest.mark.parametrize("seed", range(5))
+def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
+    monkeypatch.setattr(assignment, "BLOCK", block)
+    rng = np.random.default_rng(seed)
+    members = rng.integers(-1, 40, (100, 3))
+    cost = rng.integers(0, 10, 100).astype(float)
+    assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
+
+
+@pytest.mark.long
+def test_a_target_that_is_started_again_and_again_is_held_once():
+    initiator = make_initiator("tsepm", sensor=SensorModel(range_std=15.0, range_std_fraction=0.0))
+    rng = np.random.default_rng(1)
+    for scan in range(300):
+        x, y = 3000.0 + 0.5 * scan, 2000.0
+        seen = rng.random() < P_D
+        polar = math.hypot(x, y), math.atan2(y, x)
+        initiator.process(
+            Scan(
+                12.0 * scan,
+                [polar[0] + 15.0 * rng.standard_normal()] * seen,
+                [polar[1] + initiator.sensor.azimuth_std * rng.standard_normal()] * seen,
+            )
+        )
+    assert initiator.totals.confirmed > 20
+    assert 1 <= len(initiator.current) <= 3
+
+
+def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
+    """Of tracks in a row with a deviation of 10 m and 1 m/s, the first the oldest."""
+    state = np.zeros((len(offsets), 4))
+    state[:, 0] = offsets
+    covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
+    own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
+    return merging.agrees_with_older(state, covariance, own).tolist()
+
+
+def test_the_younger_of_two_tracks_agrees_within_the_gate():
+    # d' (P_i + P_j)^-1 d = d^2 / 200 against 7.78: 39.4 m.
+    assert agrees(0.0, 39.0) == [False, True]
+    assert agrees(0.0, 40.0) == [False, False]
+    assert agrees(5.0, 500.0, 0.0) == [False, False, True]
+    assert agrees(0.0) == [False]
+
+
+def test_tracks_with_plots_of_their_own_are_two_targets():
+    assert agrees(0.0, 10.0, plots=(3, 4)) == [False, False]
+    assert agrees(0.0, 10.0, plots=(3, 3)) == [False, True]
+    assert agrees(0.0, 10.0, plots=(3, NO_HIT)) == [False, True]
+
+
+def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
+    """Starts at positions, at rest, with errors of 2 m and 1 m/s."""
+    covariance = np.diag([4.0, 1.0, 4.0, 1.0])
+    return TrackArrays.of(
+        [
+            ConfirmedTrack(place, 7.0, np.array([x, 0.0, y, 0.0]), covariance, hits, 0.0)
+            for place, (x, y) in enumerate(rows)
+        ]
+    )
+
+
+def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
+    starts = starts_at((0.0, 0.0))
+    two, one = {(5, 0): 9, (6, 0): 9}, {(5, 0): 9}
+    assert merging.own_starts(starts, two, frozenset()).tolist() == [9]
+    assert merging.own_starts(starts, one, frozenset()).tolist() == [-1]
+    assert merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
+    twice = starts.joined(starts)
+    assert merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+
+
+def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
+    starts = starts_at((0.0, 0.0))
+    others = tuple((k, 9) for k in range(len(starts.hits[0]) - 1))
+    most = replace(starts, hits=[(*starts.hits[0][:-1], (99, 0))], track_id=np.array([4]))
+    few = replace(starts, hits=[(starts.hits[0][0], *others)], track_id=np.array([5]))
+    assert merging.published_owners(starts, few.joined(most)).tolist() == [4]
+    assert merging.published_owners(starts, few).tolist() == [-1]
+
+
+def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own():
+    of, none = Hypotheses.none(3), NO_HIT
+    hypotheses = replace(
+        of,
+        hits=np.array([[1, 2, none], [1, 3, none], [2, none, none]]),
+        hit_count=np.array([2, 2, 1]),
+        score_given_held=np.array([6.0, 6.0, -1.0]),
+    )
+    start = Start(
+        np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
+    )
+    given = merging.given_starts(hypotheses, [start])
+    np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
+
+
+def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continued_once():
+    starts = starts_at((1.0, 0.0), (0.0, 0.0))
+    lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
+    existence = np.array([0.9, 0.9])
+    found = merging.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
+    assert found.tolist() == [4, -1]
+    found = merging.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
+    assert found.tolist() == [-1, -1]
+    found = merging.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
+    assert found.tolist() == [4, -1], "its own hits do not count"
+
+
+def test_continuations_by_a_bound_are_those_of_all_pairs():
+    # And each pair that cannot be is left out before anything is solved: 0.7 s at 1000 x 1000.
+    rng = np.random.default_rng(4)
+    places = rng.uniform(-300.0, 300.0, (40, 2))
+    lost = starts_at(*map(tuple, places)).numbered(np.arange(40))
+    starts = starts_at(*map(tuple, places[:20] + rng.normal(0.0, 6.0, (20, 2))))
+    existence, births = rng.uniform(0.05, 0.9, 40), 1e-5
+    free, expected = set(range(40)), []
+    for one in starts:
+        ratios = {
+            k: existence[k]
+            * multivariate_normal(lost.state[k], one.covariance + lost.covariance[k]).pdf(one.state)
+            for k in free
+        }
+        best = max(ratios, key=ratios.__getitem__)
+        expected.append(best if ratios[best] > births else -1)
+        free.discard(expected[-1])
+    assert 3 < expected.count(-1) < 20
+    assert merging.continued(starts, lost, existence, {}, births).tolist() == expected
+
+
+@pytest.mark.parametrize("max_gated", [10_000, 1], ids=["all gated", "few gated"])
+@pytest.mark.parametrize("seed", range(5))
+def test_residual_detections_are_those_in_no_gate(monkeypatch, seed, max_gated):
+    # Also where a limit leaves most of the gated ones out: they are not free to start tracks.
+    monkeypatch.setattr(splitting, "MAX_GATED", max_gated)
+    rng = np.random.default_rng(seed)
+    last = detections(rng.uniform(-1000, 1000, (30, 2)), 0.0, variance=1.0)
+    last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
+    found = detections(rng.uniform(-1000, 1000, (200, 2)), 6.0)
+    gated = gate(last, found, 10.0, 0.9)
+    radius = 60.0 + gate_factor(0.9) * last["major_sigma"]
+    distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
+    expected = np.flatnonzero((distance > radius).all(axis=1))
+    assert 20 < len(expected) < 180
+    assert residual(gated).tolist() == expected.tolist()
+    unused = set(range(200)) - set(expected) - set(gated.detection.tolist())
+    assert left_out(gated).tolist() == sorted(unused)
+    assert (len(unused) > 0) == (max_gated == 1)
+
+
+def random_split(seed: int, ties: bool):
+    rng = np.random.default_rng([4, seed])
+    counts = rng.integers(0, 6, 30)
+    start = np.concatenate([[0], np.cumsum(counts)])
+    gated = Gated(start, rng.integers(0, 50, start[-1]), np.zeros(50, bool))
+    gates = rng.integers(0, 30, 80)
+    prices = rng.integers(0, 8, (80, 50)) if ties else rng.random((80, 50))
+    return gates, gated, lambda parent, detection: prices[parent, detection].astype(float)
+
+
+@pytest.mark.parametrize("block", [1, 7, 64, 1_000_000])
+@pytest.mark.parametrize("ties", [False, True], ids=["distinct", "ties"])
+@pytest.mark.parametrize("limit", [1, 10, 100])
+def test_split_within_keeps_exactly_the_best_children(monkeypatch, block, ties, limit):
+    monkeypatch.setattr(splitting, "SPLIT_BLOCK", block)
+    gates, gated, cost = random_split(limit, ties)
+    everyone = children(gates, gated)
+    best = np.sort(np.argsort(cost(*everyone), kind="stable")[:limit])
+    parent, detection, cut = split_paths(gates, gated, limit, cost)
+    assert parent.tolist() == everyone[0][best].tolist()
+    assert detection.tolist() == everyone[1][best].tolist()
+    assert cut == len(everyone[0]) - limit
+
+
+def test_numbers_stop_before_they_overflow():
+    n = 1000
+    gated = Gated(np.arange(n + 1) * n, np.tile(np.arange(n), n), np.ones(n, bool))
+    counts = PathCounts.of(np.arange(n), np.ones(n, np.int64), np.zeros(n, np.int64))
+    for _ in range(8):
+        counts = counts.children(np.arange(n), gated, np.arange(n))
+    assert counts.number.tolist() == [MAX_COUNT] * n
+    assert 0 < counts.total < 2**63
