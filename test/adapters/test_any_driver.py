@@ -2,11 +2,14 @@
 
 import dataclasses
 import math
+import pickle
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import Point, Pose, Vector3
+from std_msgs.msg import String
 from support import foreign_messages
 from support.driver_messages import MAKERS, echoes_of
 
@@ -15,11 +18,14 @@ from msg_adapters import (
     laser_scan_detections,
     make_header,
     message_class,
+    ping,
     read_detections,
     supported_types,
     write_detections,
 )
+from msg_adapters.ping import good_detections
 from msg_adapters.point_cloud_detections import NO_TIMES
+from msg_adapters.stamps import time_to_ns
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
@@ -142,37 +148,28 @@ def test_features_are_written_where_the_type_has_a_place_for_them(type_name):
             assert np.isnan(found.scan.features.get(name, np.nan)).all()
 
 
+def written(name: str, range_: list[float], azimuth: list[float], sound_speed: float) -> Any:
+    scan = scan_of(np.array(range_), np.array(azimuth))
+    return write_detections(name, header_at(START), scan, sound_speed=sound_speed)
+
+
 @pytest.mark.usefixtures("_installed")
 @pytest.mark.parametrize("name", ["SonarDetections", "SonarRanges"])
 def test_sonar_messages_cannot_be_written_without_a_sound_speed(name):
     with pytest.raises(ValueError, match="sound_speed"):
-        write_detections(
-            f"marine_acoustic_msgs/msg/{name}",
-            header_at(START),
-            scan_of(np.ones(1), np.ones(1)),
-            sound_speed=0.0,
-        )
+        written(f"marine_acoustic_msgs/msg/{name}", [1.0], [1.0], 0.0)
 
 
 @pytest.mark.usefixtures("_installed")
 def test_travel_times_are_written_for_what_is_ahead_only():
-    message = write_detections(
-        "marine_acoustic_msgs/msg/SonarDetections",
-        header_at(START),
-        scan_of(np.array([100.0, 200.0, 300.0]), np.array([0.5, 3.0, -0.5 + 2 * math.pi])),
-        sound_speed=1500.0,
-    )
-    found = read_detections(message)
+    azimuth = [0.5, 3.0, -0.5 + 2 * math.pi]
+    name = "marine_acoustic_msgs/msg/SonarDetections"
+    found = read_detections(written(name, [100.0, 200.0, 300.0], azimuth, 1500.0))
     np.testing.assert_allclose(found.scan.azimuth, [0.5, -0.5], atol=1e-6)
 
 
 def test_detections_on_one_ray_are_written_beside_each_other():
-    message = write_detections(
-        "sensor_msgs/msg/LaserScan",
-        header_at(START),
-        scan_of(np.array([100.0, 200.0, 300.0]), np.array([0.5, 0.5, math.pi])),
-        sound_speed=0.0,
-    )
+    message = written("sensor_msgs/msg/LaserScan", [100.0, 200.0, 300.0], [0.5, 0.5, math.pi], 0.0)
     found = read_detections(message)
     np.testing.assert_array_equal(np.sort(found.scan.range), [100.0, 200.0, 300.0])
 
@@ -255,3 +252,58 @@ def test_nothing_that_arrives_is_worse_than_refused(type_name):
         outcomes |= {"good"} if len(found) else set()
     assert len(outcomes) > 3, outcomes
     assert "good" in outcomes
+
+
+@pytest.fixture
+def _other_registry():
+    before = dict(ping.adapters)
+    yield
+    ping.adapters.clear()
+    ping.adapters.update(before)
+
+
+def test_an_unknown_type_is_refused_with_the_known_ones_by_an_error_that_survives_pickling():
+    with pytest.raises(MessageError) as error:
+        read_detections(String())
+    assert error.value.reason == "unknown_type"
+    assert "'std_msgs/msg/String' is not supported" in str(error.value)
+    assert "sensor_msgs/msg/PointCloud2" in str(error.value)
+    error = pickle.loads(pickle.dumps(MessageError("short_data", "data is short")))
+    assert (error.reason, str(error)) == ("short_data", "data is short")
+
+
+@pytest.mark.parametrize("name", ["sensor_msgs/msg/Image", "PointCloud2", "os/system", ""])
+def test_the_class_of_an_unknown_type_is_refused_with_the_known_ones(name):
+    with pytest.raises(
+        MessageError, match=r"supported types are .*sensor_msgs/msg/PointCloud2"
+    ) as error:
+        message_class(name)
+    assert error.value.reason == "unknown_type"
+
+
+@pytest.mark.usefixtures("_other_registry")
+def test_a_later_adapter_needs_one_registration_and_no_installed_package():
+    @ping.register("sonar_msgs/msg/Ping")
+    def read_ping(message, options):
+        angle = np.array(message.bearings) * (-1.0 if options.bearing_reference == "bow" else 1.0)
+        return good_detections(
+            time_to_ns(message.header.stamp),
+            message.header.frame_id,
+            options,
+            range=np.array(message.ranges),
+            azimuth=angle,
+        )
+
+    class Ping(SimpleNamespace):
+        __msgtype__ = "sonar_msgs/msg/Ping"
+
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=3, nanosec=5), frame_id="sonar")
+    message = Ping(header=header, ranges=[10.0, -1.0, 30.0], bearings=[1.0, 2.0, 3.0])
+    assert "sonar_msgs/msg/Ping" in supported_types()
+    found = read_detections(message)
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (3_000_000_005, "sonar")
+    np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -3.0])
+    np.testing.assert_array_equal(found.index, [0, 2])
+    np.testing.assert_array_equal(
+        read_detections(message, bearing_reference="north").scan.azimuth, [1, 3]
+    )

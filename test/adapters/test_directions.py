@@ -183,31 +183,12 @@ def test_every_type_with_elevation_is_placed_by_the_full_attitude(type_name, att
     np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
-@pytest.mark.parametrize("angle", ["azimuth", "bearing"])
-def test_a_cloud_s_elevation_goes_with_the_slant_range(angle):
-    rotation = Rotation.from_euler("ZYX", ATTITUDES["both"])
-    sign = 1.0 if angle == "azimuth" else -1.0
-    rows = [(e.range / math.cos(e.elevation), sign * e.azimuth, e.elevation) for e in ECHOES]
-    found = place(raw_cloud([("range", "d"), (angle, "d"), ("elevation", "d")], rows), rotation)
-    expected = [
-        VESSEL
-        + rotation.apply(
-            e.range * np.array([math.cos(e.azimuth), math.sin(e.azimuth), math.tan(e.elevation)])
-        )[:2]
-        for e in ECHOES
-    ]
-    np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-def test_a_laser_scan_is_in_the_plane_of_its_frame():
+def test_a_laser_scan_is_in_its_frame_s_plane_and_bearings_from_north_are_level():
     rotation = Rotation.from_euler("ZYX", ATTITUDES["both"])
     for quarter, (x, y) in {"ahead": (1, 0), "port": (0, 1), "starboard": (0, -1)}.items():
         (found,) = place(laser_scan(QUARTERS[quarter], 0.0), rotation)
         expected = VESSEL + RANGE * rotation.apply([x, y, 0.0])[:2]
         np.testing.assert_allclose(found, expected, atol=1e-3)
-
-
-def test_bearings_from_north_take_neither_heading_nor_tilt():
     rotation = Rotation.from_euler("ZYX", ATTITUDES["both"])
     (found,) = place(north_cloud(0.0, 90.0), rotation, reference="north")
     np.testing.assert_allclose(found, VESSEL + np.array([RANGE, 0.0]), atol=1e-9)

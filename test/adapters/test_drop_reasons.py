@@ -104,26 +104,13 @@ def test_the_operating_page_has_every_reason_with_its_remedy():
         assert f"| {reason.lost} | {reason.remedy} |" in page
 
 
-LEVELS = {
-    Level.OK: DiagnosticStatus.OK,
-    Level.WARN: DiagnosticStatus.WARN,
-    Level.ERROR: DiagnosticStatus.ERROR,
-    Level.STALE: DiagnosticStatus.STALE,
-}
-
-
-@pytest.mark.parametrize("level", Level)
-def test_levels_are_those_of_the_message(level, over_the_wire):
-    [status] = over_the_wire(diagnostics(0, "node", [Status("task", level, "said", {})])).status
-    assert status.level == LEVELS[level]
-    assert (status.name, status.message) == ("node: task", "said")
-
-
-def test_statuses_and_values_keep_their_order_and_floats_have_six_digits(over_the_wire):
+def test_health_is_a_message_of_its_levels_in_order_with_floats_of_six_digits(over_the_wire):
     values = {"b": 1 / 3, "a": 7, "c": "text", "d": float("nan")}
-    statuses = [Status("two", Level.OK, "", values), Status("one", Level.OK, "", {})]
+    statuses = [Status(level.name, level, "said", values) for level in Level]
     message = over_the_wire(diagnostics(1_700_000_000_123_456_789, "node", statuses))
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
-    assert [status.name for status in message.status] == ["node: two", "node: one"]
+    assert [(one.name, one.level, one.message) for one in message.status] == [
+        (f"node: {level.name}", getattr(DiagnosticStatus, level.name), "said") for level in Level
+    ]
     found = [(value.key, value.value) for value in message.status[0].values]
     assert found == [("b", "0.333333"), ("a", "7"), ("c", "text"), ("d", "nan")]

@@ -76,7 +76,9 @@ def _each(names: str, offsets: str) -> list[str]:
     return given if len(given) > 1 else given * len(names.split(","))
 
 
-def test_odometry_gives_the_same_state_and_loses_what_is_between(make_track, over_the_wire):
+def test_odometry_gives_the_state_without_what_is_between_and_twice_its_blocks_are_safe(
+    make_track, over_the_wire
+):
     track = make_track()
     message = over_the_wire(track_odometry(make_header(STAMP, "odom"), track))
     state, covariance = run_page()["filter_start"](message)
@@ -84,11 +86,6 @@ def test_odometry_gives_the_same_state_and_loses_what_is_between(make_track, ove
     between = np.add.outer(np.arange(4), np.arange(4)) % 2 == 1
     assert (track.covariance[between] != 0.0).all()
     np.testing.assert_array_equal(covariance, np.where(between, 0.0, track.covariance))
-
-
-def test_twice_the_blocks_are_safe(make_track, over_the_wire):
-    track = make_track()
-    message = over_the_wire(track_odometry(make_header(STAMP, "odom"), track))
     _, covariance = run_page()["filter_start"](message)
     assert np.linalg.eigvalsh(2.0 * covariance - track.covariance).min() > 0.0
     assert np.linalg.eigvalsh(covariance - track.covariance).min() < 0.0

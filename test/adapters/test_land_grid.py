@@ -9,20 +9,16 @@ import pytest
 from msg_adapters import MessageError, read_land
 
 
-def grid(width=3, height=2, data=(0, 100, -1, 49, 50, 7), resolution=2.0, x=10.0, y=20.0, q=None):
+def grid(width=3, height=2, data=(0, 100, -1, 49, 50, 7), x=10.0, y=20.0, q=(0, 0, 0, 1), **more):
     """A grid with the fields of the message."""
-    orientation = dict(zip("xyzw", q or (0.0, 0.0, 0.0, 1.0), strict=True))
+    origin = SimpleNamespace(
+        position=SimpleNamespace(x=x, y=y, z=0.0),
+        orientation=SimpleNamespace(**dict(zip("xyzw", q, strict=True))),
+    )
+    info = {"resolution": more.get("resolution", 2.0), "width": width, "height": height}
     return SimpleNamespace(
-        header=SimpleNamespace(frame_id="odom"),
-        info=SimpleNamespace(
-            resolution=resolution,
-            width=width,
-            height=height,
-            origin=SimpleNamespace(
-                position=SimpleNamespace(x=x, y=y, z=0.0),
-                orientation=SimpleNamespace(**orientation),
-            ),
-        ),
+        header=SimpleNamespace(frame_id=more.get("frame", "odom")),
+        info=SimpleNamespace(origin=origin, **info),
         data=np.array(data, np.int8),
     )
 
@@ -34,14 +30,20 @@ def test_rows_go_along_x_and_unknown_is_no_land():
     assert mask.cells == 2
 
 
+QUARTER_TURN = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+
+
 def test_the_origin_may_be_turned():
-    mask = read_land(grid(q=(0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))))
+    mask = read_land(grid(q=QUARTER_TURN))
     assert mask.origin == pytest.approx((10.0, 20.0, math.pi / 2))
-    assert mask.covers(np.array([[9.0, 23.0], [7.0, 23.0], [9.0, 21.0]])).tolist() == [
-        True,
-        True,
-        False,
-    ]
+    covered = mask.covers(np.array([[9.0, 23.0], [7.0, 23.0], [9.0, 21.0]]))
+    assert covered.tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(("turn", "centre"), [({}, (13.0, 25.0)), ({"q": QUARTER_TURN}, (15, 17))])
+def test_land_of_a_ned_frame_has_rows_along_north(turn, centre):
+    mask = read_land(grid(data=(0, 0, 0, 0, 0, 100), x=20.0, y=10.0, frame="map_ned", **turn))
+    assert mask.cells == 1 and mask.covers(np.array([centre])).all()
 
 
 @pytest.mark.parametrize(("width", "height"), [(0, 0), (0, 5), (5, 0)])

@@ -22,24 +22,9 @@ def fan(ranges, **more):
     return scan
 
 
-def test_rays_are_counted_from_angle_min_counter_clockwise(over_the_wire):
-    found = read_detections(over_the_wire(fan([20.0, 30.0, 40.0])))
-    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (
-        1_700_000_000_123_456_789,
-        "sonar",
-    )
-    np.testing.assert_array_equal(found.scan.range, [20.0, 30.0, 40.0])
-    np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -0.5, 0.0])
-    assert found.scan.time_offset is found.sensor_scan.transmit_offset is None
-    assert (found.scan.features, found.dropped, found.sensor_scan.axes) == ({}, {}, "body")
-
-
-def test_a_fan_may_turn_clockwise():
+def test_a_fan_may_turn_clockwise_and_its_angle_does_not_drift_along_the_rays():
     found = read_detections(fan([20.0, 30.0], angle_increment=-0.25))
     np.testing.assert_array_equal(found.scan.azimuth, [-1.0, -1.25])
-
-
-def test_the_angle_does_not_drift_along_the_rays():
     ranges = np.linspace(20.0, 90.0, 3600, dtype=np.float32)
     scan = fan(ranges, angle_min=-math.pi, angle_increment=math.pi / 1800)
     found = read_detections(scan)
@@ -79,25 +64,13 @@ def test_the_least_range_itself_is_good_and_the_largest_is_no_return():
     assert found.sensor_scan.facts.no_return == {"at or just below range_max": 1}
 
 
-def test_every_ray_has_its_own_time():
-    found = read_detections(fan([20.0, INF, 40.0], time_increment=0.125))
-    np.testing.assert_array_equal(found.scan.time_offset, [0.0, 0.25])
-    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, found.scan.time_offset)
-
-
 def test_an_echo_is_of_its_ray_s_time_and_its_travel():
     # By hand: ray 2 leaves at 0.25 s, and 3000 m at 1500 m/s are 2 s on the way there.
-    found = read_detections(
-        fan([1500.0, INF, 3000.0], range_max=9e3, time_increment=0.125), sound_speed=1500.0
-    )
-    np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.0, 0.25])
-    np.testing.assert_array_equal(found.scan.time_offset, [1.0, 2.25])
-
-
-def test_echoes_of_one_ping_are_of_their_travel():
-    found = read_detections(fan([1500.0, 3000.0], range_max=9e3), sound_speed=1500.0)
-    assert found.sensor_scan.transmit_offset is None
-    np.testing.assert_array_equal(found.scan.time_offset, [1.0, 2.0])
+    scan = fan([1500.0, INF, 3000.0], range_max=9e3, time_increment=0.125)
+    for speed, times in ((0.0, [0.0, 0.25]), (1500.0, [1.0, 2.25])):
+        found = read_detections(scan, sound_speed=speed)
+        np.testing.assert_array_equal(found.sensor_scan.transmit_offset, [0.0, 0.25])
+        np.testing.assert_array_equal(found.scan.time_offset, times)
 
 
 @pytest.mark.parametrize(
@@ -110,8 +83,9 @@ def test_echoes_of_one_ping_are_of_their_travel():
     ],
 )
 def test_echoes_without_a_travel_time_are_said(time_increment, sound_speed, said):
-    scan = fan([20.0], time_increment=time_increment)
-    assert read_detections(scan, sound_speed=sound_speed).assumptions == said
+    found = read_detections(fan([20.0], time_increment=time_increment), sound_speed=sound_speed)
+    assert found.assumptions == said
+    assert (found.sensor_scan.transmit_offset is None) == (time_increment == 0.0)
 
 
 def test_intensities_of_another_number_are_not_used_and_said():
@@ -142,16 +116,13 @@ def test_limits_that_are_no_numbers_leave_nothing_out():
     assert len(read_detections(fan([20.0, 3000.0], range_min=NAN, range_max=NAN))) == 2
 
 
-def test_neighbouring_rays_on_one_hull_are_of_one_group():
+def test_rays_on_one_hull_are_of_one_group_by_their_step_and_the_sensor_s_noise():
     ranges = [20.0, 20.2, 20.4, 60.0, INF, 60.1, 60.2, -INF, 60.3]
     group = read_detections(fan(ranges, angle_increment=0.0125)).scan.group
     assert [int(np.flatnonzero(group == one)[0]) for one in group] == [0, 0, 0, 3, 4, 4, 6]
     coarse = read_detections(fan([20.0, 20.1, 20.2])).scan.group
     assert len(set(coarse.tolist())) == 3
     assert len(read_detections(fan([])).scan.group) == 0
-
-
-def test_rays_that_differ_by_the_sensor_s_noise_are_of_one_group():
     noisy = fan([20.0, 20.6, 19.7, 20.4], angle_increment=0.0125)
     sensor = SensorModel(range_std=0.2, range_std_fraction=0.0)
     assert len(set(read_detections(noisy).scan.group.tolist())) == 2

@@ -4,24 +4,17 @@ Positions are worked out on the chart, in east and north; SciPy gives the rotati
 """
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import LaserScan
-from support.foreign_messages import (
-    BoundingBox3D,
-    Detection3D,
-    Detection3DArray,
-    RadarReturn,
-    RadarScan,
-)
+from support import foreign_messages as foreign
 from support.raw_cloud import raw_cloud
 from support.registered import places
 
-from msg_adapters import MessageError, make_header, read_detections, read_land, read_own_ship
+from msg_adapters import MessageError, make_header, read_detections, read_own_ship
 from tsepm_ros.own_ship.attitude import stated_axes, without_suffix
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.session import Session
@@ -65,10 +58,10 @@ def cloud(frame, x, y, z):
 
 
 def boxes(frame, x, y, z):
-    one = Detection3D(bbox=BoundingBox3D())
+    one = foreign.Detection3D(bbox=foreign.BoundingBox3D())
     at = one.bbox.center.position
     at.x, at.y, at.z = x, y, z
-    return Detection3DArray(header=make_header(STAMP_NS, frame), detections=[one])
+    return foreign.Detection3DArray(header=make_header(STAMP_NS, frame), detections=[one])
 
 
 def laser_scan(frame, x, y, z):
@@ -79,10 +72,10 @@ def laser_scan(frame, x, y, z):
 
 
 def radar_scan(frame, x, y, z):
-    echo = RadarReturn()
+    echo = foreign.RadarReturn()
     echo.range, echo.azimuth = math.sqrt(x * x + y * y + z * z), math.atan2(y, x)
     echo.elevation = math.atan2(z, math.hypot(x, y))
-    return RadarScan(header=make_header(STAMP_NS, frame), returns=[echo])
+    return foreign.RadarScan(header=make_header(STAMP_NS, frame), returns=[echo])
 
 
 MAKERS = {make.__name__: make for make in (cloud, boxes, laser_scan, radar_scan)}
@@ -100,20 +93,17 @@ def test_a_place_is_ahead_and_to_port_in_whatever_axes_it_is_given(make, frame):
     found = read_detections(message).sensor_scan
     np.testing.assert_allclose(found.scan.range, [math.hypot(AHEAD, PORT)], rtol=1e-6)
     np.testing.assert_allclose(found.scan.azimuth, [math.atan2(PORT, AHEAD)], rtol=1e-5)
-    if make != "laser_scan":
-        np.testing.assert_allclose(found.height, [UP], rtol=1e-3)
     if make == "laser_scan":
         assert found.beams.middle == pytest.approx(math.atan2(PORT, AHEAD), rel=1e-5)
+    else:
+        np.testing.assert_allclose(found.height, [UP], rtol=1e-3)
     assert found.axes == stated_axes(frame)
 
 
-def test_a_flat_cloud_in_an_optical_frame_is_refused():
+def test_angles_keep_their_sense_in_other_axes_and_a_flat_cloud_in_an_optical_frame_is_refused():
     flat = raw_cloud([("x", "f"), ("y", "f")], [(1.0, 2.0)], frame_id="camera_optical_frame")
     with pytest.raises(MessageError, match="'z' is needed"):
         read_detections(flat)
-
-
-def test_azimuth_and_bearing_keep_their_sense_in_other_axes_and_that_is_said():
     for angle, value in (("azimuth", 0.5), ("bearing", -0.5)):
         message = raw_cloud([("range", "d"), (angle, "d")], [(900.0, value)], frame_id="sonar_frd")
         found = read_detections(message, sound_speed=1500.0)
@@ -181,6 +171,14 @@ def test_odometry_in_an_optical_frame_is_refused_with_the_remedy():
         SessionOptions(fixed_frame="map_optical")
 
 
+LEVEL = Rotation.identity()
+
+
+def poses(attitude=LEVEL, *, ned=False, **frames):
+    """Odometry of a vessel that stands still, with axes of its own and the frame's as told."""
+    return [odometry(attitude, ned=ned, frd=ned, stamp=at, **frames) for at in (-1.0, 20.0)]
+
+
 def placed(message, own_ship, *, reference="bow", mounting=None, **options):
     """The session's result for a message, its positions on the chart, and what was said."""
     said: dict[str, str] = {}
@@ -196,11 +194,9 @@ def placed(message, own_ship, *, reference="bow", mounting=None, **options):
 
 
 def test_bearings_from_north_and_tracks_of_a_ned_frame_count_from_its_x_axis():
-    """A bearing of 30 degrees from north, and the frame's own axes at the output."""
-    poses = [odometry(Rotation.identity(), ned=True, frd=True, stamp=at) for at in (-1.0, 20.0)]
     bearing = math.radians(30.0)
     message = raw_cloud([("range", "d"), ("bearing", "d")], [(1000.0, bearing)])
-    result, (at,), said = placed(message, poses, reference="north")
+    result, (at,), said = placed(message, poses(ned=True), reference="north")
     np.testing.assert_allclose(at, VESSEL + np.array([500.0, 1000.0 * math.cos(bearing)]))
     assert result.frame_id == "odom_ned"
     assert "x north and y east" in said["fixed_frame"]
@@ -219,10 +215,9 @@ def test_a_sensor_at_rest_with_other_axes_has_its_tracks_in_a_frame_that_is_said
 
 
 def test_a_mounting_is_to_port_and_counter_clockwise_in_a_frame_with_z_down_and_that_is_said():
-    attitude = Rotation.from_euler("z", math.pi / 2)  # heads north
-    poses = [odometry(attitude, ned=True, frd=True, stamp=at) for at in (-1.0, 20.0)]
+    given = poses(Rotation.from_euler("z", math.pi / 2), ned=True)  # heads north
     message = cloud("sonar", 900.0, 0.0, 0.0)
-    _, (at,), said = placed(message, poses, mounting=Mounting(y=5.0, yaw=math.pi / 2))
+    _, (at,), said = placed(message, given, mounting=Mounting(y=5.0, yaw=math.pi / 2))
     np.testing.assert_allclose(at, VESSEL + np.array([-905.0, 0.0]), atol=1e-4)
     assert "to port" in said["mounting"] and "base_link_frd" in said["mounting"]
 
@@ -231,53 +226,20 @@ def test_a_mounting_is_to_port_and_counter_clockwise_in_a_frame_with_z_down_and_
 @pytest.mark.parametrize("yaw", [0.0, 1.2])
 def test_a_sonar_that_hangs_upside_down_has_a_mounting_roll(angles, yaw):
     attitude = Rotation.from_euler("ZYX", angles)
-    poses = [odometry(attitude, ned=False, frd=False, stamp=at) for at in (-1.0, 20.0)]
     mounting = Mounting(yaw=yaw, roll=math.pi)
-    _, (at,), said = placed(cloud("sonar", AHEAD, PORT, UP), poses, mounting=mounting)
+    _, (at,), said = placed(cloud("sonar", AHEAD, PORT, UP), poses(attitude), mounting=mounting)
     mounted = attitude * Rotation.from_euler("ZYX", (yaw, 0.0, math.pi))
     np.testing.assert_allclose(at, VESSEL + mounted.apply([AHEAD, PORT, UP])[:2], rtol=1e-5)
     assert said == {} or "mounting" not in said
 
 
-def test_frames_that_differ_by_their_axes_alone_coincide():
-    poses = [
-        odometry(Rotation.identity(), ned=True, frd=True, child="sonar_frd", stamp=at)
-        for at in (-1.0, 20.0)
-    ]
-    _, _, said = placed(cloud("/sonar", 900.0, 0.0, 0.0), poses)
+def test_frames_that_differ_by_axes_or_a_leading_slash_alone_coincide():
+    _, _, said = placed(cloud("/sonar", 900.0, 0.0, 0.0), poses(ned=True, child="sonar_frd"))
     assert "mounting" not in said
-
-
-def test_a_leading_slash_is_no_part_of_a_name():
-    poses = [
-        odometry(Rotation.identity(), ned=False, frd=False, frame="/odom", child="/sonar", stamp=at)
-        for at in (-1.0, 20.0)
-    ]
-    result, _, said = placed(
-        cloud("/sonar", 900.0, 0.0, 0.0), poses, fixed_frame="odom", sensor_frame="/sonar"
-    )
-    assert (result.frame_id, said) == ("odom", {})
-    result, _, _ = placed(cloud("sonar", 900.0, 0.0, 0.0), poses, fixed_frame="/odom")
-    assert result.frame_id == "odom"
-
-
-def test_land_of_a_ned_frame_has_rows_along_north():
-    """Cell (column 2 north, row 1 east) of a grid at north 20, east 10, turned by 90 degrees."""
-    for yaw, centre in ((0.0, (13.0, 25.0)), (math.pi / 2, (15.0, 17.0))):
-        message = SimpleNamespace(
-            header=SimpleNamespace(frame_id="map_ned"),
-            info=SimpleNamespace(
-                resolution=2.0,
-                width=3,
-                height=2,
-                origin=SimpleNamespace(
-                    position=SimpleNamespace(x=20.0, y=10.0, z=0.0),
-                    orientation=SimpleNamespace(
-                        x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2)
-                    ),
-                ),
-            ),
-            data=np.array([0, 0, 0, 0, 0, 100], np.int8),
-        )
-        mask = read_land(message)
-        assert mask.cells == 1 and mask.covers(np.array([centre])).all(), yaw
+    given = poses(frame="/odom", child="/sonar")
+    for name, frames in (
+        ("/sonar", {"fixed_frame": "odom", "sensor_frame": "/sonar"}),
+        ("sonar", {"fixed_frame": "/odom"}),
+    ):
+        result, _, said = placed(cloud(name, 900.0, 0.0, 0.0), given, **frames)
+        assert (result.frame_id, said) == ("odom", {})

@@ -1,4 +1,4 @@
-"""Detections in PointCloud2: every form, every bad one, and the times of echoes."""
+"""Detections in PointCloud2, written and read: every form and bad one, and times of echoes."""
 
 import math
 
@@ -6,8 +6,88 @@ import numpy as np
 import pytest
 from support.raw_cloud import raw_cloud
 
-from msg_adapters import MessageError, read_detections
+from msg_adapters import MessageError, detections_cloud, read_detections
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
+
+NAN, INF = math.nan, math.inf
+
+
+def test_built_cloud_gives_back_every_bit(header, over_the_wire):
+    random = np.random.default_rng(2)
+    given = {
+        name: random.uniform(0.1, 3.0, 50)
+        for name in (
+            *("range", "azimuth", "range_std", "azimuth_std", "time_offset"),
+            *("intensity", "range_width", "azimuth_width", "range_rate"),
+        )
+    }
+    found = read_detections(over_the_wire(detections_cloud(header, **given)))
+    assert (found.sensor_scan.stamp_ns, found.sensor_scan.frame_id) == (
+        1_700_000_000_123_456_789,
+        "map",
+    )
+    for name, values in given.items():
+        read = (
+            found.scan.features[name] if name in found.scan.features else getattr(found.scan, name)
+        )
+        np.testing.assert_array_equal(read, values, err_msg=name)
+
+
+def test_built_cloud_gives_back_elevations_and_shows_them(header):
+    cloud = detections_cloud(header, range=[100.0], azimuth=[1.0], elevation=[-0.5])
+    x, y, z = np.frombuffer(cloud.data, np.float32)[:3]
+    level = 100.0 * math.cos(0.5)
+    expected = [level * math.cos(1.0), level * math.sin(1.0), -100.0 * math.sin(0.5)]
+    np.testing.assert_allclose([x, y, z], expected, rtol=1e-6)
+    found = read_detections(cloud)
+    assert (found.scan.range[0], found.sensor_scan.height[0]) == (level, expected[2])
+
+
+@pytest.mark.parametrize("angle", [{"azimuth": [0.0, 1.0]}, {"bearing": [0.0, -1.0]}], ids=list)
+def test_built_cloud_shows_in_rviz(header, angle):
+    cloud = detections_cloud(header, range=[100.0, 200.0], **angle)
+    fields = [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields[:3]]
+    assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]  # 7 is FLOAT32
+    assert len(cloud.data) == cloud.width * cloud.height * cloud.point_step
+    points = np.frombuffer(cloud.data, np.float32).reshape(2, -1)
+    expected = [[100.0, 0.0, 0.0], [200.0 * math.cos(1.0), 200.0 * math.sin(1.0), 0.0]]
+    np.testing.assert_allclose(points[:, :3], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("written", ["north", None])
+def test_a_bearing_that_is_not_known_to_be_from_the_bow_has_no_place_in_the_cloud(header, written):
+    cloud = detections_cloud(header, range=[5.0], bearing=[0.25], bearing_reference=written)
+    assert [field.name for field in cloud.fields] == ["range", "bearing"]
+    assert read_detections(cloud, bearing_reference="north").scan.azimuth[0] == math.pi / 2 - 0.25
+    assert read_detections(cloud).scan.azimuth[0] == -0.25
+
+
+@pytest.mark.filterwarnings("error")
+def test_built_cloud_carries_bad_values_as_they_are(header):
+    cloud = detections_cloud(header, range=[NAN, -1.0, 5.0], azimuth=[1.0, 1.0, INF])
+    assert read_detections(cloud).dropped == {
+        "range_not_finite": 1,
+        "range_not_positive": 1,
+        "azimuth_not_finite": 1,
+    }
+    assert not cloud.is_dense
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({}, "exactly one of azimuth and bearing"),
+        ({"azimuth": [1.0], "bearing": [1.0]}, "exactly one of azimuth"),
+        ({"azimuth": [1.0, 2.0]}, "azimuth must have .* the length of range"),
+        ({"azimuth": 1.0}, "azimuth must have one dimension"),
+        ({"azimuth": [1.0], "depth": [1.0]}, "depth is not a field"),
+        ({"bearing": [1.0], "bearing_reference": "grid"}, "bearing_reference"),
+    ],
+)
+def test_built_cloud_refuses_what_it_cannot_say(header, given, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        detections_cloud(header, range=[1.0], **given)
+
 
 RANGE = [1000.5, 2500.25, 7071.0]
 ANGLE = [0.25, -2.5, 4.75]
@@ -17,28 +97,16 @@ def _rows(*columns):
     return list(zip(*columns, strict=True))
 
 
-@pytest.mark.parametrize(
-    "layout",
-    [
-        pytest.param({}, id="packed"),
-        pytest.param({"gap": 5}, id="padding"),
-        pytest.param({"big_endian": True}, id="big-endian"),
-        pytest.param({"height": 3, "row_padding": 7}, id="organised-row-padding"),
-    ],
-)
 @pytest.mark.parametrize("code", ["f", "d"], ids=["float32", "float64"])
-def test_range_and_azimuth_are_read_in_any_order_and_layout(code, layout):
+def test_range_and_azimuth_are_read_in_any_order_beside_other_fields(code):
     fields = [("label", "H"), ("azimuth", code), ("z", "f"), ("range", code)]
-    found = read_detections(raw_cloud(fields, _rows([1, 2, 3], ANGLE, [9.0] * 3, RANGE), **layout))
-    np.testing.assert_array_equal(found.scan.range, RANGE)
-    np.testing.assert_array_equal(
-        found.scan.azimuth, wrap(ANGLE)
-    )  # every value is exact in float32
+    found = read_detections(raw_cloud(fields, _rows([1, 2, 3], ANGLE, [9.0] * 3, RANGE)))
+    np.testing.assert_array_equal(found.scan.range, RANGE)  # every value is exact in float32
+    np.testing.assert_array_equal(found.scan.azimuth, wrap(ANGLE))
     np.testing.assert_array_equal(found.index, [0, 1, 2])
     assert found.scan.range.dtype == found.scan.azimuth.dtype == np.float64
-    assert not found.sensor_scan.north_referenced
-    assert found.dropped == {}
-    assert len(found) == 3
+    assert (len(found), found.dropped, found.scan.features) == (3, {}, {})
+    assert found.scan.range_std is found.scan.azimuth_std is found.scan.time_offset is None
 
 
 @pytest.mark.parametrize("reference", ["bow", "north"])
@@ -116,12 +184,6 @@ def test_the_first_complete_form_of_a_position_is_used(names, range_, azimuth):
     assert found.scan.azimuth[0] == pytest.approx(azimuth, rel=1e-15)
 
 
-def test_optional_fields_that_are_not_there_are_none():
-    found = read_detections(raw_cloud([("range", "d"), ("azimuth", "d")], [(1.0, 1.0)]))
-    assert found.scan.range_std is found.scan.azimuth_std is found.scan.time_offset is None
-    assert found.scan.features == {}
-
-
 @pytest.mark.parametrize("code", ["B", "H"], ids=["uint8", "uint16"])
 def test_intensity_may_be_an_integer(code):
     fields = [("x", "f"), ("y", "f"), ("intensity", code)]
@@ -129,7 +191,6 @@ def test_intensity_may_be_an_integer(code):
     np.testing.assert_array_equal(found.scan.features["intensity"], [200.0])
 
 
-NAN, INF = math.nan, math.inf
 FIELDS = ("range", "azimuth", "range_std", "azimuth_std", "time_offset", "intensity")
 GOOD = (1000.0, 0.5, 10.0, 0.02, 0.5, 3.0)
 
@@ -271,30 +332,25 @@ def test_an_integer_where_the_unit_matters_is_refused(name):
     assert error.value.reason == "wrong_datatype"
 
 
-def test_a_time_offset_counts_whatever_the_sound_speed_is():
-    fields = [("range", "d"), ("azimuth", "d"), ("time_offset", "d")]
-    cloud = raw_cloud(fields, [(1500.0, 0.1, 0.25), (3000.0, 0.2, 0.0)])
-    found = read_detections(cloud, sound_speed=1000.0)
-    np.testing.assert_array_equal(found.scan.time_offset, [0.25, 0.0])
-    assert found.assumptions == read_detections(cloud).assumptions == ()
-
-
 TRAVEL = [("range", "d"), ("azimuth", "d"), ("two_way_travel_time", "d")]
 
 
-def test_without_a_time_offset_half_of_the_two_way_travel_counts():
-    cloud = raw_cloud(TRAVEL, [(1500.0, 0.1, 2.5), (3000.0, 0.2, 0.0)])
+@pytest.mark.parametrize(
+    ("names", "times", "expected"),
+    [
+        (["time_offset"], [(0.25,), (0.0,)], [0.25, 0.0]),
+        (["two_way_travel_time"], [(2.5,), (0.0,)], [1.25, 0.0]),  # the half of it counts
+        (["two_way_travel_time", "time_offset"], [(2.5, 1.25), (4.0, NAN)], [1.25]),
+    ],
+    ids=str,
+)
+def test_times_of_the_message_count_whatever_the_sound_speed_is(names, times, expected):
+    fields = [(name, "d") for name in ("range", "azimuth", *names)]
+    cloud = raw_cloud(fields, [(1500.0 * (k + 1), 0.1, *one) for k, one in enumerate(times)])
     found = read_detections(cloud, sound_speed=1000.0)
-    np.testing.assert_array_equal(found.scan.time_offset, [1.25, 0.0])
+    np.testing.assert_array_equal(found.scan.time_offset, expected)
+    assert found.dropped == ({"time_offset_not_finite": 1} if len(expected) == 1 else {})
     assert found.assumptions == read_detections(cloud).assumptions == ()
-
-
-def test_a_time_offset_comes_before_a_two_way_travel_time_even_where_it_is_nan():
-    fields = [*TRAVEL, ("time_offset", "d")]
-    cloud = raw_cloud(fields, [(1500.0, 0.1, 2.5, 0.25), (3000.0, 0.2, 4.0, NAN)])
-    found = read_detections(cloud)
-    np.testing.assert_array_equal(found.scan.time_offset, [0.25])
-    assert found.dropped == {"time_offset_not_finite": 1}
 
 
 def test_both_times_tell_when_a_bearing_was_sent():

@@ -9,15 +9,7 @@ import pytest
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Vector3
 from sensor_msgs.msg import Image
-from support.foreign_messages import (
-    PingInfo,
-    ProjectedSonarImage,
-    RadarEcho,
-    RadarSector,
-    RawSonarImage,
-    SonarEcho,
-    SonarImageData,
-)
+from support import foreign_messages as foreign
 
 from msg_adapters import MessageError, make_header
 from msg_adapters.sonar_images import (
@@ -46,7 +38,7 @@ def read(message, sensor=SECTOR, sound_speed=0.0, **layout):
 
 def data(table, kind="u1", big=False):
     form = np.dtype(kind).newbyteorder(">" if big else "<")
-    return SonarImageData(
+    return foreign.SonarImageData(
         is_bigendian=big,
         dtype=DTYPES.index(kind),
         beam_count=4,
@@ -56,9 +48,9 @@ def data(table, kind="u1", big=False):
 
 def projected(table=TABLE.T, speed=1480.0, cells=CELLS, up=0.0, **image):
     directions = [Vector3(x=up, y=-math.sin(a), z=math.cos(a)) for a in BEAMS]
-    return ProjectedSonarImage(
+    return foreign.ProjectedSonarImage(
         header=HEADER,
-        ping_info=PingInfo(sound_speed=speed),
+        ping_info=foreign.PingInfo(sound_speed=speed),
         beam_directions=directions,
         ranges=list(cells),
         image=data(table, **image),
@@ -68,14 +60,14 @@ def projected(table=TABLE.T, speed=1480.0, cells=CELLS, up=0.0, **image):
 def raw(table=TABLE, **fields):
     values = {
         "header": HEADER,
-        "ping_info": PingInfo(sound_speed=1500.0),
+        "ping_info": foreign.PingInfo(sound_speed=1500.0),
         "sample_rate": 750.0,
         "samples_per_beam": 3,
         "sample0": 5,
         "rx_angles": (-BEAMS).tolist(),
         "image": data(table),
     }
-    return RawSonarImage(**(values | fields))
+    return foreign.RawSonarImage(**(values | fields))
 
 
 @pytest.mark.parametrize("kind", DTYPES)
@@ -89,30 +81,26 @@ def test_a_projected_image_has_all_beams_of_each_range_in_any_type(kind, big):
     assert (found.sound_speed, found.is_part, found.assumptions) == (1480.0, False, ())
 
 
-def test_a_driver_that_fills_a_projected_image_beam_by_beam_is_told_by_the_layout():
+def test_a_driver_s_own_order_and_a_cell_at_range_0_are_seen_to():
     np.testing.assert_array_equal(read(projected(TABLE), rows="beams").intensity, TABLE)
+    found = read(raw(sample0=0))
+    assert found.range[0] > 0.0
+    np.testing.assert_array_equal(found.intensity, TABLE[:, 1:])
 
 
-def test_a_raw_image_has_all_samples_of_each_beam_and_ranges_by_its_rate():
-    found = read(raw())
+def test_a_raw_image_has_all_samples_of_each_beam_ranges_by_its_rate_and_delays():
+    found = read(raw(tx_delays=[0.0, 0.1, 0.2, 0.3]))
     np.testing.assert_array_equal(found.intensity, TABLE)
     np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-7)  # angles are to starboard
     np.testing.assert_allclose(found.range, [5.0, 6.0, 7.0])
+    np.testing.assert_allclose(found.time_offset, [0.0, 0.1, 0.2, 0.3], atol=1e-7)
     np.testing.assert_array_equal(read(raw(TABLE.T), rows="ranges").intensity, TABLE)
 
 
-def test_a_raw_image_states_when_each_beam_left():
-    delays = [0.0, 0.1, 0.2, 0.3]
-    np.testing.assert_allclose(read(raw(tx_delays=delays)).time_offset, delays, atol=1e-7)
-
-
-def test_without_a_sound_speed_one_is_assumed_and_said():
-    found = read(raw(ping_info=PingInfo()), sound_speed=1450.0)
+def test_a_sound_speed_that_is_assumed_and_beams_that_look_up_are_said():
+    found = read(raw(ping_info=foreign.PingInfo()), sound_speed=1450.0)
     assert found.range[0] == pytest.approx(5.0 * 1450.0 / 1500.0)
     assert "1450 m/s is used" in found.assumptions[0]
-
-
-def test_beams_that_look_up_are_said():
     assert "not level" in read(projected(up=0.5)).assumptions[0]
 
 
@@ -120,7 +108,11 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_an_assumption_on
     options = make_groups(SONAR_DETECTOR, {})
     drops, said = [], []
     images = ImageInput(options, lambda *why: drops.append(why), said.append)
-    for message in (raw(sample_rate=0.0), raw(ping_info=PingInfo()), raw(ping_info=PingInfo())):
+    for message in (
+        raw(sample_rate=0.0),
+        raw(ping_info=foreign.PingInfo()),
+        raw(ping_info=foreign.PingInfo()),
+    ):
         list(images.take(message))
     [(reason, sentence)] = drops
     assert reason == "bad_geometry" and "sample_rate" in sentence
@@ -132,21 +124,15 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_an_assumption_on
     assert images.detector is not detector
 
 
-def test_a_cell_at_range_0_is_left_out():
-    found = read(raw(sample0=0))
-    assert found.range[0] > 0.0
-    np.testing.assert_array_equal(found.intensity, TABLE[:, 1:])
-
-
-def test_spokes_are_a_part_of_a_turn_each_at_its_own_time():
-    message = RadarSector(
+def test_an_echo_is_one_bearing_and_spokes_are_a_part_of_a_turn_each_at_its_own_time():
+    message = foreign.RadarSector(
         header=HEADER,
         angle_start=1.0,
         angle_increment=-0.01,
         time_increment=Duration(nanosec=2_000_000),
         range_min=0.0,
         range_max=100.0,
-        intensities=[RadarEcho(echoes=row.tolist()) for row in TABLE],
+        intensities=[foreign.RadarEcho(echoes=row.tolist()) for row in TABLE],
     )
     found = read(message)
     np.testing.assert_allclose(found.azimuth, [1.0, 0.99, 0.98, 0.97])
@@ -155,10 +141,7 @@ def test_spokes_are_a_part_of_a_turn_each_at_its_own_time():
     np.testing.assert_allclose(found.time_offset, [0.0, 0.002, 0.004, 0.006])
     assert found.is_part
     np.testing.assert_allclose(read(message, clockwise=True).azimuth, -found.azimuth)
-
-
-def test_an_echo_is_one_bearing():
-    message = SonarEcho(
+    message = foreign.SonarEcho(
         header=HEADER, angle=0.7, range=10, speed_of_sound=1500, intensities=bytes([1, 2, 3, 4, 5])
     )
     found = read(message)
@@ -237,20 +220,24 @@ def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
         (projected(TABLE[:, :2]), "8 bytes; 4 beams of 3 ranges of 1 bytes have 12"),
         (raw(sample_rate=0.0), "sample_rate must be above 0"),
         (raw(tx_delays=[1.0, 2.0]), "tx_delays has 2 values"),
-        (RadarSector(header=HEADER), "equal numbers of echoes"),
+        (foreign.RadarSector(header=HEADER), "equal numbers of echoes"),
         (
-            RadarSector(
-                header=HEADER, intensities=[RadarEcho(echoes=[1.0]), RadarEcho(echoes=[1.0, 2.0])]
+            foreign.RadarSector(
+                header=HEADER,
+                intensities=[foreign.RadarEcho(echoes=[1.0]), foreign.RadarEcho(echoes=[1.0, 2.0])],
             ),
             "equal numbers of echoes",
         ),
-        (SonarEcho(header=HEADER), "must not be empty"),
+        (foreign.SonarEcho(header=HEADER), "must not be empty"),
         (Image(header=HEADER, encoding="bgr8"), "publish the driver's raw image"),
         (Image(header=HEADER, encoding="mono8", height=2, width=3, step=2), "too few"),
         (Vector3(), "is no image"),
         (raw(rx_angles=[math.nan] * 4), "must be finite"),
         (projected(cells=[-1.0, 0.0, 0.0]), "no cell has a range above 0"),
-        (raw(image=SonarImageData(dtype=77, beam_count=4)), "dtype must be from 0 to 9; got 77"),
+        (
+            raw(image=foreign.SonarImageData(dtype=77, beam_count=4)),
+            "dtype must be from 0 to 9; got 77",
+        ),
     ],
 )
 def test_an_impossible_message_is_refused_with_its_cause(message, words):

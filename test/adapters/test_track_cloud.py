@@ -1,4 +1,4 @@
-"""The layout of the track cloud, byte by byte, and its inverse."""
+"""The layouts of the track cloud and of placed detections, byte by byte, and their inverses."""
 
 import math
 import struct
@@ -10,6 +10,9 @@ from support.raw_cloud import DATATYPES, raw_cloud
 from msg_adapters import (
     TRACK_DTYPE,
     MessageError,
+    PlacedDetections,
+    placed_detections_cloud,
+    read_placed_detections,
     read_track_cloud,
     track_cloud,
     track_covariances,
@@ -17,64 +20,23 @@ from msg_adapters import (
     tracker_report,
 )
 from msg_adapters.track_cloud import track_arrays
+from tsepm_ros.tracker.scan import FEATURES
 
 LAYOUT = [
-    ("x", 0, "f"),
-    ("y", 4, "f"),
-    ("z", 8, "f"),
-    ("track_id", 12, "I"),
-    ("state_x", 16, "d"),
-    ("state_vx", 24, "d"),
-    ("state_y", 32, "d"),
-    ("state_vy", 40, "d"),
-    ("cov_00", 48, "d"),
-    ("cov_01", 56, "d"),
-    ("cov_02", 64, "d"),
-    ("cov_03", 72, "d"),
-    ("cov_10", 80, "d"),
-    ("cov_11", 88, "d"),
-    ("cov_12", 96, "d"),
-    ("cov_13", 104, "d"),
-    ("cov_20", 112, "d"),
-    ("cov_21", 120, "d"),
-    ("cov_22", 128, "d"),
-    ("cov_23", 136, "d"),
-    ("cov_30", 144, "d"),
-    ("cov_31", 152, "d"),
-    ("cov_32", 160, "d"),
-    ("cov_33", 168, "d"),
-    ("evaluation", 176, "d"),
-    ("score", 184, "d"),
-    ("hit_count", 192, "H"),
-    ("scan_count", 194, "H"),
-    ("age", 200, "d"),
-    ("stationary_probability", 208, "d"),
-    ("signal_to_clutter_db", 216, "d"),
-    ("revision", 224, "H"),
-    ("existence_probability", 232, "d"),
-    ("time_since_hit", 240, "d"),
+    *(("x", 0, "f"), ("y", 4, "f"), ("z", 8, "f"), ("track_id", 12, "I")),
+    *(("state_x", 16, "d"), ("state_vx", 24, "d"), ("state_y", 32, "d"), ("state_vy", 40, "d")),
+    *((f"cov_{place // 4}{place % 4}", 48 + 8 * place, "d") for place in range(16)),
+    *(("evaluation", 176, "d"), ("score", 184, "d"), ("hit_count", 192, "H")),
+    *(("scan_count", 194, "H"), ("age", 200, "d"), ("stationary_probability", 208, "d")),
+    *(("signal_to_clutter_db", 216, "d"), ("revision", 224, "H")),
+    *(("existence_probability", 232, "d"), ("time_since_hit", 240, "d")),
 ]
 POINT_STEP = 248
 UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
 """No covariance, but it shows rows and columns that were exchanged."""
 
 
-def test_fields_stand_in_the_order_and_at_the_offsets_of_the_contract(header, make_track):
-    cloud = track_cloud(header, [make_track()])
-    assert [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields] == [
-        (name, offset, DATATYPES[code], 1) for name, offset, code in LAYOUT
-    ]
-    assert (cloud.point_step, cloud.row_step, cloud.height, cloud.width) == (
-        POINT_STEP,
-        POINT_STEP,
-        1,
-        1,
-    )
-    assert not cloud.is_bigendian
-    assert all(offset % struct.calcsize(code) == 0 for _, offset, code in LAYOUT)
-
-
-def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
+def test_fields_and_bytes_stand_at_the_offsets_of_the_contract(header, make_track, over_the_wire):
     tracks = [
         make_track(
             covariance=UNSYMMETRIC,
@@ -86,15 +48,22 @@ def test_bytes_are_those_of_the_track(header, make_track, over_the_wire):
         ),
         make_track(track_id=2**32 - 1, score=math.nan),
     ]
-    data = bytes(over_the_wire(track_cloud(header, tracks)).data)
+    cloud = over_the_wire(track_cloud(header, tracks))
+    assert [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields] == [
+        (name, offset, DATATYPES[code], 1) for name, offset, code in LAYOUT
+    ]
+    assert all(offset % struct.calcsize(code) == 0 for _, offset, code in LAYOUT)
+    assert (cloud.point_step, cloud.row_step) == (POINT_STEP, 2 * POINT_STEP)
+    assert (cloud.height, cloud.width, cloud.is_bigendian) == (1, 2, False)
+    assert track_cloud(header, tracks[:1]).is_dense and not cloud.is_dense  # no score is nan
+    data = bytes(cloud.data)
     assert len(data) == 2 * POINT_STEP
     for start, track in zip((0, POINT_STEP), tracks, strict=True):
         found = [
             struct.unpack_from("<" + code, data, start + offset)[0] for _, offset, code in LAYOUT
         ]
         expected = [track.state[0], track.state[2], 0.0, track.track_id, *track.state]
-        expected += [track.covariance[row, column] for row in range(4) for column in range(4)]
-        expected += [track.evaluation, track.score, 5, 7, 72.0]
+        expected += [*track.covariance.ravel(), track.evaluation, track.score, 5, 7, 72.0]
         expected += [track.stationary_probability, track.signal_to_clutter_db, track.revision]
         expected += [track.existence_probability, track.time_since_hit]
         np.testing.assert_array_equal(found, expected)
@@ -133,15 +102,6 @@ def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
     np.testing.assert_array_equal(records["y"], [np.float32(track.state[2]) for track in tracks])
 
 
-def test_reading_takes_the_layout_from_the_message():
-    names = [(name, code) for name, _, code in reversed(LAYOUT)]
-    row = [float(place) if code in "fd" else place for place, (_, code) in enumerate(names)]
-    cloud = raw_cloud([("extra", "B"), *names], [[9, *row]], big_endian=True, gap=1)
-    records = read_track_cloud(cloud)
-    for place, (name, _) in enumerate(names):
-        assert records[name][0] == place, name
-
-
 EARLIER = {
     "stationary_probability": math.nan,
     "signal_to_clutter_db": math.nan,
@@ -174,11 +134,6 @@ def test_counts_saturate(header, make_track, count, written):
 def test_an_id_that_does_not_fit_is_refused(header, make_track, track_id):
     with pytest.raises(ValueError, match=f"track_id must be from 0 to .*; got {track_id}"):
         track_cloud(header, [make_track(track_id=track_id)])
-
-
-def test_a_score_that_the_method_has_not_is_said_in_is_dense(header, make_track):
-    assert track_cloud(header, [make_track()]).is_dense
-    assert not track_cloud(header, [make_track(score=math.nan)]).is_dense
 
 
 @pytest.mark.parametrize("name", ["x", "track_id", "cov_12", "age"])
@@ -222,3 +177,71 @@ def test_a_report_in_a_ned_frame_is_read_in_east_and_north(header, make_track):
     header.frame_id = "/map_ned"
     report = tracker_report(track_cloud(header, [make_track(state=np.arange(4.0))]))
     assert (report.frame_id, report.tracks.state.tolist()) == ("map_ned", [[2.0, 3.0, 0.0, 1.0]])
+
+
+PLACED_LAYOUT = [
+    ("x", 0, "f"),
+    ("y", 4, "f"),
+    ("z", 8, "f"),
+    ("position_x", 16, "d"),
+    ("position_y", 24, "d"),
+    ("cov_xx", 32, "d"),
+    ("cov_xy", 40, "d"),
+    ("cov_yy", 48, "d"),
+    ("time_offset", 56, "d"),
+]
+PLACED_STEP = 64
+FAR = 4_200_000.1
+"""A northing, m, of which float32 keeps a quarter of a metre."""
+PLACED = PlacedDetections(
+    position=np.array([[1.0, FAR], [-3.5, 4.25]]),
+    covariance=np.array([[[900.0, -30.5], [-30.5, 400.25]], [[1.0, 0.5], [0.5, 2.0]]]),
+    time_offset=np.array([0.1, 11.9]),
+    features={"intensity": np.array([5.0, np.nan]), "range_rate": np.array([1e300, -2.0])},
+)
+NOTHING = PlacedDetections(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
+
+
+def test_fields_and_bytes_of_placed_detections_stand_at_the_offsets_of_the_contract(
+    header, over_the_wire
+):
+    cloud = over_the_wire(placed_detections_cloud(header, PLACED))
+    features = [("intensity", 64, "f"), ("range_rate", 68, "f")]
+    assert [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields] == [
+        (name, offset, DATATYPES[code], 1) for name, offset, code in PLACED_LAYOUT + features
+    ]
+    assert (cloud.header, cloud.point_step, cloud.width) == (header, PLACED_STEP + 8, 2)
+    for row, start in enumerate((0, cloud.point_step)):
+        found = [
+            struct.unpack_from("<" + code, bytes(cloud.data), start + offset)[0]
+            for _, offset, code in PLACED_LAYOUT
+        ]
+        x, y = PLACED.position[row]
+        (xx, xy), (_, yy) = PLACED.covariance[row]
+        expected = [np.float32(x), np.float32(y), 0.0, x, y, xx, xy, yy, PLACED.time_offset[row]]
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("number", range(len(FEATURES) + 1))
+def test_every_float64_of_every_point_is_aligned(header, number):
+    features = {name: np.zeros(2) for name in FEATURES[:number]}
+    placed = PlacedDetections(PLACED.position, PLACED.covariance, PLACED.time_offset, features)
+    assert placed_detections_cloud(header, placed).point_step % 8 == 0
+
+
+def test_reading_placed_detections_is_the_exact_inverse(header, over_the_wire):
+    found = read_placed_detections(over_the_wire(placed_detections_cloud(header, PLACED)))
+    np.testing.assert_array_equal(found.position, PLACED.position)
+    np.testing.assert_array_equal(found.covariance, PLACED.covariance)
+    np.testing.assert_array_equal(found.time_offset, PLACED.time_offset)
+    assert list(found.features) == ["intensity", "range_rate"]
+    np.testing.assert_array_equal(found.features["intensity"], [5.0, np.nan])
+    np.testing.assert_array_equal(found.features["range_rate"], [np.inf, -2.0])
+
+
+def test_a_ping_without_detections_is_an_empty_cloud_with_all_fields(header, over_the_wire):
+    cloud = over_the_wire(placed_detections_cloud(header, NOTHING))
+    assert (cloud.width, cloud.point_step) == (0, PLACED_STEP)
+    assert [field.name for field in cloud.fields] == [name for name, _, _ in PLACED_LAYOUT]
+    found = read_placed_detections(cloud)
+    assert (found.position.shape, found.covariance.shape) == ((0, 2), (0, 2, 2))

@@ -1,15 +1,20 @@
-"""Tracks, potential tracks and fixed echoes as markers."""
+"""Tracks as markers, and in messages of other stacks."""
 
 import math
+import uuid
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from support import foreign_messages
 from visualization_msgs.msg import Marker
 
-from msg_adapters import fixed_echo_markers, potential_track_markers, track_markers
+from msg_adapters import fixed_echo_markers, make_header, potential_track_markers, track_markers
+from msg_adapters.nav_messages import UNOBSERVED_VARIANCE
 from msg_adapters.track_markers import MAX_LABELS, POTENTIAL_COLORS, marker_sizes
+from msg_adapters.track_objects import radar_tracks, track_uuid, tracked_objects
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
 def _covariance(position):
@@ -129,18 +134,14 @@ def test_markers_are_a_share_of_the_sensor_s_reach(header, make_track, reach, ma
         (0.0, 0.0, "0.000 m/s, sigma 0.000 m"),
     ],
 )
-def test_label_has_id_speed_and_sigma_along_the_major_axis(header, make_track, speed, sigma, label):
+def test_label_has_id_speed_sigma_along_the_major_axis_and_revision(
+    header, make_track, speed, sigma, label
+):
     covariance = _covariance(np.diag([sigma**2 / 64.0, sigma**2]))
     track = make_track(state=np.array([0.0, speed, 0.0, 0.0]), covariance=covariance)
-    assert _by_kind(track_markers(header, [track]))["label"].text == f"7: {label}"
-
-
-def test_label_of_a_corrected_track_has_its_revision(header, make_track):
-    first, second = (
-        _by_kind(track_markers(header, [make_track(revision=revision)]))["label"].text
-        for revision in (0, 2)
-    )
-    assert second == f"{first}, revision 2"
+    for revision, end in ((0, ""), (2, ", revision 2")):
+        message = track_markers(header, [replace(track, revision=revision)])
+        assert _by_kind(message)["label"].text == f"7: {label}{end}"
 
 
 def _potential(header, make_track, scores, threshold, newest=None):
@@ -152,7 +153,9 @@ def _potential(header, make_track, scores, threshold, newest=None):
     return potential_track_markers(header, tracks).markers
 
 
-def test_potential_tracks_are_points_and_lines_that_lead_on(header, make_track, over_the_wire):
+def test_potential_tracks_are_points_and_lines_of_the_score_s_colour_that_lead_on(
+    header, make_track, over_the_wire
+):
     one = make_track(score=9.0, evaluation=-1.0, hits=((0, 3), (1, 0)))
     two = make_track(score=8.0, evaluation=-2.0, state=np.array([1.0, 2.0, 3.0, 4.0]))
     tracks = [two, one]
@@ -166,9 +169,6 @@ def test_potential_tracks_are_points_and_lines_that_lead_on(header, make_track, 
     assert [len(marker.colors) for marker in (positions, velocities)] == [2, 4]
     assert all(one.header == header for one in message.markers)
     assert min(positions.scale.x, positions.scale.y, velocities.scale.x) > 0
-
-
-def test_the_colour_is_the_score_s_share_of_the_threshold(header, make_track):
     _, positions, velocities = _potential(header, make_track, [12.0, 10.0, 5.0, 1e-9], 10.0)
     bare, full = np.array(POTENTIAL_COLORS)
     expected = [full, full, (bare + full) / 2, bare]
@@ -216,17 +216,15 @@ def test_of_very_many_those_nearest_to_the_threshold_are_drawn(header, make_trac
 @pytest.mark.parametrize("threshold", [math.nan, math.inf], ids=["no-score", "not-known-yet"])
 def test_without_a_score_or_a_threshold_the_colour_is_the_bare_one(header, make_track, threshold):
     score = math.nan if math.isnan(threshold) else 3.0
-    _, positions, _ = _potential(header, make_track, [score], threshold)
+    _, positions, _ = _potential(header, make_track, [score] * 3, threshold, newest=[1, 1, 1])
+    assert len(positions.points) == (3 if math.isnan(score) else 1), "without scores all are drawn"
     color = positions.colors[0]
     np.testing.assert_allclose((color.r, color.g, color.b), POTENTIAL_COLORS[0], atol=1e-6)
 
 
-def test_without_scores_all_are_drawn(header, make_track):
-    _, positions, _ = _potential(header, make_track, [math.nan] * 3, math.nan, newest=[1, 1, 1])
-    assert len(positions.points) == 3
-
-
-def test_each_echo_has_a_cube_and_a_label_with_its_minutes(header, make_track, over_the_wire):
+def test_each_echo_has_a_cube_and_of_very_many_the_oldest_a_label_with_minutes(
+    header, make_track, over_the_wire
+):
     echoes = [
         make_track(state=np.array([10.0, 0.0, -20.0, 0.0]), age=90.0),
         make_track(track_id=2**32 - 1, state=np.array([5.0, 0.0, 7.0, 0.0]), age=600.0),
@@ -239,11 +237,147 @@ def test_each_echo_has_a_cube_and_a_label_with_its_minutes(header, make_track, o
     assert [label.pose.position.x for label in labels] == [5.0, 10.0]
     names = [(marker.ns, marker.id) for marker in (cubes, *labels)]
     assert len(set(names)) == len(names)
-
-
-def test_of_very_many_the_oldest_have_labels(header, make_track):
     echoes = [make_track(track_id=number, age=float(number)) for number in range(MAX_LABELS + 5)]
     _, cubes, *labels = fixed_echo_markers(header, echoes).markers
     assert len(cubes.points) == MAX_LABELS + 5
     assert len(labels) == MAX_LABELS
     assert labels[0].text.startswith(f"{MAX_LABELS + 4}:")
+
+
+INSTANCE = uuid.UUID(int=7)
+HEADER = make_header(1_700_000_000_000_000_000, "odom")
+SPREAD = np.array(
+    [[4.0, 0.5, 1.0, 0.1], [0.5, 0.3, 0.2, 0.05], [1.0, 0.2, 9.0, 0.6], [0.1, 0.05, 0.6, 0.2]]
+)
+
+
+@pytest.fixture(autouse=True)
+def _packages(monkeypatch):
+    foreign_messages.install(monkeypatch)
+
+
+def tracks(**more):
+    state = np.array([100.0, 3.0, -50.0, 4.0])
+    return TrackArrays.of([ConfirmedTrack(5, 1.7e9, state, SPREAD, (), 0.0, **more)])
+
+
+def test_a_radar_track_has_state_covariances_and_a_uuid_of_its_run():
+    message = radar_tracks(HEADER, tracks(), INSTANCE)
+    (one,) = message.tracks
+    assert message.header is HEADER
+    assert (one.position.x, one.position.y) == (100.0, -50.0)
+    assert (one.velocity.x, one.velocity.y) == (3.0, 4.0)
+    assert one.position_covariance == [4.0, 1.0, 0.0, 9.0, 0.0, UNOBSERVED_VARIANCE]
+    assert one.velocity_covariance == [0.3, 0.05, 0.0, 0.2, 0.0, UNOBSERVED_VARIANCE]
+    assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).bytes
+    assert track_uuid(INSTANCE, 5) == track_uuid(INSTANCE, 5)
+    assert track_uuid(INSTANCE, 5) != track_uuid(INSTANCE, 6)
+    assert track_uuid(INSTANCE, 5) != track_uuid(uuid.UUID(int=8), 5)
+
+
+@pytest.mark.parametrize(("probability", "kind"), [(math.nan, 0), (0.5, 0), (0.95, 1), (0.02, 2)])
+def test_a_radar_track_is_static_or_dynamic_where_that_is_known(probability, kind):
+    (one,) = radar_tracks(HEADER, tracks(stationary_probability=probability), INSTANCE).tracks
+    assert one.classification == kind
+
+
+def test_a_tracked_object_moves_along_its_own_x_axis():
+    message = tracked_objects(HEADER, tracks(existence_probability=0.75), INSTANCE)
+    (one,) = message.objects
+    pose = one.kinematics.pose_with_covariance.pose
+    course = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+    twist = one.kinematics.twist_with_covariance
+    speed = twist.twist.linear.x
+    assert (pose.position.x, pose.position.y) == (100.0, -50.0)
+    assert (speed * math.cos(course), speed * math.sin(course)) == pytest.approx((3.0, 4.0))
+    assert one.existence_probability == 0.75
+    turned = np.reshape(twist.covariance, (6, 6))[:2, :2]
+    axes = np.array([[0.6, -0.8], [0.8, 0.6]])
+    np.testing.assert_allclose(axes @ turned @ axes.T, SPREAD[1::2, 1::2], atol=1e-12)
+    position = np.reshape(one.kinematics.pose_with_covariance.covariance, (6, 6))[:2, :2]
+    np.testing.assert_array_equal(position, SPREAD[0::2, 0::2])
+
+
+DEFINITIONS = {
+    "radar_msgs/msg/RadarTrack": """unique_identifier_msgs/UUID uuid
+geometry_msgs/Point position
+geometry_msgs/Vector3 velocity
+geometry_msgs/Vector3 acceleration
+geometry_msgs/Vector3 size
+uint16 classification
+float32[6] position_covariance
+float32[6] velocity_covariance
+float32[6] acceleration_covariance
+float32[6] size_covariance
+""",
+    "radar_msgs/msg/RadarTracks": "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks\n",
+    "autoware_perception_msgs/msg/ObjectClassification": "uint8 label\nfloat32 probability\n",
+    "autoware_perception_msgs/msg/Shape": """uint8 type
+geometry_msgs/Polygon footprint
+geometry_msgs/Vector3 dimensions
+""",
+    "autoware_perception_msgs/msg/TrackedObjectKinematics": """
+geometry_msgs/PoseWithCovariance pose_with_covariance
+geometry_msgs/TwistWithCovariance twist_with_covariance
+geometry_msgs/AccelWithCovariance acceleration_with_covariance
+uint8 orientation_availability
+bool is_stationary
+""",
+    "autoware_perception_msgs/msg/TrackedObject": """unique_identifier_msgs/UUID object_id
+float32 existence_probability
+ObjectClassification[] classification
+TrackedObjectKinematics kinematics
+Shape shape
+""",
+    "autoware_perception_msgs/msg/TrackedObjects": """std_msgs/Header header
+TrackedObject[] objects
+""",
+}
+"""The fields of the packages' message files."""
+
+
+def of_definition(store, value, name):
+    """A message as one of the types that rosbags makes of the definitions."""
+    fields = store.fielddefs[name][1]
+    made = {}
+    for field, (kind, described) in fields:
+        given = getattr(value, field)
+        if kind.name == "NAME":
+            made[field] = of_definition(store, given, described)
+        elif kind.name == "BASE":
+            made[field] = given
+        elif described[0][0].name == "NAME":
+            made[field] = [of_definition(store, one, described[0][1]) for one in given]
+        else:
+            made[field] = np.asarray(given, described[0][1][0])
+    return store.types[name](**made)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (radar_tracks, "radar_msgs/msg/RadarTracks"),
+        (tracked_objects, "autoware_perception_msgs/msg/TrackedObjects"),
+    ],
+)
+def test_a_message_is_read_again_by_its_definition(make, name):
+    rosbags = pytest.importorskip("rosbags.typesys", reason="rosbags makes types of definitions")
+    store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
+    types = {}
+    for one, text in DEFINITIONS.items():
+        types.update(rosbags.get_types_from_msg(text, one))
+    store.register(types)
+    message = make(HEADER, tracks(existence_probability=0.75), INSTANCE)
+    read = store.deserialize_cdr(
+        store.serialize_cdr(of_definition(store, message, name), name), name
+    )
+    assert read.header.frame_id == "odom"
+    (one,) = read.tracks if make is radar_tracks else read.objects
+    if make is radar_tracks:
+        np.testing.assert_allclose(one.velocity_covariance[[0, 1, 3]], [0.3, 0.05, 0.2], rtol=1e-6)
+        assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).bytes
+    else:
+        assert one.existence_probability == 0.75
+        assert one.kinematics.twist_with_covariance.twist.linear.x == 5.0
+        assert one.kinematics.pose_with_covariance.covariance[7] == 9.0
+        assert bytes(one.object_id.uuid) == track_uuid(INSTANCE, 5).bytes

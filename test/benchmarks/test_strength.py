@@ -16,7 +16,7 @@ def drawn(rng, share: float, wrong: float, runs: int = 4000) -> np.ndarray:
     return np.array([luck[0] < share, wrong * np.round(-np.log(luck[1]))])
 
 
-def test_gain_is_judged_at_the_same_false_rate():
+def test_gain_is_judged_at_the_same_false_rate_and_the_verdict_by_bounds():
     """P_D rises by 0.1 for e times the false rate: more of both by that line gains nothing."""
     plain = np.array([drawn(np.random.default_rng(1), 0.6 + 0.1 * k, np.e**k) for k in (-1, 0, 1)])
     for k, better in ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.05)):
@@ -24,9 +24,6 @@ def test_gain_is_judged_at_the_same_false_rate():
         gain = strength.gain_at_equal_rate(found, plain)
         assert gain.value == pytest.approx(better, abs=0.01)
         assert gain.low <= gain.value <= gain.high < gain.low + 0.03
-
-
-def test_verdict_is_by_bounds():
     verdicts = [
         strength.verdict(Estimate(1.0, *ends), 2.0) for ends in ((0, 1.9), (1, 3), (2.1, 3))
     ]

@@ -1,8 +1,6 @@
 """What every campaign shares: cases by number, a time limit, resumption, counts and findings.
 
-A case is a function of its number and of a generator seeded with (seed, number), so that any case
-can be repeated alone. What was done is in build/campaigns/NAME-SEED.json, and a later call goes on
-from there.
+A case depends on its number and on a generator seeded with (seed, number): it repeats alone.
 """
 
 from __future__ import annotations
@@ -60,17 +58,7 @@ class Finding(Exception):
 
 @dataclass
 class State:
-    """What a campaign has done.
-
-    Attributes
-    ----------
-    following : int
-        Number of the next case.
-    tried : Counter
-        What was tried, by name.
-    findings : list of str
-    seconds : float
-    """
+    """What a campaign has done: the number of the next case, counts by name, findings, time (s)."""
 
     following: int = 0
     tried: Counter[str] = field(default_factory=Counter)
@@ -82,9 +70,8 @@ class State:
         """The state in a file, or a new one if there is no file."""
         if not path.exists():
             return cls()
-        return cls(
-            **{**(content := json.loads(path.read_text())), "tried": Counter(content["tried"])}
-        )
+        content = json.loads(path.read_text())
+        return cls(**{**content, "tried": Counter(content["tried"])})
 
     def write(self, path: Path) -> None:
         """Write the state whole."""
@@ -97,52 +84,29 @@ def main(
     description: str,
     case: Case,
     *,
-    cases: int | None = None,
     arguments: list[str] | None = None,
     folder: Path = BUILD,
 ) -> int:
-    """Run cases of a campaign and print what was tried and found.
-
-    Parameters
-    ----------
-    name, description : str
-    case : callable
-        Called as ``case(number, generator)``; returns counts of what it tried, and raises a
-        `Finding`, or whatever the package raised, if a requirement does not hold.
-    cases : int, optional
-        Number of all cases, if they end.
-    arguments : list of str, optional
-        Of the command line.
-    folder : Path, optional
-        Of the state.
-
-    Returns
-    -------
-    int
-        1 if there are findings, of this call or of an earlier one that it continues, else 0.
-    """
+    """Run cases of a campaign; 1 if it, or an earlier call that it continues, has findings."""
     options = _options(description, arguments)
     heed_interrupts()
     with ending_on_termination():  # a case ends the processes that it has started
         if options.case is not None:
             print(_listed(case(options.case, _generator(options.seed, options.case))))
             return 0
-        return _all_cases(name, case, options, cases, folder)
+        return _all_cases(name, case, options, folder)
 
 
-def _all_cases(
-    name: str, case: Case, options: argparse.Namespace, cases: int | None, folder: Path
-) -> int:
+def _all_cases(name: str, case: Case, options: argparse.Namespace, folder: Path) -> int:
     """Run the cases that follow those of earlier calls, until the time or the cases end."""
     path = folder / f"{name}-{options.seed}.json"
     if options.fresh:
         path.unlink(missing_ok=True)
     state = State.of(path)
-    last = min(x for x in (options.cases, cases, sys.maxsize) if x is not None)
     begin = written = time.monotonic()
     before = state.seconds
     while (
-        state.following < last
+        state.following < options.cases
         and len(state.findings) < MAX_FINDINGS
         and time.monotonic() - begin < options.seconds
     ):
@@ -195,7 +159,7 @@ def _options(description: str, arguments: list[str] | None) -> argparse.Namespac
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=60.0, help="no case begins after these")
-    parser.add_argument("--cases", type=int, help="no case from this number on")
+    parser.add_argument("--cases", type=int, default=sys.maxsize, help="no case from this on")
     parser.add_argument("--case", type=int, help="only this case, and its traceback")
     parser.add_argument("--fresh", action="store_true", help="from case 0 again")
     return parser.parse_args(arguments)

@@ -1,11 +1,7 @@
 """Hundreds of thousands of scans of `score` in one process: memory and time per scan.
 
-Targets come and go in clutter. The resident memory after the first tenth of the scans and at the
-end may differ by 1 MB, and the processor time per scan of the last tenth may be 5 % above that of
-the second. Times are of this process alone, but caches and clocks are shared: on a busy machine
-only memory is judged (--busy). This campaign is one case: an interrupted call begins again.
-
-    python test/campaigns/endurance.py [--scans 300000] [--method score]
+Caches and clocks are shared: on a busy machine only memory is judged (--busy). This campaign is one
+case: an interrupted call begins again.
 """
 
 import argparse

@@ -1,13 +1,7 @@
 """Broken files and arguments, and what the commands say of them.
 
-A case breaks one file in its bytes, lines or values: of a recording, a bag (sqlite3 or MCAP), a
-scenario, a parameter file, the runs of an evaluation, or learned values; or the arguments of a
-command; or it replaces up to three numbers of learned values, with which a target must confirm as
-without them, if they are used. The command must end with 0, or with another code and one sentence;
-never with a traceback, a hang, or memory without bound. Each runs in a process of its own, with
-limits, in a folder of its own, and writes to no other.
-
-    python test/campaigns/files.py [--seed 1] [--seconds 60]
+A case breaks one file in its bytes, lines or values, or the arguments of a command, in a process
+with limits and in a folder of its own; or it replaces up to three numbers of learned values.
 """
 
 import contextlib
@@ -58,22 +52,27 @@ BOMB = "\n".join(
 Command = Callable[[Path], Sequence[str] | Callable[[], object]]
 
 
+TABLES = {
+    "detections": [
+        "time_s,range_m,azimuth_rad,range_std_m,intensity",
+        *(f"{12.0 * k},{3000.0 + 5.0 * k},{0.5 + 0.001 * k},20.0,{k % 3}.5" for k in range(8)),
+    ],
+    "own_ship": [
+        "time_s,east_m,north_m,east_mps,heading_rad",
+        *(f"{2.0 * k - 6.0},{k}.0,0.0,0.5,{0.01 * k}" for k in range(60)),
+    ],
+    "target": ["time_s,east_m,north_m", *(f"{12.0 * k},2000.0,{1500.0 + k}" for k in range(8))],
+}
+"""Lines of a recording's files."""
+
+
 @functools.cache
 def originals() -> Path:
     """Good files of every kind, made once."""
     folder = Path(tempfile.mkdtemp(prefix="tsepm_files_"))
-    recording = folder / "recording"
-    recording.mkdir()
-    lines = [f"{12.0 * k},{3000.0 + 5.0 * k},{0.5 + 0.001 * k},20.0,{k % 3}.5" for k in range(8)]
-    (recording / "detections.csv").write_text(
-        "\n".join(["time_s,range_m,azimuth_rad,range_std_m,intensity", *lines, ""])
-    )
-    poses = [f"{2.0 * k - 6.0},{k}.0,0.0,0.5,{0.01 * k}" for k in range(60)]
-    (recording / "own_ship.csv").write_text(
-        "\n".join(["time_s,east_m,north_m,east_mps,heading_rad", *poses, ""])
-    )
-    target = [f"{12.0 * k},2000.0,{1500.0 + k}" for k in range(8)]
-    (recording / "target.csv").write_text("\n".join(["time_s,east_m,north_m", *target, ""]))
+    (folder / "recording").mkdir()
+    for name, lines in TABLES.items():
+        (folder / "recording" / f"{name}.csv").write_text("\n".join([*lines, ""]))
     for storage in ("mcap", "sqlite3"):
         write_bag(folder / storage, simulated(small_scenario(scans=4)), storage)
     scenarios = Path(campaign.ROOT) / "tsepm_ros" / "tools" / "simulation" / "scenarios"
@@ -136,23 +135,18 @@ def _called(function: Callable[[], object]) -> int:
     return 0
 
 
-def _recording(folder: Path) -> Sequence[str]:
-    return ["run", str(folder / "recording")]
-
-
 def _parameters(folder: Path) -> Callable[[], object]:
     path = folder / "parameters.yaml"
     return lambda: settings_from(make_groups(TRACK_INITIATOR, values_for(path, "/track_initiator")))
 
 
 def _learned(folder: Path) -> Callable[[], object]:
-    return lambda: learned_texts.read(
-        learned_texts.SCENES[0], (folder / "learned.json").read_text(encoding="utf-8")
-    )
+    text = folder / "learned.json"
+    return lambda: learned_texts.read(learned_texts.SCENES[0], text.read_text(encoding="utf-8"))
 
 
-def _scenario(name: str) -> Command:
-    return lambda folder: ["run", f"{folder}/{name}.yaml"]
+def _run(name: str) -> Command:
+    return lambda folder: ["run", str(folder / name)]
 
 
 def _runs(folder: Path) -> Sequence[str]:
@@ -160,17 +154,15 @@ def _runs(folder: Path) -> Sequence[str]:
 
 
 KINDS: dict[str, tuple[str, Command]] = {
-    "detections.csv": ("recording/detections.csv", _recording),
-    "own_ship.csv": ("recording/own_ship.csv", _recording),
-    "target.csv": ("recording/target.csv", _recording),
-    "mcap": ("mcap/*.mcap", lambda folder: ["run", str(folder / "mcap")]),
+    **{f"{one}.csv": (f"recording/{one}.csv", _run("recording")) for one in TABLES},
+    "mcap": ("mcap/*.mcap", _run("mcap")),
     "mcap alone": ("mcap/*.mcap", lambda folder: ["run", str(storage_file(folder / "mcap"))]),
-    "sqlite3": ("sqlite3/*.db3", lambda folder: ["run", str(folder / "sqlite3")]),
-    "metadata": ("mcap/metadata.yaml", lambda folder: ["run", str(folder / "mcap")]),
+    "sqlite3": ("sqlite3/*.db3", _run("sqlite3")),
+    "metadata": ("mcap/metadata.yaml", _run("mcap")),
     "parameters": ("parameters.yaml", _parameters),
     "learned": ("learned.json", _learned),
     "runs": ("runs/**/*.jsonl", _runs),
-    **{f"scenario {name}": (f"{name}.yaml", _scenario(name)) for name in shipped_scenarios()},
+    **{f"scenario {name}": (f"{name}.yaml", _run(f"{name}.yaml")) for name in shipped_scenarios()},
 }
 """The file to break and what reads it, by kind."""
 

@@ -1,10 +1,7 @@
 """Mutated sonar images in process: every type, every layout, whole and as single bearings.
 
-Between the images of a good stream come mutated ones. In every other case these are only images
-that are refused when they are read; then the good images must give the detections of the stream
-alone, to the bit. In the other cases anything may come.
-
-    python test/campaigns/images.py [--seed 1] [--seconds 60]
+In every other case mutated images are only such as are refused when they are read; then the good
+images must give the detections of the stream alone, to the bit.
 """
 
 from __future__ import annotations
@@ -26,15 +23,7 @@ from invariants import check_reasons, require
 from mutation import mutate
 from sensor_msgs.msg import Image
 from streams import header, stamp_of
-from support.foreign_messages import (
-    PingInfo,
-    ProjectedSonarImage,
-    RadarEcho,
-    RadarSector,
-    RawSonarImage,
-    SonarEcho,
-    SonarImageData,
-)
+from support import foreign_messages as foreign
 
 from msg_adapters import MessageError
 from msg_adapters.ping import ReadingOptions
@@ -59,9 +48,11 @@ OPTIONS = {
 }
 
 
-def stored(values: np.ndarray) -> SonarImageData:
+def stored(values: np.ndarray) -> foreign.SonarImageData:
     """8-bit numbers as they are stored."""
-    return SonarImageData(beam_count=len(values), data=np.ascontiguousarray(values).tobytes())
+    return foreign.SonarImageData(
+        beam_count=len(values), data=np.ascontiguousarray(values).tobytes()
+    )
 
 
 def time_of(kind: str, number: int) -> float:
@@ -70,24 +61,24 @@ def time_of(kind: str, number: int) -> float:
 
 
 def good(kind: str, number: int) -> Any:
-    """A message of a stream, by its place."""
+    """The message of a stream at a place."""
     field = np.random.default_rng((7, number)).rayleigh(20.0, (BEAMS, CELLS)).astype(np.uint8)
     field[5, 10 + number % 20] = 250
     at = header(time_of(kind, number))
     turned = math.remainder(2.0 * math.pi * number / TURN, 2.0 * math.pi)
     if kind in ("projected", "column"):
         there = AZIMUTH if kind == "projected" else np.array([turned])
-        return ProjectedSonarImage(
+        return foreign.ProjectedSonarImage(
             header=at,
-            ping_info=PingInfo(sound_speed=1500.0),
+            ping_info=foreign.PingInfo(sound_speed=1500.0),
             beam_directions=[Vector3(x=0.0, y=-math.sin(a), z=math.cos(a)) for a in there],
             ranges=RANGE.tolist(),
             image=stored(field[: len(there)].T),
         )
     if kind == "raw":
-        return RawSonarImage(
+        return foreign.RawSonarImage(
             header=at,
-            ping_info=PingInfo(sound_speed=1500.0),
+            ping_info=foreign.PingInfo(sound_speed=1500.0),
             sample_rate=750.0,
             samples_per_beam=CELLS,
             sample0=1,
@@ -96,18 +87,18 @@ def good(kind: str, number: int) -> Any:
             image=stored(field),
         )
     if kind == "echo":
-        return SonarEcho(
+        return foreign.SonarEcho(
             header=at, angle=turned, range=40, speed_of_sound=1500, intensities=field[0].tobytes()
         )
     if kind == "spokes":
-        return RadarSector(
+        return foreign.RadarSector(
             header=at,
             angle_start=turned,
             angle_increment=0.5 * math.pi / TURN,
             time_increment=Duration(nanosec=20_000_000),
             range_min=1.0,
             range_max=40.0,
-            intensities=[RadarEcho(echoes=one.tolist()) for one in field[:4].astype(float)],
+            intensities=[foreign.RadarEcho(echoes=one.tolist()) for one in field[:4].astype(float)],
         )
     form = {"mono16": np.uint16, "32FC1": np.float32}.get(kind, np.uint8)
     rows = np.ascontiguousarray(field.T.astype(form))

@@ -1,11 +1,7 @@
 """Commands that are killed, or run out of disk, at random moments, and started again.
 
-`tsepm run`, `evaluate` and `reproduce` are killed by SIGKILL at a random moment, or their files may
-not grow beyond a random size, as on a full disk. What they leave under a result's name is that
-result, whole: equal to what an undisturbed call writes. The same call again ends with 0 and the
-results of an undisturbed call, and no temporary file is left.
-
-    python test/campaigns/kills.py [--seed 1] [--seconds 60]
+What they leave under a result's name is that result, whole, as an undisturbed call writes it; the
+same call again ends with 0 and the results of an undisturbed call, and no temporary file is left.
 """
 
 import functools
@@ -38,12 +34,7 @@ CALLS = {
     "reproduce": [
         "reproduce",
         "split_merge_2016",
-        "--runs",
-        "2",
-        "--workers",
-        "1",
-        "--out",
-        "{out}",
+        *("--runs", "2", "--workers", "1", "--out", "{out}"),
     ],
 }
 VOLATILE = (".png", ".svg")
@@ -115,10 +106,7 @@ def check_whole(call: str, out: Path, *, complete: bool) -> None:
             continue
         require(content(path) == content(other), f"{call}: {path.name} is not whole")
     if complete:
-        names = [
-            {p.relative_to(f) for f in (folder,) for p in f.rglob("*")}
-            for folder in (out, expected)
-        ]
+        names = [{path.relative_to(f) for path in f.rglob("*")} for f in (out, expected)]
         require(names[0] == names[1], f"{call}: {names[0] ^ names[1]} differ")
 
 

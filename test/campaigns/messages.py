@@ -1,12 +1,8 @@
 """Mutated messages in process: every type, every method, with and without an own ship.
 
-A stream of good pings with two targets goes through a session as the node has it. Between the pings
-come mutated detections, odometry, reports of a tracker and charts. In every other case these are
-only messages that are refused; then the good pings must give the tracks of the stream alone, to the
-bit. In the other cases anything may come, and what differs from the stream alone must be explained
-by a message that was accepted.
-
-    python test/campaigns/messages.py [--seed 1] [--seconds 60]
+Between good pings with two targets come mutated detections, odometry, reports of a tracker and
+charts. In every other case these are only messages that are refused; then the good pings must give
+the tracks of the stream alone, to the bit.
 """
 
 import copy
@@ -24,7 +20,7 @@ import numpy as np
 from campaign import Tried
 from invariants import TrackBook, check_reasons, lost_scans, require, same_tracks
 from mutation import mutate
-from streams import KINDS, Stream, good_stream
+from streams import KINDS, GoodPing, Stream, good_stream
 
 from msg_adapters import MessageError, read_detections, read_land, read_own_ship, tracker_report
 from msg_adapters.message_input import MessageInput
@@ -65,6 +61,11 @@ class Fed:
         self.sent += kind == "detections"
         return self._take(self.session.process(self.now))
 
+    def feed_ping(self, ping: GoodPing) -> None:
+        for pose in ping.poses if self.settings.session.own_ship_source != "none" else ():
+            self.feed("own_ship", pose)
+        self.feed("detections", ping.detections)
+
     def finish(self) -> list[ScanResult]:
         """Process what waits."""
         return self._take(self.session.process(last=True))
@@ -96,7 +97,6 @@ def speed_limit(settings: Settings) -> float:
 
 
 def settings_of(method: str, source: str, **common: Any) -> Settings:
-    """Settings of a case."""
     return Settings(
         session=SessionOptions(method=method, own_ship_source=source, own_ship_max_gap=60.0),
         common=CommonOptions(max_speed=10.0, **common),
@@ -111,25 +111,25 @@ def clean_results(
     fed = Fed(settings_of(method, source, clutter_density=density, min_speed=min_speed))
     stream = good_stream(kind)
     for ping in stream.pings:
-        for pose in ping.poses if source != "none" else ():
-            fed.feed("own_ship", pose)
-        fed.feed("detections", ping.detections)
+        fed.feed_ping(ping)
     fed.finish()
     fed.check_counts()
     require(len(fed.results) == len(stream.pings), "the good stream is not processed whole")
     return fed.results
 
 
+READERS = {
+    "detections": functools.partial(read_detections, sound_speed=0.0),
+    "own_ship": read_own_ship,
+    "tracked": tracker_report,
+    "land": read_land,
+}
+
+
 def is_refused(kind: str, message: Any) -> bool:
     """Whether a message is refused whole when it is read."""
-    readers = {
-        "detections": functools.partial(read_detections, sound_speed=0.0),
-        "own_ship": read_own_ship,
-        "tracked": tracker_report,
-        "land": read_land,
-    }
     try:
-        readers[kind](message)
+        READERS[kind](message)
     except MessageError:
         return True
     return False
@@ -178,9 +178,7 @@ def case(number: int, rng: np.random.Generator) -> Tried:
             tried[f"method {method}"] += 1
             tried[f"type {kind}"] += what == "detections"
             tried["messages"] += 1
-        for pose in ping.poses if source != "none" else ():
-            fed.feed("own_ship", pose)
-        fed.feed("detections", ping.detections)
+        fed.feed_ping(ping)
         fed.check_counts()
     fed.finish()
     fed.check_counts()

@@ -1,18 +1,7 @@
 """The node over the middleware: mutated messages, clocks that jump, peers that vanish, overload.
 
-A case has a node, a driver and an observer in a domain of their own. Five kinds take turns:
-
-- mutated: mutated messages of a type that the wheels have, on every topic that the node reads, and
-  bytes that are no message at all;
-- clock: simulated time that jumps ahead, back and to 0 while pings arrive;
-- vanishing: the driver ends and comes back, also as another type, and odometry comes and goes;
-- stopped: a reliable subscriber of every topic that reads nothing (its process is stopped);
-- overload: pings in bursts beyond what the node can process at once.
-
-No callback raises; everything that came in is a scan or a counted drop; after it a good stream
-confirms its target, at the same ping as alone where only refused messages came before.
-
-    python test/campaigns/middleware.py [--seed 1] [--seconds 60]
+A case has a node, a driver and an observer in a domain of their own, and is one of `KINDS`. No
+callback raises; everything that came in is a scan or a counted drop.
 """
 
 import contextlib

@@ -1,10 +1,7 @@
 """Starts and ends of every node by SIGINT and SIGTERM at random times.
 
-A node starts as a process and gets a signal after a random time, now and then two. From the moment
-at which its handlers are set it ends with code 0, without a traceback, and leaves nothing in shared
-memory. Before that moment the signal's own end is right.
-
-    python test/campaigns/processes.py [--seed 1] [--seconds 60]
+From the moment at which its handlers are set a node ends with code 0, without a traceback, and
+leaves nothing in shared memory. Before that moment the signal's own end is right.
 """
 
 import os

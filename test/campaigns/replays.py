@@ -1,10 +1,6 @@
 """One bag again and again: offline, and live through player and initiator, for all methods.
 
-Every case processes the same recorded messages offline, from sqlite3 and MCAP in turn, and compares
-every track message to the bit with those of the first time; every fourth case plays the bag through
-the nodes and compares theirs.
-
-    python test/campaigns/replays.py [--seed 1] [--seconds 60]
+Every track message is compared to the bit with those of the first time.
 """
 
 import functools

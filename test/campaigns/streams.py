@@ -35,13 +35,7 @@ class GoodPing:
 
 @dataclass(frozen=True)
 class Stream:
-    """Messages of one detections' type.
-
-    Attributes
-    ----------
-    pings : list of GoodPing
-    land : nav_msgs.msg.OccupancyGrid
-    """
+    """Messages of one detections' type, and a chart."""
 
     pings: list[GoodPing]
     land: Any
@@ -59,12 +53,10 @@ class Stream:
 
 
 def stamp_of(seconds: float) -> Time:
-    """A stamp of a message."""
     return ns_to_time(round(seconds * 1e9))
 
 
 def header(seconds: float, frame_id: str = FRAME) -> Header:
-    """A header."""
     return Header(stamp=stamp_of(seconds), frame_id=frame_id)
 
 

@@ -45,11 +45,9 @@ def test_a_campaign_goes_on_where_it_ended(tmp_path, capsys):
     assert (state["following"], state["tried"], len(state["findings"])) == (8, {"cases": 6}, 2)
     assert call(tmp_path, "--cases", "8") == 1, "earlier findings stand"
     assert call(tmp_path, "--cases", "3", "--fresh") == 0
-
-
-def test_no_case_begins_after_the_time(tmp_path):
-    assert call(tmp_path, "--seconds", "0") == 0
-    assert json.loads((tmp_path / "planted-1.json").read_text())["following"] == 0
+    assert call(tmp_path, "--fresh", "--seconds", "0") == 0
+    state = json.loads((tmp_path / "planted-1.json").read_text())
+    assert state["following"] == 0, "no case begins after the time"
 
 
 GOOD = np.diag([25.0, 1.0, 25.0, 1.0])
@@ -67,15 +65,11 @@ def tracks(covariance, *ids: int) -> TrackArrays:
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_a_bad_covariance_is_a_finding(fault):
+def test_a_bad_covariance_and_an_id_that_repeats_are_findings(fault):
     invariants.check_tracks(tracks(GOOD, 1, 2), "tracks")
-    with pytest.raises(Finding, match=fault):
-        invariants.check_tracks(tracks(BAD[fault], 1), "tracks")
-
-
-def test_ids_that_repeat_are_a_finding():
-    with pytest.raises(Finding, match="unique"):
-        invariants.check_tracks(tracks(GOOD, 1, 1), "tracks")
+    for covariance, ids, said in ((BAD[fault], (1,), fault), (GOOD, (1, 1), "unique")):
+        with pytest.raises(Finding, match=said):
+            invariants.check_tracks(tracks(covariance, *ids), "tracks")
 
 
 def test_a_lost_message_an_internal_error_and_a_nameless_drop_are_findings():

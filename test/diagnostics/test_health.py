@@ -1,12 +1,14 @@
-"""Levels, sentences and figures of every task, from what a session counted."""
+"""Levels, sentences and figures of every task, and the page that says what to do."""
 
 import dataclasses
 import math
+from pathlib import Path
 
 import pytest
 
-from tsepm_ros.diagnostics.health import MAX_RECORDS, SENSOR, Health
+from tsepm_ros.diagnostics.health import ENTRIES, MAX_RECORDS, SENSOR, Health
 from tsepm_ros.diagnostics.health_figures import Connections, Latency, Level, Status
+from tsepm_ros.parameters import table
 from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.session.result import SessionSnapshot
@@ -107,15 +109,12 @@ def test_silence_is_judged_by_the_median_of_the_stamps_then_by_the_stale_time():
     assert run.said("detections", 24.0 + 61.0) == (Level.STALE, "no scan for 61 s")
 
 
-def test_silence_counts_on_the_clock_on_which_it_is_shorter():
+def test_silence_counts_on_the_clock_on_which_it_is_shorter_and_that_was_not_set_back():
     health = Health(DiagnosticsOptions(stale_time=60.0))
     health.heard(DETECTIONS, (0.0, 0.0))
     for now, level in [((100.0, 1.0), Level.OK), ((100.0, 61.0), Level.STALE)]:
         (found,) = (one for one in health.report(GOOD, now) if one.task == "detections")
         assert found.level == level
-
-
-def test_time_waited_is_the_least_of_any_clock_that_was_not_set_back():
     assert waited((0.0, 0.0), (5.0, 3.0)) == 3.0
     assert waited((0.0, 10.0), (5.0, 3.0)) == 5.0
     assert waited(10.0, 3.0) == math.inf
@@ -221,17 +220,12 @@ def test_own_ship_data_that_is_published_and_not_used_is_a_warning_while_it_is()
     assert run.said("own ship", 0.0)[0] == Level.OK
 
 
-def test_the_mounting_is_told_where_there_is_a_vessel():
-    run = Run()
-    run.set(own_ship_source="odometry", mounting="assumed")
-    assert run.status("own ship", 0.0).values["mounting"] == "assumed"
-
-
 def test_the_age_of_own_ship_data_is_judged_now_and_at_the_newest_scan():
     run = Run(max_own_ship_age=3.0, stale_time=60.0)
     run.set(own_ship_source="odometry", own_ship_stamp=100.0, scan_stamp=103.0)
     run.health.heard(OWN_SHIP, 0.0)
     assert run.said("own ship", 3.0) == (Level.OK, "own-ship data from odometry")
+    assert run.status("own ship", 3.0).values["mounting"] == "not needed"
     assert run.said("own ship", 4.0) == (Level.WARN, "no own-ship data for 4 s")
     assert run.said("own ship", 61.0) == (Level.STALE, "no own-ship data for 61 s")
     run.health.heard(OWN_SHIP, 61.0)
@@ -265,18 +259,16 @@ def test_latency_is_split_and_judged_as_a_whole():
     assert run.status("latency", 73.0).level == Level.OK
 
 
-def test_work_that_takes_longer_than_the_sonar_is_an_error():
-    run = Run(max_latency=100.0)
+def test_work_that_takes_longer_than_the_sonar_is_an_error_and_is_said_first_but_one_scan_is_none():
+    run = Run(max_latency=1.0)
     for time in (0.0, 2.0, 4.0):
         run.scan(time, core=1.5, publishing=0.6, to_all=2.1)
-    said = (Level.ERROR, "a scan takes 2.1 s, longer than the scan interval of 2 s")
-    assert run.said("latency", 4.0) == said
-
-
-def test_one_long_scan_is_no_error():
-    """Of a sonar with 5 pings/s: one ping takes 0.6 s, and the others 0.01 s."""
+    level, message = run.said("latency", 4.0)
+    assert level == Level.ERROR
+    assert message.startswith("a scan takes 2.1 s, longer than the scan interval of 2 s")
+    assert message.index("longer than the scan interval") < message.index("after its arrival")
     run = Run()
-    for ping in range(10):
+    for ping in range(10):  # 5 a second, of which one takes 0.6 s
         run.scan(0.2 * ping, core=0.6 if ping == 4 else 0.01)
     assert run.status("latency", 1.8).level == Level.OK
 
@@ -359,15 +351,6 @@ def test_what_does_not_fit_the_scans_is_a_warning(subject):
     assert run.said(SENSOR, 0.0) == (Level.WARN, "set it")
 
 
-def test_the_worst_is_said_first_and_gives_the_level():
-    run = Run(max_latency=1.0)
-    for time in (0.0, 2.0, 4.0):
-        run.scan(time, core=2.1, to_all=2.1)
-    level, message = run.said("latency", 4.0)
-    assert level == Level.ERROR
-    assert message.index("longer than the scan interval") < message.index("after its arrival")
-
-
 def test_reset_forgets_drops_scans_and_arrivals():
     run = Run()
     run.scans(0.0, 12.0)
@@ -379,7 +362,7 @@ def test_reset_forgets_drops_scans_and_arrivals():
     assert run.health.latency == Latency()
 
 
-def test_a_long_scan_of_a_fast_sonar_is_told_for_the_window():
+def test_what_is_remembered_of_scans_is_the_window_and_bounded():
     """At 20 pings a second, 60 s are 1200 scans."""
     run = Run(max_latency=1.0, window=60.0)
     run.scan(0.0, core=2.9, to_all=2.9)
@@ -391,10 +374,22 @@ def test_a_long_scan_of_a_fast_sonar_is_told_for_the_window():
         run.scan(3.0 + 0.05 * k)
     assert run.said("latency", 73.0)[0] == Level.OK
     assert len(run.health._scans) <= 1202
-
-
-def test_what_is_remembered_of_scans_is_bounded():
     run = Run(window=86_400.0)
     for k in range(MAX_RECORDS + 10):
         run.health.arrived(0.01 * k, 0.01 * k)
     assert len(run.health._arrivals) == MAX_RECORDS
+
+
+PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")
+THRESHOLDS = {row.name for row in table(DiagnosticsOptions)}
+
+
+RULES = [rule for entry in ENTRIES.values() for some in entry.rules for rule in some]
+
+
+def test_the_page_has_every_rule_with_its_remedy_and_every_threshold():
+    assert all(rule.condition in PAGE and f"| {rule.remedy} |" in PAGE for rule in RULES)
+    unnamed = [name for name in THRESHOLDS if f"`diagnostics.{name}`" not in PAGE]
+    assert unnamed == []
+    of_rules = {name for rule in RULES for name in rule.thresholds}
+    assert of_rules == THRESHOLDS - {"window"}, "the window says how long a finding stands"

@@ -40,15 +40,12 @@ def started(*tracks: ConfirmedTrack, **options: float) -> NearestNeighbourTracke
     return tracker
 
 
-def test_a_filter_begins_with_the_state_and_full_covariance_of_a_track():
-    [told] = started(track()).tracks()
+def test_a_filter_begins_with_a_track_and_predicts_by_nearly_constant_velocity():
+    tracker = started(track(), noise=0.3)
+    [told] = tracker.tracks()
     assert (told.track_id, told.stamp) == (7, 0.0)
     np.testing.assert_array_equal(told.state, STATE)
     np.testing.assert_array_equal(told.covariance, COVARIANCE)
-
-
-def test_prediction_is_that_of_nearly_constant_velocity():
-    tracker = started(track(), noise=0.3)
     tracker.step(12.0, *NONE)
     [told] = tracker.tracks()
     state, covariance = motion.predict(STATE[None], COVARIANCE[None], 12.0, 0.3)
@@ -70,7 +67,7 @@ def test_an_update_is_that_of_a_kalman_filter_at_the_echo_s_own_time():
     np.testing.assert_allclose(told.covariance, covariance[0], rtol=1e-9, atol=1e-9)
 
 
-def test_targets_get_the_detections_that_fit_best_together():
+def test_targets_get_what_fits_best_together_and_what_is_outside_the_gate_is_nobody_s():
     # Alone each would take the detection in the middle; together the first takes the other.
     beside = STATE + np.array([200.0, 0.0, 0.0, 0.0])
     x, y = STATE[0::2]
@@ -78,9 +75,6 @@ def test_targets_get_the_detections_that_fit_best_together():
     assert started(track(1)).step(0.0, *detections) == {1: 0}
     assert started(track(2, beside)).step(0.0, *detections) == {2: 0}
     assert started(track(1), track(2, beside)).step(0.0, *detections) == {1: 1, 2: 0}
-
-
-def test_a_detection_outside_the_gate_is_nobody_s():
     target = Target(STATE, COVARIANCE)
     inside, outside = (STATE[0] + sign * 1e4 for sign in (0, 1))
     detections = seen(0.0, (outside, STATE[2]))
@@ -90,7 +84,7 @@ def test_a_detection_outside_the_gate_is_nobody_s():
     assert started(track()).step(0.0, *seen(0.0, (inside, STATE[2]))) == {7: 0}
 
 
-def test_a_target_ends_after_too_many_misses_in_a_row():
+def test_a_target_ends_after_too_many_misses_and_what_is_cleared_is_forgotten():
     tracker = started(track(), max_misses=2)
     tracker.step(12.0, *NONE)
     tracker.step(24.0, *NONE)
@@ -101,9 +95,6 @@ def test_a_target_ends_after_too_many_misses_in_a_row():
         assert [one.track_id for one in tracker.tracks()] == [7]
     tracker.step(60.0, *NONE)
     assert tracker.tracks() == []
-
-
-def test_what_is_cleared_is_forgotten_and_time_may_begin_anew():
     tracker = started(track())
     tracker.clear()
     tracker.step(-100.0, *NONE)

@@ -23,35 +23,19 @@ def cloud() -> SimpleNamespace:
     record["track_id"] = 7
     for name, value in zip(("state_x", "state_vx", "state_y", "state_vy"), STATE, strict=True):
         record[name] = value
-    for row in range(4):
-        for column in range(4):
-            record[f"cov_{row}{column}"] = COVARIANCE[row, column]
+    for row, column in np.ndindex(4, 4):
+        record[f"cov_{row}{column}"] = COVARIANCE[row, column]
     fields = [
         SimpleNamespace(name=name, offset=offset, datatype=DATATYPES[kind.str], count=1)
         for name, (kind, offset) in TRACK_DTYPE.fields.items()
     ]
     stamp = SimpleNamespace(sec=1_700_000_000, nanosec=123_456_000)
-    return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp, frame_id="odom"),
-        height=1,
-        width=1,
-        fields=fields,
-        is_bigendian=False,
-        point_step=TRACK_DTYPE.itemsize,
-        row_step=TRACK_DTYPE.itemsize,
-        data=record.tobytes(),
-        is_dense=True,
-    )
+    header, step = SimpleNamespace(stamp=stamp, frame_id="odom"), TRACK_DTYPE.itemsize
+    layout = {"fields": fields, "is_bigendian": False, "point_step": step, "row_step": step}
+    return SimpleNamespace(header=header, height=1, width=1, data=record.tobytes(), **layout)
 
 
-def test_a_start_is_read_with_its_full_covariance():
-    [(track_id, state, covariance)] = run_page()["starts"](cloud())
-    assert track_id == 7
-    np.testing.assert_array_equal(state, STATE)
-    np.testing.assert_array_equal(covariance, COVARIANCE)
-
-
-def test_stone_soup_starts_and_predicts_as_a_filter_here_does():
+def test_stone_soup_starts_predicts_and_measures_as_a_filter_here_does():
     pytest.importorskip("stonesoup")
     page = run_page(stone_soup=True)
     [track] = page["stone_soup_tracks"](cloud())
@@ -64,9 +48,6 @@ def test_stone_soup_starts_and_predicts_as_a_filter_here_does():
     state, covariance = motion.predict(STATE[None], COVARIANCE[None], 12.0, 0.01)
     np.testing.assert_allclose(later.state_vector.ravel().astype(float), state[0], rtol=1e-12)
     np.testing.assert_allclose(later.covar.astype(float), covariance[0], rtol=1e-9)
-
-
-def test_stone_soup_measures_with_the_mapping_that_is_given():
     models = pytest.importorskip("stonesoup.models.measurement.nonlinear")
     [[start]] = run_page(stone_soup=True)["stone_soup_tracks"](cloud())
     model = models.CartesianToBearingRange(ndim_state=4, mapping=(0, 2), noise_covar=np.eye(2))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tools.evaluation.performance import study
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, make_method
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
@@ -19,34 +19,15 @@ SQUARE = load_scenario("square_path", {"sensor.clutter_density": 2e-7})
 FIXED = dataclasses.replace(SQUARE, own_ship=OwnShipMotion())
 
 
-class PlacedByTheStamp:
-    """A track starter that is given every scan with the sensor's pose at its stamp alone."""
-
-    def __init__(self, scenario, method, options):
-        self._own_ship = scenario.own_ship
-        self._starter = make_method(scenario, method, options)
-
-    @property
-    def hold(self):
-        return self._starter.maintenance
-
-    def process(self, scan):
-        pose = self._own_ship.pose(scan.stamp)
-        return self._starter.process(dataclasses.replace(scan, sensor_pose=pose))
-
-
 @functools.cache
-def figures(moving, method, factory=make_method, pure=False):
-    """Share of the targets found in each run; errors, NEES and time of true (or pure) starts."""
+def figures(moving, method):
+    """Share of the targets found in each run; errors, NEES and time of true, pure starts."""
     found, starts = [], []
-    point = OperatingPoint(method, factory=factory)
-    for run in study(SQUARE if moving else FIXED, point, range(RUNS), 1):
+    for run in study(SQUARE if moving else FIXED, OperatingPoint(method), range(RUNS), 1):
         true = [start for start in run.starts if start.outcome is Outcome.TRUE]
         found.append(len(true) / run.targets)
         starts += [
-            (s.position_error**2, s.velocity_error**2, s.nees, s.time)
-            for s in true
-            if s.pure or not pure
+            (s.position_error**2, s.velocity_error**2, s.nees, s.time) for s in true if s.pure
         ]
     return np.array(found), np.array(starts)
 
@@ -65,29 +46,9 @@ def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
     # of the whole of a mean square (1.4 times the error), of the NEES or of 15 s. Starts with a
     # wrong hit are left out: their errors are of any size, whether the sonar moves or not.
     (found_moving, moving), (found_fixed, fixed) = (
-        figures(moving, method, pure=True) for moving in (True, False)
+        figures(moving, method) for moving in (True, False)
     )
     assert found_fixed.mean() > 0.9
     assert_equal(found_moving, found_fixed, 0.08)
     for one, other, largest in zip(moving.T, fixed.T, [*fixed.mean(axis=0)[:3], 15.0], strict=True):
         assert_equal(one, other, largest)
-
-
-@pytest.mark.long
-def test_placed_by_the_pose_of_the_stamp_the_same_pings_find_less_later_and_worse():
-    found, starts = figures(True, "score")
-    found_badly, bad = figures(True, "score", PlacedByTheStamp)
-    assert found_badly.mean() < 0.8 * found.mean()
-    assert bad[:, 3].mean() > 1.3 * starts[:, 3].mean()
-    # The NEES is larger with a confidence of 95 % (one-sided).
-    nees, bad_nees = starts[:, 2], bad[:, 2]
-    error = np.sqrt(nees.var(ddof=1) / len(nees) + bad_nees.var(ddof=1) / len(bad_nees))
-    assert bad_nees.mean() - nees.mean() > 1.645 * error
-
-
-def test_the_platform_turns_while_targets_are_started():
-    heading = [SQUARE.own_ship.pose(12.0 * k)[2] for k in range(SQUARE.scans)]
-    assert np.ptp(np.unwrap(heading)) == pytest.approx(np.pi, abs=0.1), "two turns of the square"
-    rates = [SQUARE.own_ship.rates(12.0 * k)[2] for k in range(SQUARE.scans)]
-    assert np.count_nonzero(rates) >= 4
-    assert np.count_nonzero(rates) <= SQUARE.scans / 2, "and straight on in between"

@@ -1,21 +1,27 @@
-"""Placing scans of a sensor that rolls, pitches and is mounted somewhere on its vessel."""
+"""Placing scans and their range rates: a sensor that rolls, pitches and is mounted somewhere."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from support.builders import whitened
 from support.registered import place, places, rolling, sail, session
+from support.sessions import NotedSession
 
+from msg_adapters.ping import ReadingOptions
+from msg_adapters.point_cloud_detections import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.own_ship.attitude import levelled
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan
+from tsepm_ros.own_ship.registration import Mounting, SensorScan, sensor_covariance
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import RecordedMotion, RecordedScan, Recording
 from tsepm_ros.tracker.options import CommonOptions
 
 
@@ -57,14 +63,6 @@ def test_detections_are_where_the_attitude_at_reception_puts_them(mounting, with
     assert np.hypot(*(places(found) - expected).T).max() < tolerance
 
 
-def test_true_bearings_are_in_the_horizontal_plane_already():
-    one = session()
-    sail(one)
-    scan = Scan(3.0, [4000.0], [1.0], time_offset=[2.0])
-    found = place(one, scan, height=np.array([300.0]), north_referenced=True)
-    assert (found.range[0], found.azimuth[0]) == (4000.0, 1.0)
-
-
 def test_what_is_straight_above_a_tilted_sensor_is_dropped_and_the_others_keep_their_values():
     one = session()
     for time in (0.0, 20.0):
@@ -102,12 +100,15 @@ def test_the_end_of_the_lever_arm_is_extrapolated_round_the_turning_vessel():
     np.testing.assert_allclose(found.sensor_pose, expected, rtol=1e-12)
 
 
+def stand(one, *args, **pose):
+    """Odometry of a vessel that does not move from its place."""
+    for time in (0.0, 10.0):
+        one.add_own_ship(PoseSample(time, 0.0, 0.0, *args, frame_id="odom", **pose))
+
+
 def test_a_mounting_carries_the_heading_s_error_to_the_sensor():
     one = session(Mounting(x=100.0))
-    covariance = np.diag([4.0, 9.0, 0.01])
-    for time in (0.0, 10.0):
-        pose = PoseSample(time, 0.0, 0.0, math.pi / 2, covariance)
-        one.add_own_ship(dataclasses.replace(pose, frame_id="odom"))
+    stand(one, math.pi / 2, np.diag([4.0, 9.0, 0.01]))
     found = place(one, Scan(5.0, [1000.0], [0.0]))
     expected = [[4.0 + 100.0, 0.0, -1.0], [0.0, 9.0, 0.0], [-1.0, 0.0, 0.01]]
     np.testing.assert_allclose(found.sensor_pose_covariance, expected, atol=1e-12)
@@ -123,38 +124,30 @@ def test_a_mounting_carries_the_heading_s_error_to_the_sensor():
 )
 def test_a_lever_arm_needs_a_heading_even_for_true_bearings(mounting, dropped):
     one = session(mounting)
-    for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, np.diag([1.0, 1.0, 1e6]), frame_id="odom"))
+    stand(one, 0.0, np.diag([1.0, 1.0, 1e6]))
     one.add_scan(SensorScan(Scan(5.0, [1000.0], [0.0]), "sonar", north_referenced=True), 0.0)
     assert len(list(one.process())) == 1 - dropped
     assert one.dropped["heading_unknown"] == dropped
 
 
-def test_without_a_mounting_a_vessel_s_frame_is_said_to_be_taken_for_the_sensor_s():
+def test_a_mounting_is_given_not_needed_or_said_to_be_assumed_once_for_each_pair_of_frames():
+    assert session(Mounting(x=1.0)).figures().mounting == "given"
+    assert session(own_ship_source="none").figures().mounting == "not needed"
     one = session()
-    for time in (0.0, 10.0):
-        one.add_own_ship(
-            PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="base_link")
-        )
+    stand(one, 0.0, child_frame_id="sonar")
+    place(one, Scan(5.0, [1000.0], [0.0]))
+    assert (one.figures().mounting, one.heard) == ("not needed", [])
+    one = session()
+    stand(one, 0.0, child_frame_id="base_link")
     assert one.figures().mounting == "unknown"
     for time in (4.0, 5.0):
         place(one, Scan(time, [1000.0], [0.0]))
         assert one.figures().mounting == "assumed"
-    assert one.heard == ["mounting"], "once"
+    assert one.heard == ["mounting"]
     one.reset()
-    for time in (0.0, 10.0):
-        one.add_own_ship(PoseSample(time, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="hull"))
+    stand(one, 0.0, child_frame_id="hull")
     place(one, Scan(6.0, [1000.0], [0.0]))
-    assert one.heard == ["mounting"] * 2, "once for each pair of frames"
-
-
-def test_the_mounting_is_given_or_not_needed():
-    assert session(Mounting(x=1.0)).figures().mounting == "given"
-    assert session(own_ship_source="none").figures().mounting == "not needed"
-    one = session()
-    one.add_own_ship(PoseSample(5.0, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="sonar"))
-    place(one, Scan(5.0, [1000.0], [0.0]))
-    assert (one.figures().mounting, one.heard) == ("not needed", [])
+    assert one.heard == ["mounting"] * 2
 
 
 @pytest.mark.parametrize("source", ["none", "tf"])
@@ -217,3 +210,278 @@ def test_a_heading_that_errs_from_scan_to_scan_is_in_the_track_s_covariance(esti
     assert len(good) > 0.9 * RUNS
     low, high = chi2.ppf([0.005, 0.995], 4 * len(good)) / len(good)  # 99 %
     assert low < np.mean(good) < high
+
+
+def test_range_rates_are_taken_against_the_velocity_of_the_sensor_not_of_the_vessel():
+    # It turns on the spot at 0.1 rad/s with the sensor 20 m ahead and 5 m to starboard.
+    one = session(Mounting(x=20.0, y=-5.0))
+    for stamp in np.arange(0.0, 20.0, 0.1):
+        one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.1 * stamp, frame_id="odom"))
+    scan = place(
+        one, Scan(10.0, [1500.0], [0.0], time_offset=[1.0], features={"range_rate": [0.0]})
+    )
+    at = 0.1 * 11.0
+    arm = Rotation.from_euler("z", at).apply([20.0, -5.0, 0.0])
+    np.testing.assert_allclose(
+        scan.sensor_velocity, [np.cross([0.0, 0.0, 0.1], arm)[:2]], atol=0.01
+    )
+
+
+RATED = {"range": [300.0, 6000.0], "azimuth": [0.0, 0.0], "features": {"range_rate": [1.0, 2.0]}}
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.0, 100.0])
+def test_the_velocity_of_the_sensor_does_not_depend_on_when_odometry_arrives(delay):
+    # White errors of 1 m in the positions: any other samples would give another velocity.
+    x, y = noise = np.random.default_rng(9).normal(0.0, 1.0, (2, 1200))
+    one, found = session(), []
+    one.add_scan(SensorScan(Scan(5.03, time_offset=[0.2, 0.4], **RATED), "sonar"), 0.0)
+    for k, (east, north) in enumerate(noise.T.tolist()):
+        one.add_own_ship(PoseSample(0.1 * k, east, north, 0.0, frame_id="odom"))
+        if 0.1 * k >= 5.83 + delay:
+            found += [result.scan.sensor_velocity for result in one.process(0.0)]
+    # The last echo came at 5.83 s: of what the samples say up to 5.9 s.
+    expected = [(x[59] - x[39]) / 2.0, (y[59] - y[39]) / 2.0]
+    np.testing.assert_allclose(found, [[expected, expected]], rtol=1e-9)
+
+
+def test_a_velocity_that_the_odometry_gives_is_the_sensor_s():
+    rng = np.random.default_rng(10)
+    one = session()
+    for stamp, error in enumerate(rng.normal(0.0, 1.0, 20).tolist()):
+        rates = (4.0 + 0.1 * stamp, -1.0, 0.0)
+        one.add_own_ship(
+            PoseSample(float(stamp), 4.0 * stamp + error, 0.0, 0.0, rates=rates, frame_id="o")
+        )
+    found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED)).sensor_velocity
+    np.testing.assert_allclose(found, [[4.52, -1.0], [4.9, -1.0]])
+
+
+def test_range_rates_are_not_used_where_the_sensor_s_velocity_is_unknown_or_impossible():
+    one = session()
+    for stamp in np.arange(0.0, 20.0, 0.1):
+        x = 0.0 if stamp < 9.0 else 1e8
+        one.add_own_ship(PoseSample(stamp, x, 0.0, 0.0, frame_id="odom"))
+    found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED))
+    np.testing.assert_array_equal(found.features["range_rate"], [1.0, np.nan])
+    np.testing.assert_allclose(found.sensor_velocity, np.zeros((2, 2)), atol=1e-12)
+    assert len(found) == 2
+    one = session()
+    one.add_own_ship(PoseSample(5.0, 1.0, 2.0, 0.0, frame_id="odom"))
+    found = place(one, Scan(5.0, **RATED))
+    assert np.isnan(found.features["range_rate"]).all()
+    assert found.sensor_velocity.tolist() == [0.0, 0.0]
+
+
+SENSOR_VELOCITY = np.array([3.0, -2.0, 0.0])
+
+
+def slant_rates(rng, number):
+    """Places of targets against the sensor and their slant and horizontal range rates.
+
+    The rates are differences of distances over a short time in which sensor and targets move
+    horizontally: those places are (n, 3), m; the rates (n,), m/s.
+    """
+    angle, distance = rng.uniform(-math.pi, math.pi, number), rng.uniform(500.0, 3000.0, number)
+    height = distance * np.tan(rng.uniform(-0.35, 0.35, number))  # 20 degrees
+    place = np.stack([distance * np.cos(angle), distance * np.sin(angle), height], axis=1)
+    velocity = np.column_stack([rng.normal(0.0, 5.0, (number, 2)), np.zeros(number)])
+    step = 1e-3 * (velocity - SENSOR_VELOCITY)
+    after, before = place + step, place - step
+
+    def rate(axes: int) -> np.ndarray:
+        lengths = (np.linalg.norm(one[:, :axes], axis=1) for one in (after, before))
+        return np.subtract(*lengths) / 2e-3
+
+    return place, rate(3), rate(2)
+
+
+@pytest.mark.parametrize(
+    ("source", "roll", "pitch"),
+    [("none", 0.0, 0.0), ("odometry", 0.0, 0.0), ("odometry", 0.2, -0.1)],
+    ids=["at rest", "level", "tilted"],
+)
+def test_range_rates_along_a_slant_line_of_sight_become_those_of_the_horizontal_range(
+    source, roll, pitch
+):
+    place_, slant_rate, expected = slant_rates(np.random.default_rng(5), N)
+    one = session(own_ship_source=source)
+    if source == "odometry":
+        for time in (0.0, 10.0):
+            one.add_own_ship(
+                PoseSample(time, 0.0, 0.0, 0.4, roll=roll, pitch=pitch, frame_id="odom")
+            )
+    yaw = 0.4 if source == "odometry" else 0.0
+    seen = Rotation.from_euler("ZYX", [yaw, pitch, roll]).inv().apply(place_)
+    in_plane, azimuth = np.hypot(*seen[:, :2].T), np.arctan2(seen[:, 1], seen[:, 0])
+    scan = Scan(3.0, in_plane, azimuth, features={"range_rate": slant_rate, "intensity": azimuth})
+    found = place(one, scan, height=seen[:, 2])
+    np.testing.assert_allclose(places(found), place_[:, :2], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.features["range_rate"], expected, atol=1e-6)
+    np.testing.assert_array_equal(found.features["intensity"], azimuth)
+    assert np.abs(slant_rate - expected).max() > 0.2, "untouched they would be wrong"
+
+
+def test_true_bearings_are_horizontal_already_and_their_range_rates_are_made_so():
+    one = session()
+    sail(one)
+    scan = Scan(3.0, [4000.0], [1.0], time_offset=[2.0], features={"range_rate": [4.0]})
+    found = place(one, scan, height=np.array([1000.0]), north_referenced=True)
+    assert (found.range[0], found.azimuth[0]) == (4000.0, 1.0)
+    assert found.features["range_rate"][0] == pytest.approx(4.0 * math.hypot(4000.0, 1000.0) / 4e3)
+
+
+def test_range_rates_without_a_height_stay_to_the_bit_on_a_level_sensor():
+    rates = np.random.default_rng(6).normal(0.0, 5.0, N)
+    one = session(own_ship_source="none")
+    found = place(
+        one, Scan(3.0, np.linspace(1.0, 9e3, N), np.zeros(N), features={"range_rate": rates})
+    )
+    np.testing.assert_array_equal(found.features["range_rate"], rates)
+
+
+@pytest.mark.parametrize("used", [True, False], ids=["rates used", "rates not used"])
+def test_range_rates_measured_steeply_are_left_out_and_that_is_said_where_they_count(used):
+    settings = Settings(sensor=SensorModel(range_rate_std=0.5 if used else 0.0))
+    one = NotedSession(settings)
+    height = 1000.0 * np.tan(np.radians([0.0, 24.0, 25.0, -25.0]))
+    scan = Scan(
+        3.0, np.full(4, 1000.0), np.zeros(4), features={"range_rate": [1.0, 1.0, 1.0, np.nan]}
+    )
+    rates = place(one, scan, height=height).features["range_rate"]
+    np.testing.assert_array_equal(np.isfinite(rates), [True, True, False, False])
+    assert one.heard == (["range_rate_unused"] if used else [])
+    assert one.dropped == {}
+
+
+@pytest.mark.parametrize("name", ["x", "y", "yaw"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
+def test_a_mounting_that_cannot_be_is_refused(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be"):
+        Mounting(**{name: value})
+
+
+def test_the_covariance_of_the_sensor_is_that_of_its_errors():
+    rng = np.random.default_rng(6)
+    root = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [0.01, -0.02, 0.02]])
+    covariance = root @ root.T
+    vessel = np.zeros((200_000, 5))
+    vessel[:, :3] = [10.0, 20.0, 0.7] + rng.standard_normal((200_000, 3)) @ root.T
+    mounting = Mounting(x=100.0, y=-40.0, yaw=1.0)
+    arm = mounting.sensor_poses(np.array([[0.0, 0.0, 0.7, 0.0, 0.0]]))[0, :2]
+    expected = sensor_covariance(covariance, arm)
+    # Entries of a whitened sample covariance of 2e5 deviate by 0.003; what is left is 2nd order.
+    found = whitened(mounting.sensor_poses(vessel), expected)
+    np.testing.assert_allclose(found, np.eye(3), atol=0.02)
+    assert not np.allclose(whitened(vessel[:, :3], expected), np.eye(3), atol=0.3)
+
+
+MANY = 500
+
+
+def directions(azimuth, elevation):
+    level = np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+@pytest.mark.parametrize("mounting_yaw", [0.0, 2.2])
+@pytest.mark.parametrize("steepest", [0.0, 0.5, 1.5], ids=["no elevation", "half", "steep"])
+def test_a_tilted_detection_lies_where_the_full_rotation_puts_it(steepest, mounting_yaw):
+    rng = np.random.default_rng(1)
+    slant, azimuth = rng.uniform(1.0, 9000.0, MANY), rng.uniform(-math.pi, math.pi, MANY)
+    elevation = rng.uniform(-steepest, steepest, MANY)
+    yaw, pitch, roll = rng.uniform(-1.0, 1.0, (3, MANY)) * [[math.pi], [1.5], [math.pi]]
+    attitude = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1))
+    mounting = Rotation.from_euler("z", mounting_yaw)
+    place = slant[:, None] * (attitude * mounting).apply(directions(azimuth, elevation))
+    height = None if steepest == 0.0 else slant * np.sin(elevation)
+    found, turned = levelled(slant * np.cos(elevation), azimuth, height, roll, pitch, mounting_yaw)
+    heading = yaw + mounting_yaw
+    np.testing.assert_allclose(found * np.cos(turned + heading), place[:, 0], atol=1e-8)
+    np.testing.assert_allclose(found * np.sin(turned + heading), place[:, 1], atol=1e-8)
+
+
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_what_is_received_level_is_in_the_horizontal_plane_to_the_bit(zero):
+    rng = np.random.default_rng(2)
+    range_, azimuth, height = rng.uniform(-9e3, 9e3, (3, MANY))  # any angle, not wrapped
+    level = np.full(MANY, zero)
+    for kwargs in ({}, {"mounting_yaw": 0.3}):
+        found = levelled(range_, azimuth, height, level, level, **kwargs)
+        np.testing.assert_array_equal(found, (range_, azimuth))
+    tilted = np.where(np.arange(MANY) % 2, 0.1, zero)  # beside others that are not
+    found = np.array(levelled(range_, azimuth, None, tilted, level))
+    assert ((found == (range_, azimuth)).all(axis=0) == (tilted == 0.0)).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_range_may_vanish_and_a_height_be_absurd():
+    quarter = np.full(2, math.pi / 2)
+    found, _ = levelled(
+        np.array([100.0, 1.0]), quarter, np.array([0.0, 1e308]), quarter, np.zeros(2)
+    )
+    assert found[0] < 1e-10
+    assert found[1] > 1e300
+
+
+MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
+
+
+def pose(stamp: float) -> PoseSample:
+    return PoseSample(stamp, 0.0, 0.0, 0.0, frame_id="odom", child_frame_id="sonar")
+
+
+def ping(stamp: float, offsets: list[float]):
+    values = {
+        "range": np.full(len(offsets), 900.0),
+        "azimuth": np.linspace(-1.0, 1.0, len(offsets)),
+        "time_offset": np.array(offsets),
+    }
+    read = detections_of_fields(round(1e9 * stamp), "sonar", values, ReadingOptions())
+    return read.sensor_scan
+
+
+@pytest.mark.parametrize(
+    ("offsets", "used"),
+    [
+        *(([0.6, wrong, 0.5], [0.6, 0.5]) for wrong in (60.0, 61.0, 1e3, 1e6, -60.0, -1e6)),
+        ([100.0, 200.0], []),
+    ],
+)
+def test_the_other_echoes_of_the_ping_are_used_at_once(offsets, used):
+    session = Session(MOVING)
+    for stamp in np.arange(0.0, 30.0, 0.5):
+        session.add_own_ship(pose(stamp))
+    session.add_scan(ping(10.0, offsets), now=0.0)
+    [result] = session.process(now=0.0)
+    assert result.scan.time_offset.tolist() == used
+    assert session.dropped == {"echo_too_late": len(offsets) - len(used)}
+
+
+def test_a_sensor_at_rest_keeps_such_echoes():
+    session = Session(Settings())
+    session.add_scan(ping(10.0, [0.6, 100.0]), now=0.0)
+    [result] = session.process(now=0.0)
+    assert len(result.scan) == 2
+    assert not session.dropped
+
+
+@pytest.mark.long
+def test_offline_the_poses_of_later_pings_are_still_there():
+    """The poses up to the last echo are read before a ping: none must be read for a wrong one."""
+    times = np.arange(0.0, 2000.0, 1.0)
+    scans = [
+        RecordedScan(
+            float(stamp),
+            {
+                "range": np.full(3, 900.0),
+                "azimuth": np.array([0.0, 0.1, 0.2]),
+                "time_offset": np.array([0.5, 1e5 if stamp == 20.0 else 0.6, 0.7]),
+            },
+        )
+        for stamp in np.arange(20.0, 1900.0, 20.0)
+    ]
+    own_ship = [RecordedMotion(float(stamp), np.zeros(4), 0.0) for stamp in times]
+    results, dropped = process_recording(Recording(scans, own_ship), MOVING, "bow")
+    assert len(results) == len(scans)
+    assert dropped == {"echo_too_late": 1}

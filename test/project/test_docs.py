@@ -1,9 +1,11 @@
-"""The pages say what is: parameters, commands, code and files that exist."""
+"""The pages say what is, and are short: parameters, commands, code, files and figures."""
 
 import ast
 import contextlib
 import functools
+import importlib.util
 import io
+import json
 import re
 import shlex
 from collections.abc import Iterator
@@ -11,12 +13,14 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
-from tsepm_ros import available_methods
+from tsepm_ros import __version__, available_methods
 from tsepm_ros.methods.registry import option_names
 from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES, full_table, with_method
 from tsepm_ros.tools.commands.cli import _parser
+from tsepm_ros.tools.evaluation.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -63,11 +67,8 @@ def launch_arguments() -> set[str]:
     return {str(argument.get("name")) for argument in launch.iter("arg")}
 
 
-def test_the_page_of_parameters_is_up_to_date():
+def test_the_page_of_parameters_is_up_to_date_and_has_every_parameter():
     assert (DOCS / "parameters.md").read_text(encoding="utf-8") == as_page(NODES)
-
-
-def test_the_page_of_parameters_has_every_parameter():
     rows = re.findall(r"^\| `([\w.]+)` \|", as_page(NODES), re.MULTILINE)
     assert set(rows) == NAMES
 
@@ -149,12 +150,9 @@ def test_the_page_on_python_runs_and_prints_what_it_says():
     assert printed[0] in blocks(page)
 
 
-def test_the_driver_of_the_quick_start_is_the_example_that_is_tested():
+def test_examples_and_the_smallest_method_on_the_pages_are_those_that_are_tested():
     driver = (ROOT / "examples" / "minimal_driver.py").read_text(encoding="utf-8").rstrip()
     assert driver in [block.rstrip() for block in blocks(DOCS / "get_started.md", "python")]
-
-
-def test_the_smallest_method_is_the_one_that_is_tested():
     toy, registration = blocks(DOCS / "contributing.md", "python")
     assert toy in (ROOT / "test" / "methods" / "test_methods.py").read_text(encoding="utf-8")
     assert registration == 'METHODS["toy"] = Toy\n'
@@ -202,3 +200,116 @@ def test_a_page_with_commands_says_at_its_top_how_they_are_typed(page):
     )
     if any(map(TYPED.search, code)) and page.name not in ("parameters.md", "diagnostics.md"):
         assert words in top, "generated pages alone have no such line"
+
+
+MAX_WORDS = 17_000
+"""Outside of the sections Research and Reference, and with the README."""
+MAX_README_LINES = 80
+LONG = ("Research", "Reference")
+MEASURED = re.compile(r"(?:[Mm]easured|[Cc]omputed)\s+with\s+version\s+\d")
+BLOCK = re.compile(r"<!-- figures .*?<!-- end of figures -->", re.DOTALL)
+FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+FIGURE_CELL = re.compile(r"^\|.*\|\s*[+-]?\d+\.\d+[^|]*\|", re.MULTILINE)
+"""A row with a cell that begins with a decimal number."""
+REFERENCE = ("parameters.md", "topics.md", "messages.md", "diagnostics.md", "time_and_frames.md")
+
+
+@pytest.fixture(scope="module")
+def figures():
+    spec = importlib.util.spec_from_file_location("figures", DOCS / "figures.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_page_shows_its_result_files_and_every_one_stands_on_a_page(figures):
+    assert figures.problems() == [], "each names the command that renews it"
+    used = {
+        block["name"]
+        for page in figures.PAGES
+        for block in figures.BLOCK.finditer(page.read_text("utf-8"))
+    }
+    assert used == {path.stem for path in figures.RESULTS.glob("*.json")}
+
+
+@pytest.fixture
+def one_result(figures, tmp_path, monkeypatch):
+    """A result file of other golden outputs, in place of the others."""
+    path = tmp_path / "docs" / "box.json"
+    path.parent.mkdir()
+    content = json.loads((figures.RESULTS / "box.json").read_text("utf-8"))
+    path.write_text(json.dumps(content | {"version": "0.0.1", "goldens": "00000000"}))
+    monkeypatch.setattr(figures, "ROOT", tmp_path)
+    monkeypatch.setattr(figures, "RESULTS", path.parent)
+    monkeypatch.setattr(figures, "PAGES", [])
+    return path
+
+
+def test_a_release_with_figures_of_other_outputs_fails_with_the_command(
+    figures, one_result, tmp_path, capsys
+):
+    (tmp_path / "CHANGELOG.md").write_text("## [Unreleased]\n\n## [0.0.2]\n- Changed.\n")
+    assert figures.main(["check"]) == 0, "they are of an earlier release, and the pages say so"
+    content = json.loads(one_result.read_text("utf-8"))
+    one_result.write_text(json.dumps(content | {"version": __version__}))
+    assert figures.main(["check"]) == 1
+    said = capsys.readouterr().err
+    assert "docs/box.json was not measured with the outputs of this release" in said
+    assert "python docs/figures.py renew box" in said
+
+
+def test_between_releases_a_table_keeps_the_release_that_it_was_measured_with(
+    figures, one_result, tmp_path
+):
+    (tmp_path / "CHANGELOG.md").write_text("## [Unreleased]\n- Changed.\n\n## [0.0.2]\n")
+    assert figures.main(["check"]) == 0
+    page = "<!-- figures box.curve -->\n<!-- end of figures -->"
+    assert "Version 0.0.1." in figures.filled(page)
+
+
+def test_a_page_without_its_figures_is_found(figures, monkeypatch, tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("<!-- figures box.curve -->\n| old |\n<!-- end of figures -->\n")
+    monkeypatch.setattr(figures, "ROOT", tmp_path)
+    monkeypatch.setattr(figures, "PAGES", [page])
+    monkeypatch.setattr(figures, "is_release", lambda: False)
+    assert any("page.md is out of date" in problem for problem in figures.problems())
+    figures.fill()
+    assert "| old |" not in page.read_text()
+    assert read_result(figures.RESULTS / "box.json").command in page.read_text()
+    assert not any("page.md" in problem for problem in figures.problems())
+
+
+def sections() -> dict[str, list[str]]:
+    """Pages by the top-level heading of the navigation."""
+    text = re.sub(r"^(plugins|hooks|markdown_extensions):.*?(?=^\w)", "", CONFIG, flags=re.M | re.S)
+    pages = {}
+    for entry in yaml.safe_load(text)["nav"]:
+        [(name, value)] = entry.items()
+        pages[name] = [value] if isinstance(value, str) else [next(iter(p.values())) for p in value]
+    return pages
+
+
+CONFIG = (ROOT / ".ci" / "mkdocs.yml").read_text(encoding="utf-8") if DOCS.exists() else ""
+
+
+def test_the_pages_are_short():
+    short = [name for head, names in sections().items() if head not in LONG for name in names]
+    words = {name: len((DOCS / name).read_text("utf-8").split()) for name in short}
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    words["README.md"] = len(readme.split())
+    assert sum(words.values()) <= MAX_WORDS, words
+    assert len(readme.splitlines()) <= MAX_README_LINES
+
+
+@pytest.mark.parametrize("name", [name for names in sections().values() for name in names])
+def test_a_table_of_figures_has_a_result_file_or_a_version(name):
+    if name in REFERENCE:
+        return
+    text = BLOCK.sub("", FENCED.sub("", (DOCS / name).read_text(encoding="utf-8")))
+    beginning, *parts = re.split(r"^## ", text, flags=re.MULTILINE)
+    if MEASURED.search(beginning):
+        return
+    for part in parts:
+        if FIGURE_CELL.search(part):
+            assert MEASURED.search(part), part.splitlines()[0]

@@ -20,14 +20,11 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_every_place_has_the_same_version():
+def test_every_place_has_the_same_version_and_the_changelog_begins_with_what_is_not_released():
     manifest = ElementTree.fromstring(text("package.xml")).findtext("version")
     versions = re.findall(r"^## \[(\d+\.\d+\.\d+)\]", text("CHANGELOG.md"), re.MULTILINE)
     citation = yaml.safe_load(text("CITATION.cff"))
     assert {manifest, versions[0], citation["version"]} == {tsepm_ros.__version__}
-
-
-def test_the_changelog_begins_with_what_is_not_released():
     headings = re.findall(r"^## \[(.+?)\]", text("CHANGELOG.md"), re.MULTILINE)
     assert headings[0] == "Unreleased"
     assert len(headings) == len(set(headings))
@@ -93,8 +90,15 @@ def changelog():
     return module
 
 
-def test_the_changelog_of_ros_is_made_from_the_other(changelog):
+def test_the_changelog_of_ros_is_made_from_the_other_with_signs_that_mean_the_same(changelog):
     assert text("CHANGELOG.rst") == changelog.current(), "out of date: python docs/changelog.py"
+    markdown = "# All\n\n## [1.0.0] - 2026-01-02\n\n### Fixed\n\n- `a_b\n  c` of [x](y.md), a*b, [z](http://z).\n"
+    assert changelog.as_rst(markdown, "boat").split("\n", 3)[3] == (
+        "\n1.0.0 (2026-01-02)\n------------------\n\n**Fixed**\n\n"
+        "- ``a_b\n  c`` of x, a\\*b, `z <http://z>`__.\n"
+    )
+    with pytest.raises(ValueError, match=r"version 1\.0\.0 has no date"):
+        changelog.as_rst("## [1.0.0]\n- Changed.\n", "boat")
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of docutils, in catkin_pkg
@@ -113,19 +117,6 @@ def test_catkin_reads_every_version_with_its_date_and_entries(changelog):
         for bullet in getattr(block, "bullets", [])
     ]
     assert len(entries) == len(re.findall(r"^- ", released, re.MULTILINE))
-
-
-def test_signs_of_the_changelog_mean_the_same_to_ros(changelog):
-    markdown = "# All\n\n## [1.0.0] - 2026-01-02\n\n### Fixed\n\n- `a_b\n  c` of [x](y.md), a*b, [z](http://z).\n"
-    assert changelog.as_rst(markdown, "boat").split("\n", 3)[3] == (
-        "\n1.0.0 (2026-01-02)\n------------------\n\n**Fixed**\n\n"
-        "- ``a_b\n  c`` of x, a\\*b, `z <http://z>`__.\n"
-    )
-
-
-def test_a_version_without_a_date_is_refused(changelog):
-    with pytest.raises(ValueError, match=r"version 1\.0\.0 has no date"):
-        changelog.as_rst("## [1.0.0]\n- Changed.\n", "boat")
 
 
 @pytest.mark.parametrize("page", ["QUALITY_DECLARATION.md", "SECURITY.md", "CONTRIBUTING.md"])

@@ -89,7 +89,7 @@ def test_a_kill_leaves_what_was_there_and_the_next_writer_cleans_up(tmp_path):
     assert sorted(os.listdir(tmp_path)) == sorted(["a.txt", other.name])
 
 
-def test_permissions_links_and_devices_are_as_with_a_plain_file(tmp_path):
+def test_links_devices_permissions_and_suffixes_are_as_with_a_plain_file(tmp_path):
     plain, path = tmp_path / "plain", tmp_path / "a.txt"
     plain.write_text("x")
     write_text(path, "x")
@@ -100,9 +100,6 @@ def test_permissions_links_and_devices_are_as_with_a_plain_file(tmp_path):
     assert link.is_symlink() and path.read_text() == "y"
     write_text(Path(os.devnull), "z")
     assert not Path(os.devnull).is_file()
-
-
-def test_the_suffix_is_kept_for_programs_that_go_by_it(tmp_path):
     with written_whole(tmp_path / "a.png") as temporary:
         assert temporary.suffix == ".png" and temporary.parent == tmp_path
         temporary.touch()

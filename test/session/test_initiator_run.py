@@ -1,31 +1,20 @@
-"""The initiator in a session: the same tracks, changed options and methods, failures, limits."""
+"""The initiator in a session: changed options and methods, failures, limits, what it imports."""
 
 import dataclasses
 import math
-from collections import Counter
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from support.builders import assert_same_tracks
-from support.sessions import (
-    BOX,
-    NotedSession,
-    arrived,
-    failing_at,
-    held,
-    play,
-    play_empty,
-    session,
-    settings,
-    simulated,
-)
+from support.sessions import NotedSession, failing_at, held, play, play_empty, session, settings
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.scan_queue import Arrival
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
@@ -172,17 +161,13 @@ def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
     assert one.figures().intensity == "not used: no strengths"
 
 
-def test_a_session_gives_what_the_initiator_gives():
-    chosen = Settings(session=SessionOptions(method="tsepm"), sensor=BOX.sensor)
-    one, initiator = Session(chosen), make_initiator("tsepm", sensor=BOX.sensor)
-    confirmed = 0
-    for scan in simulated():
-        one.add_scan(arrived(scan, stamp_ns=17), 0.0)
-        (result,) = one.process()
-        assert_same_tracks(result.new, initiator.process(scan))
-        assert result.statistics == initiator.statistics
-        assert (result.stamp, result.stamp_ns) == (scan.stamp, 17)
-        assert result.core_seconds > 0
-        confirmed += len(result.new)
-    assert confirmed > 5
-    assert one.dropped == Counter()
+HEAVY = "scipy.stats", "scipy.ndimage", "scipy.optimize", "matplotlib", "rclpy"
+
+
+def test_a_session_with_every_method_imports_no_heavy_module_that_it_does_not_use():
+    code = (
+        "import sys, tsepm_ros.session.session, tsepm_ros.methods.registry; "
+        f"print([name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -10,14 +10,11 @@ from support.sessions import arrived
 from support.sweeps import (
     BEAM_NS,
     BEAMS,
-    FIRST,
     START_NS,
-    STEP,
     TARGETS,
     TURN,
     beam,
     circling,
-    fan,
     in_parts,
     played,
     read,
@@ -71,13 +68,19 @@ def test_a_target_at_the_seam_is_one_track():
         assert np.ptp(result.scan.time_offset) < 0.1 * TURN
 
 
-def test_the_state_of_a_given_sweep_is_that_none_is_complete_until_one_is():
+def test_the_state_and_latency_of_a_given_sweep_are_reported():
     one = Session(settings("3.14"))
     messages = [read(message) for message in in_parts(turns(2), 6)]
     played_open(one, messages[:10])
     assert one.figures().sweep == "sweeps of 3.14 s, none complete yet"
     played_open(one, messages[10:])
     assert one.figures().sweep == f"sweeps of 3.14 s in {BEAMS // 6} messages"
+    one = Session(settings(f"{TURN}"))
+    played(one, in_parts(turns(3), 6))
+    figures = one.figures()
+    assert figures.sweep == f"sweeps of {TURN:.3g} s in {BEAMS // 6} messages"
+    assert figures.sweep_latency == pytest.approx(TURN, rel=0.02)
+    assert Session(settings("off")).figures().sweep == "a message is a scan"
 
 
 @pytest.mark.long
@@ -122,15 +125,6 @@ def test_auto_changes_nothing_for_a_sonar_that_looks_everywhere(method):
         assert_same_tracks(auto.current, off.current)
         assert_same_tracks(auto.new, off.new)
         assert auto.statistics == off.statistics
-
-
-def test_the_latency_is_reported():
-    one = Session(settings(f"{TURN}"))
-    played(one, in_parts(turns(3), 6))
-    figures = one.figures()
-    assert figures.sweep == f"sweeps of {TURN:.3g} s in {BEAMS // 6} messages"
-    assert figures.sweep_latency == pytest.approx(TURN, rel=0.02)
-    assert Session(settings("off")).figures().sweep == "a message is a scan"
 
 
 def test_an_open_scan_ends_after_a_silence_on_both_clocks():
@@ -205,13 +199,3 @@ def test_times_are_those_of_the_nanoseconds():
     offsets = results[0].scan.time_offset / (BEAM_NS * 1e-9)
     assert np.array_equal(offsets, np.round(offsets))
     assert math.isclose(results[0].stamp, START_NS * 1e-9)
-
-
-@pytest.mark.parametrize("size", [1, 6])
-def test_a_fan_shows_the_azimuths_of_all_its_rays(size):
-    for place in (0, BEAMS // 2, BEAMS - size):
-        empty = read(fan(START_NS, FIRST + place * STEP, np.full(size, np.inf)))
-        assert len(empty.scan) == 0
-        assert empty.beams.start == pytest.approx(FIRST + place * STEP)
-        assert empty.beams.width == pytest.approx((size - 1) * STEP)
-        assert empty.beams.whole

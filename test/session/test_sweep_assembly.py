@@ -1,22 +1,27 @@
-"""Messages of a turning beam become scans: where each ends, and what happens to odd messages."""
+"""A turning beam: what is learned as a sweep, and how its messages become scans and images."""
+
+from __future__ import annotations
 
 import dataclasses
 import math
 
 import numpy as np
 import pytest
-from support.sweeps import RADAR, beam, contents
+from support.sweeps import FIRST, RADAR, START_NS, STEP, beam, contents, fan, read
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.sweep import Sweep
+from tsepm_ros.session.image_turns import ImagePing, ImageTurns
+from tsepm_ros.session.sweep import Sweep, joined
+from tsepm_ros.session.turn import TurnLearner
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.scan import Arc
+from tsepm_ros.tracker.scan import Arc, arc_of
 
 STEPS = 36
-STEP = 2 * math.pi / STEPS
+ANGLE = 2 * math.pi / STEPS
 TIME = 0.1
 TURN = STEPS * TIME
 
@@ -28,7 +33,7 @@ def assembly(max_detections: int = 1000) -> Sweep:
 
 def message(number: int, *, start: float = 100.0, direction: int = 1, known: bool = True):
     """Message `number` of a beam that turns evenly; its one echo has a range of its own."""
-    azimuth = math.remainder(0.3 + direction * number * STEP, 2 * math.pi)
+    azimuth = math.remainder(0.3 + direction * number * ANGLE, 2 * math.pi)
     return beam(start + number * TIME, azimuth if known else None, *([10.0 * (1 + number)] * known))
 
 
@@ -59,8 +64,8 @@ def test_whole_turns_have_looked_everywhere_and_parts_at_their_arc():
     scans, _ = fed(assembly(), [message(n) for n in range(STEPS + 9)])
     assert scans[0].scan.swept is None
     start, width = scans[1].scan.swept
-    assert start == pytest.approx(0.3 - 0.5 * STEP)
-    assert width == pytest.approx(9 * STEP)
+    assert start == pytest.approx(0.3 - 0.5 * ANGLE)
+    assert width == pytest.approx(9 * ANGLE)
 
 
 @pytest.mark.parametrize("steps", [36, 35.3, 100.7])
@@ -78,30 +83,23 @@ def test_the_seam_stays_where_it_is_whatever_the_step(steps):
     assert max(map(abs, starts)) <= 0.5 * step + 1e-9
 
 
-def test_lost_messages_only_leave_a_hole():
+def test_a_gap_of_half_a_turn_ends_the_scan_and_a_shorter_one_leaves_a_hole():
     kept = [n for n in range(3 * STEPS) if not 10 <= n < 20 and not 34 <= n < 40]
     scans, reasons = fed(assembly(), [message(n) for n in kept])
     assert [len(scan.scan) for scan in scans] == [24, 32, 36]
     assert scans[1].scan.range[0] == 410.0
     assert reasons == []
-
-
-def test_a_gap_of_half_a_turn_ends_the_scan():
     kept = [n for n in range(2 * STEPS) if not 10 <= n < 10 + STEPS // 2]
     scans, _ = fed(assembly(), [message(n) for n in kept])
     assert contents(scans) == numbers((0, 10), (28, 28 + STEPS), (64, 72))
-    assert scans[0].scan.swept[1] == pytest.approx(10 * STEP)
+    assert scans[0].scan.swept[1] == pytest.approx(10 * ANGLE)
 
 
-def test_messages_without_an_azimuth_advance_by_time():
+def test_messages_without_an_azimuth_advance_by_time_from_those_with_one():
     messages = [message(n, known=n % 5 == 0) for n in range(3 * STEPS)]
     scans, _ = fed(assembly(), messages)
     assert [scan.scan.stamp for scan in scans] == pytest.approx([100.0, 103.6, 107.2])
     assert contents(scans)[1] == [10.0 * (1 + n) for n in range(40, 72, 5)]
-
-
-def test_one_known_beam_a_turn_keeps_its_place():
-    """Its azimuth is ambiguous by turns; the time says how many."""
     messages = [message(n, known=n in (3, 38, 76, 110, 149)) for n in range(5 * STEPS)]
     scans, _ = fed(assembly(), messages)
     assert contents(scans) == [[40.0], [390.0], [770.0], [1110.0], [1500.0]]
@@ -119,15 +117,19 @@ def test_a_sector_ends_where_the_beam_turns_back():
         assert scan.scan.swept[1] == pytest.approx(2.0, abs=0.11)
 
 
-def test_a_turn_in_the_other_direction_ends_the_scan():
-    azimuths = [n * STEP for n in range(50)]
-    azimuths += [azimuths[-1] - n * STEP for n in range(1, 60)]
+def test_a_turn_in_the_other_direction_and_other_axes_end_the_scan():
+    azimuths = [n * ANGLE for n in range(50)]
+    azimuths += [azimuths[-1] - n * ANGLE for n in range(1, 60)]
     messages = [
         beam(0.1 * n, math.remainder(a, 2 * math.pi), 10.0 * (1 + n))
         for n, a in enumerate(azimuths)
     ]
     scans, _ = fed(assembly(), messages)
     assert contents(scans) == numbers((0, 36), (36, 50), (50, 86), (86, 109))
+    messages = [message(n) for n in range(20)]
+    messages[10:] = [dataclasses.replace(each, axes="sonar") for each in messages[10:]]
+    scans, _ = fed(assembly(), messages)
+    assert contents(scans) == numbers((0, 10), (10, 20))
 
 
 def test_a_beam_that_stands_ends_the_scan_and_a_slow_one_gets_its_time():
@@ -140,7 +142,7 @@ def test_a_beam_that_stands_ends_the_scan_and_a_slow_one_gets_its_time():
     assert lengths == sorted(lengths)
     slow = [message(n) for n in range(STEPS)]
     slow += [
-        beam(110.0 + 0.5 * n, math.remainder(0.3 + n * STEP, 2 * math.pi), 10.0 * (1 + n))
+        beam(110.0 + 0.5 * n, math.remainder(0.3 + n * ANGLE, 2 * math.pi), 10.0 * (1 + n))
         for n in range(8 * STEPS)
     ]
     scans, _ = fed(assembly(), slow)
@@ -176,16 +178,7 @@ def test_what_never_ends_at_the_seam_is_cut():
     assert [len(scan.scan) for scan in scans] == [365, 360, 355]
 
 
-def test_an_empty_seam_adds_no_latency():
-    one = assembly()
-    scans, _ = fed(one, [message(n) for n in range(STEPS)], close=False)
-    assert scans == []
-    scans, _ = fed(one, [message(STEPS)], close=False)
-    assert len(scans) == 1
-    assert one.latency == pytest.approx(TURN)
-
-
-def test_a_late_message_of_an_unknown_beam_is_put_in_its_place_by_its_stamp():
+def test_late_messages_are_put_in_their_place_by_the_stamp_or_dropped():
     order = [*range(20), 21, 20, *range(22, 2 * STEPS)]
     one = assembly()
     scans, reasons = fed(one, [message(n, known=n != 20) for n in order])
@@ -193,9 +186,6 @@ def test_a_late_message_of_an_unknown_beam_is_put_in_its_place_by_its_stamp():
     assert contents(scans) == rest + numbers((STEPS, 2 * STEPS))
     assert reasons == []
     assert one.state == f"sweeps of 3.6 s in {STEPS} messages"
-
-
-def test_late_messages_that_do_not_fit_are_dropped():
     late = [message(3, start=101.05), message(2)]
     messages = [message(n) for n in range(2 * STEPS - 10)]
     scans, reasons = fed(assembly(), [*messages[:50], *late, *messages[50:]])
@@ -208,7 +198,7 @@ def test_a_repeated_message_is_dropped_and_another_beam_of_its_stamp_is_not():
     scans, reasons = fed(assembly(), [*messages[:5], messages[4], messages[2], *messages[5:]])
     assert contents(scans) == numbers((0, STEPS))
     assert reasons == ["scan_same_stamp"] * 2
-    batch = [beam(100.0 + 0.4 * (n // 4), 0.3 + n * STEP, 10.0 * (1 + n)) for n in range(STEPS)]
+    batch = [beam(100.0 + 0.4 * (n // 4), 0.3 + n * ANGLE, 10.0 * (1 + n)) for n in range(STEPS)]
     scans, reasons = fed(assembly(), batch)
     assert contents(scans) == numbers((0, STEPS))
     assert reasons == []
@@ -233,11 +223,6 @@ def test_a_clock_set_back_a_little_begins_anew_after_half_a_turn():
     assert sum(len(scan.scan) for scan in scans) == 150 - len(reasons)
 
 
-def test_a_scan_ends_before_it_has_too_many_detections():
-    scans, _ = fed(assembly(max_detections=10), [message(n) for n in range(STEPS)])
-    assert contents(scans) == numbers((0, 10), (10, 20), (20, 30), (30, 36))
-
-
 def test_a_message_that_shows_nearly_a_turn_is_a_scan_by_itself():
     wide = [
         SensorScan(Scan(float(n), [5.0], [1.0]), "radar", beams=Arc(-3.0, 6.0, whole=True))
@@ -245,13 +230,6 @@ def test_a_message_that_shows_nearly_a_turn_is_a_scan_by_itself():
     ]
     scans, _ = fed(assembly(), wide)
     assert scans == wide
-
-
-def test_messages_of_other_axes_begin_a_scan():
-    messages = [message(n) for n in range(20)]
-    messages[10:] = [dataclasses.replace(each, axes="sonar") for each in messages[10:]]
-    scans, _ = fed(assembly(), messages)
-    assert contents(scans) == numbers((0, 10), (10, 20))
 
 
 def test_no_echo_is_lost_or_doubled_in_any_disorder():
@@ -304,3 +282,239 @@ def test_after_a_beam_that_trembled_turns_are_whole_again(messages_per_turn):
     scans, reasons = fed(assembly(), [*trembling, *turning])
     assert reasons == []
     assert [len(scan.scan) for scan in scans[-4:-1]] == [messages_per_turn] * 3
+
+
+RICH = SensorScan(
+    Scan(
+        11.0,
+        [100.0, 200.0],
+        [0.1, 0.1],
+        range_std=[3.0, 4.0],
+        azimuth_std=[0.2, 0.3],
+        time_offset=[0.1, 0.2],
+        features={"intensity": [5.0, 6.0]},
+        group=[4, -1],
+    ),
+    "radar",
+    transmit_offset=np.array([0.01, 0.02]),
+    height=np.array([-1.0, -2.0]),
+)
+PLAIN = SensorScan(Scan(10.5, [300.0], [0.05], features={"range_rate": [2.0]}), "radar")
+
+
+def test_what_one_message_has_and_the_other_does_not():
+    one = joined([PLAIN, RICH, beam(12.0, 0.2)], RADAR, None)
+    scan = one.scan
+    assert (scan.stamp, one.frame_id) == (10.5, "radar")
+    assert scan.range.tolist() == [300.0, 100.0, 200.0]
+    assert scan.range_std == pytest.approx([1.0, 3.0, 4.0])
+    assert scan.azimuth_std == pytest.approx([0.01, 0.2, 0.3])
+    assert scan.time_offset == pytest.approx([0.0, 0.6, 0.7])
+    assert one.transmit_offset == pytest.approx([0.0, 0.51, 0.52])
+    assert one.height == pytest.approx([0.0, -1.0, -2.0])
+    assert scan.features["intensity"] == pytest.approx([math.nan, 5.0, 6.0], nan_ok=True)
+    assert scan.features["range_rate"] == pytest.approx([2.0, math.nan, math.nan], nan_ok=True)
+    assert scan.group[0] == scan.group[2] == -1
+    assert scan.group[1] >= 0
+    Scan(**{name: value for name, value in vars(scan).items() if value is not None})  # is allowed
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 30])
+def test_runs_of_rays_go_on_from_message_to_message(size):
+    """The groups of one message with all rays are those of its parts."""
+    rng = np.random.default_rng(size)
+    for _ in range(20):
+        ranges = np.cumsum(rng.choice([0.0, 0.2, 30.0, -40.0], 30)) + 300.0
+        ranges[rng.random(30) < 0.2] = np.inf
+        expected = read(fan(START_NS, FIRST, ranges)).scan.group
+        parts = [
+            read(fan(START_NS + place * 10**6, FIRST + place * STEP, ranges[place : place + size]))
+            for place in range(0, 30, size)
+        ]
+        exact = dataclasses.replace(RADAR, range_std=1e-6)
+        group = joined(parts, exact, None).scan.group
+        assert np.array_equal(group[:, None] == group, expected[:, None] == expected)
+
+
+def test_messages_that_are_apart_share_no_run():
+    near = [read(fan(START_NS + n, FIRST + 5 * n * STEP, [100.0])) for n in range(3)]
+    assert len(set(joined(near, RADAR, None).scan.group)) == 3
+    unknown = [dataclasses.replace(each, beams=None) for each in near]
+    assert len(set(joined(unknown, RADAR, None).scan.group)) == 3
+
+
+def learned(messages):
+    """Number of messages until a sweep is seen, and its seconds; None if it is never."""
+    learner = TurnLearner()
+    for number, message in enumerate(messages):
+        turning = learner.take(message.scan.stamp, message.beams, message.scan.range)
+        if turning is not None:
+            return number, turning.seconds
+    return None
+
+
+def echoes(stamp: float, azimuth, range) -> SensorScan:
+    """A message that lists its detections only."""
+    scan = Scan(stamp, range, azimuth)
+    return SensorScan(scan, "sonar", beams=arc_of(scan.azimuth))
+
+
+def turning(steps: float, direction: int = 1, *, whole: bool = True, seed: int = 0, share=1.0):
+    rng = np.random.default_rng(seed)
+    for number in range(int(4 * steps)):
+        azimuth = math.remainder(direction * number * 2 * math.pi / steps, 2 * math.pi)
+        if whole:
+            yield beam(2.5 * number / steps, azimuth)
+        elif rng.random() < share:
+            yield beam(2.5 * number / steps, azimuth, rng.uniform(10.0, 900.0), whole=False)
+        else:
+            yield beam(2.5 * number / steps, None)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("steps", [8, 36, 400, 4096])
+def test_a_turning_beam_is_a_sweep_after_a_turn(steps, direction):
+    number, seconds = learned(turning(steps, direction))
+    assert number <= steps + 1
+    assert seconds == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_detections_at_different_ranges_show_it_too(share):
+    number, seconds = learned(turning(180, whole=False, share=share))
+    assert number <= 1.1 * 180 + 10
+    assert seconds == pytest.approx(2.5, rel=0.02)
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_a_sector_is_a_sweep_after_two_passes(back):
+    there = np.linspace(-1.0, 1.0, 41)
+    azimuths = np.concatenate([there, there[::-1] if back else there] * 3)[17:]
+    number, seconds = learned([beam(0.1 * n, float(a)) for n, a in enumerate(azimuths)])
+    assert number <= 2.7 * 41
+    assert seconds == pytest.approx(4.1, rel=0.05)
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_no_shipped_scenario_is_one(name):
+    simulator = Simulator(load_scenario(name), 3)
+    assert (
+        learned(echoes(one.scan.stamp, one.scan.azimuth, one.scan.range) for one in simulator)
+        is None
+    )
+
+
+def test_a_fan_that_stays_or_is_panned_slowly_and_a_target_to_and_fro_are_none():
+    fans = [
+        SensorScan(Scan(float(n), [], []), "sonar", beams=Arc(-0.5, 1.0, True)) for n in range(500)
+    ]
+    assert learned(fans) is None
+    fans = [
+        SensorScan(Scan(float(n), [], []), "sonar", beams=Arc(0.05 * n, 1.0, True))
+        for n in range(1000)
+    ]
+    assert learned(fans) is None
+    pings = [echoes(float(n), [math.sin(0.05 * n)], [200.0]) for n in range(2000)]
+    assert learned(pings) is None
+
+
+@pytest.mark.long
+def test_few_detections_here_and_there_are_none():
+    rng = np.random.default_rng(1)
+    for number in (0.5, 1.0, 3.0):
+        pings = (
+            echoes(float(n), rng.uniform(-np.pi, np.pi, m), rng.uniform(1.0, 900.0, m))
+            for n, m in enumerate(rng.poisson(number, 8_000))
+        )
+        assert learned(pings) is None
+
+
+def test_a_buoy_seen_from_a_turning_vessel_is_none():
+    rng = np.random.default_rng(1)
+    for noise in (0.0, 0.01):
+        pings = [
+            echoes(
+                float(n),
+                [math.remainder(-0.1 * n + noise * rng.standard_normal(), 2 * math.pi)],
+                [200.0 + rng.standard_normal()],
+            )
+            for n in range(400)
+        ]
+        assert learned(pings) is None
+
+
+CELLS = np.linspace(1.0, 5.0, 5)
+
+
+def bearing(stamp, azimuth, level, cells=CELLS):
+    azimuths = np.atleast_1d(np.array(azimuth, float))
+    table = np.full((len(azimuths), len(cells)), float(level))
+    return ImagePing(round(stamp * 1e9), "sonar", cells, azimuths, table, is_part=True)
+
+
+def turned(turns, number, steps, seconds=2.0, begin=0.3, direction=1.0):
+    """Pings of a beam that turns; intensities count its steps, from 1 on."""
+    made = []
+    for step in range(number * steps):
+        angle = begin + direction * 2.0 * math.pi * step / steps
+        azimuth = (angle + math.pi) % (2.0 * math.pi) - math.pi
+        made += turns.add(bearing(seconds * step / steps, azimuth, step + 1))
+    return made
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("seconds", [0.5, 2.9, 30.0])
+def test_the_bearings_of_each_turn_are_one_ping_on_even_azimuths(direction, seconds):
+    pings = turned(ImageTurns(), 4, 40, seconds, direction=direction)
+    assert len(pings) == 2, "the first turn shows the time of a turn, the last is open"
+    for ping in pings:
+        assert ping.intensity.shape == (40, 5)
+        assert np.isfinite(ping.intensity).all()
+        assert not ping.is_part
+        np.testing.assert_allclose(np.diff(ping.azimuth), 2.0 * math.pi / 40)
+        # Each bearing is where the beam was, at its own time.
+        step = ping.intensity[:, 0] - 1
+        angle = 0.3 + direction * 2.0 * math.pi * step / 40
+        assert np.abs(np.angle(np.exp(1j * (ping.azimuth - angle)))).max() < 1e-4
+        stamp = 1e-9 * ping.stamp_ns + ping.time_offset
+        np.testing.assert_allclose(stamp, seconds * step / 40, atol=1e-6)
+
+
+def test_a_missing_bearing_is_not_measured():
+    turns, pings = ImageTurns(), []
+    for step in range(160):
+        if step != 100:
+            azimuth = (2.0 * math.pi * step / 40 + math.pi) % (2.0 * math.pi) - math.pi
+            pings += turns.add(bearing(0.05 * step, azimuth, 1.0))
+    lost = [np.isnan(ping.intensity).all(axis=1).sum() for ping in pings]
+    assert sorted(lost) == [0] * (len(pings) - 1) + [1]
+    assert {len(ping.azimuth) for ping in pings} == {40}
+
+
+def test_passes_over_a_sector_and_sectors_of_spokes_are_pings_of_equal_size():
+    turns, pings = ImageTurns(), []
+    there = np.linspace(-0.6, 0.6, 25)
+    for step, azimuth in enumerate(np.concatenate([there, there[::-1]] * 4)):
+        pings += turns.add(bearing(0.1 * step, azimuth, 1.0))
+    assert len(pings) >= 4
+    assert {ping.intensity.shape for ping in pings[1:]} == {(25, 5)}
+    for ping in pings[1:]:
+        assert ping.azimuth[[0, -1]] == pytest.approx([-0.6, 0.6], abs=0.06)
+    turns, pings = ImageTurns(), []
+    for part in range(64):
+        start = 2.0 * math.pi * part / 16
+        azimuth = start + 2.0 * math.pi / 256 * np.arange(16)
+        azimuth = azimuth - 2.0 * math.pi * np.floor((start + math.pi) / (2.0 * math.pi))
+        pings += turns.add(bearing(0.15 * part, azimuth, 1.0))
+    assert {ping.intensity.shape for ping in pings} == {(256, 5)}
+    assert all(np.isfinite(ping.intensity).all() for ping in pings)
+
+
+def test_a_whole_ping_passes_and_a_change_of_range_starts_over_and_counts_what_is_lost():
+    turns = ImageTurns()
+    turned(turns, 2, 40)
+    before = turns.unused
+    turns.add(bearing(100.0, 0.0, 1.0, 2.0 * CELLS))
+    assert turns.unused > before
+    ping = ImagePing(0, "sonar", CELLS, np.array([0.0, 0.1]), np.ones((2, 5)))
+    assert ImageTurns().add(ping) == [ping]

@@ -46,41 +46,44 @@ def test_the_rules_are_those_of_equation_2(steps, options, found):
     assert len(run(along_x(*steps), **options)[0]) == found
 
 
-def test_the_evaluation_is_the_largest_acceleration():
+def test_accelerations_are_over_the_middles_of_the_steps_and_the_largest_is_the_evaluation():
     _, (track,) = run(along_x(60.0, 40.0))
     assert track.evaluation == pytest.approx(20.0 / 144.0, rel=1e-3)
-
-
-def test_of_several_returns_the_one_of_least_acceleration_is_used():
-    scans = along_x(60.0)
-    scans.append([(2150.0, 0.0), (2121.0, 0.0), (2060.0, 30.0)])
-    assert run(scans)[0] == [((0, 0), (1, 0), (2, 1))]
-
-
-def test_every_second_detection_within_the_limits_is_tried():
-    scans = [[(2000.0, 0.0)], [(2000.0, 90.0), (2050.0, 0.0)], [(2100.0, 0.0)]]
-    assert run(scans)[0] == [((0, 0), (1, 1), (2, 0))]
-
-
-def test_hits_of_a_confirmed_track_are_no_other_s():
-    scans = along_x(*[60.0] * 5)
-    assert run(scans)[0] == [((0, 0), (1, 0), (2, 0)), ((3, 0), (4, 0), (5, 0))]
-
-
-def test_any_detection_may_be_the_first():
-    scans = [[(2000.0, 0.0)], [(2000.0, 100.0)], [(2060.0, 100.0)], [(2120.0, 100.0)]]
-    assert run(scans, max_acceleration=0.5)[0] == [((1, 0), (2, 0), (3, 0))]
-
-
-def test_a_scan_may_be_missed_where_the_rule_allows_it():
-    scans = along_x(60.0, 60.0, 60.0)
-    scans[2] = []
-    assert run(scans)[0] == []
-    assert run(scans, window=4)[0] == [((0, 0), (1, 0), (3, 0))]
-
-
-def test_acceleration_is_over_the_time_between_the_middles_of_the_steps():
     position = np.array([[[0.0, 0.0], [30.0, 0.0], [30.0, 80.0]]])
     steps = Displacements.of(position, np.array([[0.0, 10.0, 30.0]]))
     assert steps.acceleration == pytest.approx(5.0 / 15.0)
     assert steps.turn == pytest.approx(np.pi / 2)
+
+
+TARGET = [(2000.0, 100.0)], [(2060.0, 100.0)], [(2120.0, 100.0)]
+
+
+@pytest.mark.parametrize(
+    ("scans", "options", "hits"),
+    [
+        (
+            [*along_x(60.0), [(2150.0, 0.0), (2121.0, 0.0), (2060.0, 30.0)]],
+            {},
+            [((0, 0), (1, 0), (2, 1))],
+        ),
+        (
+            [[(2000.0, 0.0)], [(2000.0, 90.0), (2050.0, 0.0)], [(2100.0, 0.0)]],
+            {},
+            [((0, 0), (1, 1), (2, 0))],
+        ),
+        (along_x(*[60.0] * 5), {}, [((0, 0), (1, 0), (2, 0)), ((3, 0), (4, 0), (5, 0))]),
+        ([[(2000.0, 0.0)], *TARGET], {"max_acceleration": 0.5}, [((1, 0), (2, 0), (3, 0))]),
+        ([*along_x(60.0), [], [(2180.0, 0.0)]], {}, []),
+        ([*along_x(60.0), [], [(2180.0, 0.0)]], {"window": 4}, [((0, 0), (1, 0), (3, 0))]),
+    ],
+    ids=[
+        "of several the least acceleration",
+        "every second detection is tried",
+        "hits of a confirmed track are no other's",
+        "any may be the first",
+        "no scan may be missed",
+        "but where the rule allows it",
+    ],
+)
+def test_which_detections_become_hits(scans, options, hits):
+    assert run(scans, **options)[0] == hits

@@ -1,13 +1,17 @@
-"""The improved sequential method and the logic method, on scenes by hand."""
+"""The improved sequential and the logic method: scenes by hand, and their plain-loop versions."""
+
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from support.batches import batches
 from support.builders import FIXED_RANGE_ERROR, detections, scan_at
+from support.plain_hit_counting import plain_logic, plain_sequential
+from support.scenes import Scene, random_scene
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.studies.logic import Polynomials
-from tsepm_ros.tracker.measurement import convert
 
 
 def initiator(**options):
@@ -67,16 +71,6 @@ def test_the_gate_is_that_of_equation_7(gap, inside):
     assert len(made.process(scan_at(12.0 * gap, [(3000.0 + step, 0.0)]))) == inside
 
 
-def test_the_margin_may_be_of_the_position_s_error():
-    scan = scan_at(0.0, [(3000.0, 0.0)])
-    sigma = convert(scan, FIXED_RANGE_ERROR, 0)["major_sigma"][0]
-    assert sigma > 50.0
-    for error, found in (("range", 0), ("major_axis", 1)):
-        made = initiator(min_hits=2, gate_error=error)
-        made.process(scan)
-        assert len(made.process(scan_at(12.0, [(3000.0, 120.0 + 2.0 * sigma - 1.0)]))) == found
-
-
 SENSOR = SensorModel(range_std=20.0, range_std_fraction=0.0, azimuth_std=1e-3)
 
 
@@ -132,3 +126,60 @@ def test_a_polynomial_is_that_of_numpy_with_its_covariance(degree):
     apart = np.hypot(*(position - fitted.coefficients[:, 0]).T)
     assert (apart <= drift * (1 + 1e-9) + 1e-9).all()
     assert (np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]) <= sigma * (1 + 1e-9)).all()
+
+
+SCENES = 24
+BATCH = 4
+ALWAYS = 8
+
+
+def options_of(scene: Scene, seed: int, method: str) -> dict[str, Any]:
+    rng = np.random.default_rng([2014, seed])
+    rule = {name: scene.options[name] for name in ("max_speed", "min_hits", "window")}
+    if method == "logic":
+        return rule | {
+            "gate_probability": float(rng.choice([0.9, 0.99])),
+            "degree": int(rng.integers(1, 4)),
+            "missed": str(rng.choice(["waits", "ends"])),
+        }
+    return rule | {
+        "gate_sigmas": float(rng.choice([0.0, 2.0, 3.0])),
+        "gate_error": str(rng.choice(["range", "major_axis"])),
+        "estimator": str(rng.choice(["least_squares", "linear_fitting", "kalman_filter"])),
+        "process_noise": float(rng.choice([0.0, 0.001, 0.1])),
+        "matching": str(rng.choice(["nearest", "oldest", "shared"])),
+    }
+
+
+PLAIN = {"sequential": plain_sequential, "logic": plain_logic}
+
+
+def compare(method: str, seed: int) -> int:
+    """Compare one scene; returns the number of tracks compared."""
+    scene = random_scene(seed)
+    options = options_of(scene, seed, method)
+    expected = PLAIN[method](scene.scans, scene.sensor, options)
+    sensor = SensorModel(**scene.sensor)
+    made = make_initiator(method, sensor=sensor, limit_speed="off", **options)
+    for scan, (tracks, potential) in zip(scene.as_scans(), expected, strict=True):
+        found = {track.hits: track for track in made.process(scan)}
+        assert set(found) == {track.hits for track in tracks}
+        assert made.statistics.potential_tracks == potential
+        for track in tracks:
+            same = found[track.hits]
+            assert_close(same.state, track.state)
+            if options.get("estimator") != "linear_fitting":
+                assert_close(same.covariance, track.covariance)
+                assert same.evaluation == pytest.approx(track.evaluation, rel=1e-6, abs=1e-9)
+    return sum(len(tracks) for tracks, _ in expected)
+
+
+def assert_close(found: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.linalg.norm(expected))
+
+
+@pytest.mark.parametrize("first", batches(SCENES, ALWAYS, BATCH))
+@pytest.mark.parametrize("method", PLAIN)
+def test_equals_the_plain_version(method: str, first: int) -> None:
+    compared = sum(compare(method, seed) for seed in range(first, first + BATCH))
+    assert compared > 0, "the scenes must confirm tracks, or nothing was compared"

@@ -1,21 +1,32 @@
-"""Reproductions: what the closed forms give, what Table I merges to, and the command."""
+"""Reproductions: closed forms, what tables and scenes give, and the command."""
 
 import csv
 import dataclasses
 import itertools
+import math
 import sys
 from types import ModuleType
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
+from scipy.stats import binom, norm
 from support.builders import detections
 
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.studies.reproduction import monte_carlo, published, split_merge_2016, tsepm_2018
+from tsepm_ros.studies.reproduction import environment_2018 as environment
+from tsepm_ros.studies.reproduction import (
+    monte_carlo,
+    published,
+    sequential_2014,
+    split_merge_2016,
+    tsepm_2018,
+)
 from tsepm_ros.studies.reproduction import report as paired
 from tsepm_ros.studies.reproduction.monte_carlo import Started
 from tsepm_ros.studies.reproduction.report import (
+    FAILS,
+    HOLDS,
     SOURCES,
     Line,
     Panel,
@@ -24,11 +35,13 @@ from tsepm_ros.studies.reproduction.report import (
     Table,
     write,
 )
+from tsepm_ros.studies.reproduction.sequential_2014 import MAIN, Counts
 from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tracker.assignment import Pairs, nearest_first
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
@@ -38,11 +51,6 @@ LOW_IN_PRINT = {"4/6", "4/7"}
 NO_GATE_FITS = {"4/7", "5/9", "7/9"}
 
 
-def test_the_table_has_all_its_rows():
-    assert len(ROWS) == 15
-    assert all(3 <= m < n <= 9 for m, n in (row.rule for row in published.TABLE_1))
-
-
 @pytest.mark.parametrize("name", sorted(LOW_IN_PRINT))
 def test_one_factor_too_many_explains_the_rows_that_the_closed_form_misses(name):
     assert tsepm_2018.detection_with_slip(ROWS[name]) == pytest.approx(
@@ -50,18 +58,9 @@ def test_one_factor_too_many_explains_the_rows_that_the_closed_form_misses(name)
     )
 
 
-def test_rows_that_fit_no_reading_are_named():
+def test_rows_that_fit_no_reading_or_cannot_be_compared_are_named_and_print_is_rounded():
     assert set(tsepm_2018.unmatched_detection()) == LOW_IN_PRINT
     assert set(tsepm_2018.unmatched_false_before()) == NO_GATE_FITS
-
-
-def near_print(factor, half_width=0.0):
-    """P_F(2) a factor from print, with intervals of some half width."""
-    values = [factor * row.false_after for row in published.TABLE_1]
-    return [Estimate(value, value - half_width, value + half_width) for value in values]
-
-
-def test_rows_that_cannot_be_compared_are_named():
     assert tsepm_2018._log_distance(near_print(1.5)) == pytest.approx(np.log(1.5))
     values = near_print(1.5)
     values[0] = Estimate(0.0, 0.0, 0.1)
@@ -69,13 +68,16 @@ def test_rows_that_cannot_be_compared_are_named():
     assert set(ROWS) - set(tsepm_2018._log_ratios(values)) == {"3/4", "7/9", "8/9"}
     nothing = near_print(0.0)
     assert tsepm_2018._log_distance(nothing) == np.inf
-
-
-def test_published_values_are_rounded():
     shifted = [Estimate(e.value + 0.9e-4, e.low + 0.9e-4, e.high) for e in near_print(1.0, 0.5e-4)]
     assert tsepm_2018._inside(shifted) == len(ROWS)
     beyond = [Estimate(e.value + 1.1e-4, e.low + 1.1e-4, e.high) for e in near_print(1.0, 0.5e-4)]
     assert tsepm_2018._inside(beyond) == 0
+
+
+def near_print(factor, half_width=0.0):
+    """P_F(2) a factor from print, with intervals of some half width."""
+    values = [factor * row.false_after for row in published.TABLE_1]
+    return [Estimate(value, value - half_width, value + half_width) for value in values]
 
 
 def test_the_fixed_margin_gates_as_errors_of_that_size_would():
@@ -165,21 +167,18 @@ def curves_of(shares):
     return tsepm_2018.Curves([At(value) for value in (15.0, 50.0, 75.0, 97.5, 120.0)], runs)
 
 
-def test_a_curve_falls_only_if_it_falls_at_every_step():
+def test_curves_fall_and_fall_faster_only_if_they_do_at_every_step():
     falling, rising_first = (0.9, 0.8, 0.7, 0.5, 0.3), (0.7, 0.9, 0.8, 0.5, 0.2)
     assert tsepm_2018.falls(curves_of(falling), "model") == paired.HOLDS
     assert tsepm_2018.falls(curves_of(rising_first), "model").startswith(paired.FAILS)
     flat = (0.9, 0.9, 0.8, 0.5, 0.2)
     assert tsepm_2018.falls(curves_of(flat), "model").startswith(paired.OPEN)
-
-
-def test_a_curve_falls_faster_only_if_each_step_does():
     assert tsepm_2018.falls_faster(curves_of((0.9, 0.85, 0.8, 0.5, 0.2)), "model") == (paired.HOLDS)
     slow_at_last = curves_of((0.99, 0.8, 0.7, 0.5, 0.49))
     assert tsepm_2018.falls_faster(slow_at_last, "model").startswith(paired.FAILS)
 
 
-def test_the_gate_is_hit_as_often_as_by_simulation():
+def test_the_gate_is_hit_as_often_as_by_simulation_and_falls_below_what_is_claimed():
     rng = np.random.default_rng(3)
     error, n = 120.0, 200_000
     sensor = tsepm_2018.sensor_at(error)
@@ -190,9 +189,6 @@ def test_the_gate_is_hit_as_often_as_by_simulation():
     inside = np.hypot(*np.diff([x, y], axis=2)[..., 0]) <= 120.0 + 2.146 * error
     # Five standard errors, and what linearising the polar errors leaves.
     assert tsepm_2018.gate_hit_probability(error, 1) == pytest.approx(inside.mean(), abs=4e-3)
-
-
-def test_the_gate_probability_falls_below_what_is_claimed():
     falling = [tsepm_2018.gate_hit_probability(error, 1) for error in (15.0, 75.0, 120.0, 300.0)]
     assert all(one > other for one, other in itertools.pairwise(falling))
     assert falling[-1] < published.GATE_PROBABILITY
@@ -287,16 +283,13 @@ def test_ratios_cover_the_truth_as_often_as_said():
     assert covered / 400 == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 400))
 
 
-def test_equal_runs_leave_an_interval():
+def test_equal_runs_leave_an_interval_and_a_ratio_without_a_whole_is_unknown():
     same = paired.share_difference([1, 1, 0, 1], [1, 1, 0, 1])
     assert same.value == 0.0
     assert same.low < 0.0 < same.high
     none = paired.ratio([0, 0], [10, 20])
     assert (none.value, none.low) == (0.0, 0.0)
     assert none.high == pytest.approx(3.689 / 30, rel=1e-3)
-
-
-def test_a_ratio_without_a_whole_is_unknown():
     without = paired.ratio_difference(([0, 0], [0, 0]), ([1, 2], [4, 4]))
     assert np.isnan([without.value, without.low, without.high]).all()
 
@@ -385,3 +378,182 @@ def test_tables_and_pictures_are_written(tmp_path):
     assert {row[0] for row in claims} == {"5", "6", "7", "8"}
     verdicts = (paired.HOLDS, paired.FAILS, paired.OPEN)
     assert all(cell.startswith(verdicts) for row in claims for cell in row[2:])
+
+
+TIMES = np.arange(0.0, 240.0, 0.01)
+
+
+def distances():
+    """Distance of the targets over time, by complex numbers: bearings are clockwise from north."""
+    courses = []
+    for distance, azimuth, speed, heading in published.ENCOUNTER:
+        begin, step = (np.exp(1j * np.radians(90.0 - angle)) for angle in (azimuth, heading))
+        courses.append(distance * begin + speed * step * TIMES)
+    return np.abs(courses[1] - courses[0])
+
+
+def test_one_combination_of_the_readings_does_what_the_text_says_not_the_printed_one():
+    apart = distances()
+    closest = float(TIMES[apart.argmin()])
+    assert apart.min() == pytest.approx(188.6, abs=0.1)
+    states, times = environment.encounter(), np.arange(0.0, 240.0, 0.5)
+    right = []
+    for one in environment.all_equations():
+        values = one.times(states, times)
+        if environment.holds(times, values, closest) == HOLDS:
+            right.append(one.name)
+            np.testing.assert_allclose(values, closest - times, atol=0.01)
+    assert right == ["phi_r from y, with quadrants, with a minus instead of bars"]
+    assert (environment.EQUATIONS[0].times(states, times) >= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [
+        ([2.0, 1.0, -1.0, -2.0], HOLDS),
+        ([2.0, 1.0, 1.0, 2.0], FAILS),
+        ([-2.0, -1.0, -1.0, -2.0], FAILS),
+        ([1.0, 2.0, -1.0, -2.0], FAILS),
+        ([2.0, 1.0, -2.0, -1.0], FAILS),
+    ],
+    ids=["described", "bars", "sign", "grows before", "shrinks after"],
+)
+def test_the_description(values, verdict):
+    assert environment.holds(np.arange(4.0), np.array(values), 1.5) == verdict
+
+
+def test_the_published_distances_need_one_plot_per_track():
+    each, pairs = environment.smallest(np.array(published.ENVIRONMENT_TABLE_1))
+    assert each.tolist() == [False, True]
+    assert pairs
+
+
+def test_the_smallest_pair_first_is_the_package_s():
+    rng = np.random.default_rng(2)
+    seen = set()
+    for _ in range(50):
+        table = rng.random((2, 2))
+        chosen = nearest_first(Pairs(np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1]), table.ravel()))
+        straight = bool((chosen.parent == chosen.row).all())
+        assert environment.smallest(table)[1] == straight
+        seen.add(straight)
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize("offset", [0.5, 1.0, 2.0])
+def test_long_histories_decide_as_known_means_do(offset):
+    """Within 4 standard errors of Phi(d / 2), d the distance of the means."""
+    trials = 4000
+    made = environment.decide(np.random.default_rng(1), trials, offset, (300, 300))
+    share = norm.cdf(0.5 * offset * np.sqrt(environment.FEATURES))
+    error = np.sqrt(share * (1.0 - share) / trials)
+    assert made[0].value == pytest.approx(share, abs=4.0 * error + 1e-3)
+
+
+def test_a_longer_history_draws_all_plots():
+    equal, unlike = (
+        environment.decide(np.random.default_rng(1), 1000, 1.0, histories)
+        for histories in ((10, 10), (30, 5))
+    )
+    assert equal[0].low > 0.75
+    assert unlike[0].high < 0.55
+
+
+def test_the_command_writes_the_chapter(tmp_path):
+    pytest.importorskip("matplotlib")
+    assert main(["reproduce", "environment_2018", "--runs", "2", "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "report.md").read_text()
+    assert "closest after 122.7 s, 189 m apart" in text
+    assert "gives the published decision" in text
+    assert (tmp_path / "environment_2018_figure_4.png").exists()
+    rows = (tmp_path / "environment_2018_table_1.csv").read_text().splitlines()
+    assert len(rows) == 1 + len(environment.OFFSETS) * len(environment.HISTORIES)
+
+
+def test_the_scene_is_the_published_one():
+    targets = np.array(monte_carlo.hexagon(np.random.default_rng(1)))
+    place = targets[:, 0::2]
+    np.testing.assert_allclose(np.hypot(*place.T), 6000.0)
+    np.testing.assert_allclose(np.hypot(*(place - np.roll(place, 1, axis=0)).T), 6000.0)
+    np.testing.assert_allclose(np.hypot(*targets[:, 1::2].T), 5.0)
+    scenario = monte_carlo.hexagon_case(12.0, 0.9)
+    assert scenario.duration == 120.0
+    assert scenario.sensor.clutter_density * scenario.area == pytest.approx(30.0)
+    assert scenario.own_ship.pose(50.0)[:2].tolist() == pytest.approx([0.0, -200.0])
+    assert scenario.own_ship.pose(150.0)[:2].tolist() == pytest.approx([200.0, 0.0], abs=1.0)
+
+
+def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan():
+    one = monte_carlo.hexagon_case(12.0, 1.0)
+    exact = dataclasses.replace(
+        one.sensor, range_std_fraction=1e-6, azimuth_std=1e-6, clutter_density=1e-12
+    )
+    counts = monte_carlo.run_hexagon(dataclasses.replace(one, sensor=exact), [1, 0])
+    for gate, matching in monte_carlo.MATCHED:
+        for kind in ("true", "near", "all"):
+            assert counts[f"{gate}, {matching}: {kind}"] == [0.0] * 5 + [6.0] * 6
+    for name in sequential_2014.ESTIMATORS:
+        errors = np.reshape(counts[name], (6, 4))
+        assert np.abs(errors).max() < 0.1
+    bounds = np.reshape(counts["bound"], (6, 3))
+    assert (bounds[:, 2] == 1.0).all()
+    assert bounds[:, :2].max() < 1e-3
+
+
+def counts(period, rows):
+    array = np.array(rows, float)
+    return Counts(period, 0.9, *monte_carlo.DEFAULT_READING, array, array, array)
+
+
+def test_times_become_scans():
+    one = counts(12.0, [np.arange(11)])
+    # Seventy-two seconds: the sixth scan if the first takes an interval, else the seventh.
+    assert [mean.value for mean in one.formed(one.true)] == [5, 6, 7, 8, 9]
+    assert [mean.value for mean in one.formed(one.true, earlier=True)] == [6, 7, 8, 9, 10]
+    shorter = counts(8.0, [np.arange(16)])
+    assert [mean.value for mean in shorter.formed(shorter.true)] == [8, 9, 11, 12, 14]
+    like = counts(12.0, [[0] * 5 + list(published.FORMED.values()) + [6.0]])
+    assert like.distance() == 0.0
+    assert sequential_2014.closest([one, like]) is like
+    assert counts(12.0, [[6] * 11] * 3 + [[5] * 11]).at_least(6).value == 0.75
+
+
+def test_the_published_shares_and_speed_error_exclude_each_other():
+    share = sequential_2014.same_share()
+    assert share**6 == pytest.approx(published.ALL_SIX)
+    assert sequential_2014.four_or_more(share) == pytest.approx(binom.sf(3, 6, share))
+    # Rounded to 1.00 it would be at least 0.995.
+    assert sequential_2014.four_or_more(share) < 0.99
+    assert sequential_2014.max_formed() == pytest.approx(5.52)
+    assert sequential_2014.max_formed() < published.FORMED[108.0]
+    closed = math.sqrt(2.0 / math.pi) * 90.0 / (12.0 * math.sqrt(82.5))
+    assert sequential_2014.min_speed_error(10, 12.0) == pytest.approx(closed, rel=1e-3)
+    assert closed > published.SEQUENTIAL_TABLE_1["least_squares"][1]
+
+
+@pytest.mark.long
+def test_the_chapter_is_written(tmp_path):
+    pytest.importorskip("matplotlib")
+    setting = Setting(folder=tmp_path / "runs", runs=3)
+    parts = sequential_2014.reproduce(setting, {MAIN: monte_carlo.hexagon_case(*MAIN)})
+    write(parts, tmp_path / "report.md")
+    rows = list(csv.reader((tmp_path / "sequential_2014_starts.csv").open()))
+    assert rows[1][:4] == ["-", "-", "published", "-"]
+    assert {(row[2], row[3]) for row in rows[2:]} == set(monte_carlo.MATCHED)
+    errors = list(csv.reader((tmp_path / "sequential_2014_table_1.csv").open()))
+    assert [row[2] for row in errors[1:4]] == ["82.3", "114.5", "210.6"]
+    others = list(csv.reader((tmp_path / "sequential_2014_conventional.csv").open()))
+    assert [row[0] for row in others[1:]] == list(monte_carlo.CONVENTIONAL)
+    assert float(others[-1][1]) > 0.5, "the method of the source starts its targets"
+    for name in ("figures_8_9", "figures_10_11"):
+        assert (tmp_path / f"sequential_2014_{name}.png").exists()
+
+
+def test_runs_depend_on_the_seed_and_the_run_alone(tmp_path):
+    setting = Setting(folder=tmp_path / "one", runs=2, seed=3)
+    again = dataclasses.replace(setting, folder=tmp_path / "other", runs=1)
+    [first], [second] = (
+        one.results(monte_carlo.run_hexagon, [monte_carlo.hexagon_case(*MAIN)])
+        for one in (setting, again)
+    )
+    assert first[0] == second[0] != first[1]

@@ -1,17 +1,21 @@
-"""The command `tsepm`."""
+"""The command `tsepm`, and those that detect and evaluate."""
 
 import os
 import re
 import sys
 import threading
 
+import numpy as np
 import pytest
 import yaml
 
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES
+from tsepm_ros.tools.commands import evaluate_command
 from tsepm_ros.tools.commands.cli import COMMANDS, main
+from tsepm_ros.tools.evaluation.result_files import read_result
+from tsepm_ros.tools.replay.recording import read_recording
 
 
 def test_methods_are_listed_with_what_they_are(capsys):
@@ -20,14 +24,11 @@ def test_methods_are_listed_with_what_they_are(capsys):
     assert [line.split(":")[0] for line in lines] == list(available_methods())
 
 
-def test_the_parameters_of_all_nodes_are_one_file_and_one_page(capsys):
+def test_parameters_are_one_file_and_one_page_of_all_nodes_or_a_table_of_one(capsys):
     assert main(["parameters", "all"]) == 0
     assert list(yaml.safe_load(capsys.readouterr().out)) == [f"/**/{node}" for node in NODES]
     assert main(["parameters", "all", "--markdown"]) == 0
     assert capsys.readouterr().out == as_page(NODES)
-
-
-def test_the_parameters_of_one_node_are_a_table(capsys):
     assert main(["parameters", "track_viewer", "--markdown"]) == 0
     assert "| `port` |" in capsys.readouterr().out
 
@@ -64,52 +65,56 @@ def test_a_command_runs_in_any_thread(capsys):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["run", "/nowhere"], "/nowhere is neither"),
-        (["run", "/nowhere.mcap"], "/nowhere.mcap is neither"),
-        (["run", "four_target"], "four_targets"),
-        (["run", "nowhere.yaml"], "nowhere.yaml"),
-        (["run", "box", "-p", "own_ship_source:=tf"], "own_ship_source tf"),
+        ("run /nowhere", "/nowhere is neither"),
+        ("run /nowhere.mcap", "/nowhere.mcap is neither"),
+        ("run four_target", "four_targets"),
+        ("run nowhere.yaml", "nowhere.yaml"),
+        ("run box -p own_ship_source:=tf", "own_ship_source tf"),
         (
-            ["run", "box", "-p", "bearing_reference:=north", "-p", "own_ship_source:=none"],
+            "run box -p bearing_reference:=north -p own_ship_source:=none",
             "fixed_frame must be given",
         ),
-        (["study", "box", "--runs", "9"], "tsepm evaluate SCENARIO --method METHOD"),
-        (["study", "--help"], "tsepm evaluate SCENARIO --method METHOD"),
-        (["evaluate", "nowhere"], "nowhere"),
-        (["evaluate", "-p", "min_hats:=4"], "min_hats"),
-        (["evaluate", "--method", "score", "-p", "min_hits:=4"], "min_hits"),
-        (["evaluate", "--method", "tsepm", "-p", "min_hits:=99"], "min_hits"),
-        (["evaluate", "--horizon", "17"], "horizon 17"),
-        (["evaluate", "--scene", "sensor.colour:=1.0"], "colour"),
-        (["evaluate", "--scene", "sensor.azimuth_std:=wide"], "sensor.azimuth_std"),
-        (["evaluate", "box", "box"], "box is given twice"),
-        (["evaluate", "box", "-p", "min_hits=4"], "min_hits=4"),
-        (["run", "/nowhere", "-p", "sensor.range_std:=-1.0"], "/nowhere is neither"),
-        (["run", "box", "-p", "clutter_density:=2e-4"], "did you mean sensor.clutter_density?"),
-        (["run", "box", "-p", "max_range:=300.0"], "did you mean sensor.max_range?"),
-        (["evaluate", "--scene", "name:="], "scenario.name must be a text"),
-        (["evaluate", "--scene", "name:=../up"], "scenario.name must be a text"),
-        (["run", "box", "-p", "max_speed:=" + "[" * 5000], "is not a value"),
-        (["run", "box", "-p", "sound_speed:=3.0"], "sound_speed must be 0 or at least"),
-        (["health", "--timeout", "0"], "--timeout must be a positive number"),
+        ("study box --runs 9", "tsepm evaluate SCENARIO --method METHOD"),
+        ("study --help", "tsepm evaluate SCENARIO --method METHOD"),
+        ("evaluate nowhere", "nowhere"),
+        ("evaluate -p min_hats:=4", "min_hats"),
+        ("evaluate --method score -p min_hits:=4", "min_hits"),
+        ("evaluate --method tsepm -p min_hits:=99", "min_hits"),
+        ("evaluate --horizon 17", "horizon 17"),
+        ("evaluate --scene sensor.colour:=1.0", "colour"),
+        ("evaluate --scene sensor.azimuth_std:=wide", "sensor.azimuth_std"),
+        ("evaluate box box", "box is given twice"),
+        ("evaluate box -p min_hits=4", "min_hits=4"),
+        ("run /nowhere -p sensor.range_std:=-1.0", "/nowhere is neither"),
+        ("run box -p clutter_density:=2e-4", "did you mean sensor.clutter_density?"),
+        ("run box -p max_range:=300.0", "did you mean sensor.max_range?"),
+        ("evaluate --scene name:=", "scenario.name must be a text"),
+        ("evaluate --scene name:=../up", "scenario.name must be a text"),
+        ("run box -p max_speed:=" + "[" * 5000, "is not a value"),
+        ("run box -p sound_speed:=3.0", "sound_speed must be 0 or at least"),
+        ("health --timeout 0", "--timeout must be a positive number"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_a_sentence(
     capsys, tmp_path, monkeypatch, arguments, named
 ):
     monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
+    assert main(arguments.split()) == 2
     error = capsys.readouterr().err
     assert error.startswith("refused: ")
     assert named in error
     assert not list(tmp_path.iterdir())  # before anything was done
 
 
-def test_a_number_that_must_be_positive_is_refused(capsys):
+def test_a_number_that_must_be_positive_and_an_unknown_command_are_refused(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["evaluate", "--runs", "0"])
     assert ended.value.code == 2
     assert "must be at least 1" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["foo"])
+    said = capsys.readouterr().err
+    assert re.findall(r"'(\w+)'", said.partition("choose from")[2]) == list(COMMANDS)
 
 
 @pytest.mark.parametrize("command", ["run", "watch", "design", "evaluate", "reproduce"])
@@ -121,8 +126,131 @@ def test_a_seed_that_is_none_is_refused_by_its_option(capsys, command, given):
     assert "argument --seed: " in capsys.readouterr().err
 
 
-def test_an_unknown_command_lists_those_of_the_help(capsys):
-    with pytest.raises(SystemExit):
-        main(["foo"])
-    said = capsys.readouterr().err
-    assert re.findall(r"'(\w+)'", said.partition("choose from")[2]) == list(COMMANDS)
+GEOMETRY = "range: [1.0, 20.9]\nazimuth: [-1.0, 1.0]\nfalse_detections_per_ping: 5\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Twelve images of noise with an echo that moves, as one array."""
+    rng = np.random.default_rng(1)
+    images = np.abs(rng.standard_normal((12, 64, 200)) + 1j * rng.standard_normal((12, 64, 200)))
+    for k, image in enumerate(images):
+        image[30:32, 100 + 2 * k : 103 + 2 * k] = 20.0
+    np.savez(tmp_path / "images.npz", np.uint8(10 * images))
+    (tmp_path / "geometry.yaml").write_text(GEOMETRY)
+    (tmp_path / "times.csv").write_text("time_s\n" + "".join(f"{k}\n" for k in range(12)))
+    return tmp_path
+
+
+def test_detections_and_a_picture_are_written(folder, capsys):
+    pytest.importorskip("matplotlib")
+    out, picture = folder / "out.csv", folder / "picture.png"
+    assert main(["detect", str(folder), "--out", str(out), "--picture", str(picture)]) == 0
+    recording = read_recording(out)
+    assert len(recording.scans) == 12
+    strongest = [
+        scan.fields["range"][np.argmax(scan.fields["intensity"])] for scan in recording.scans
+    ]
+    assert strongest == pytest.approx(11.1 + 0.2 * np.arange(12), abs=0.15)
+    assert picture.stat().st_size > 10_000
+    assert "images 12, empty 0" in capsys.readouterr().err
+
+
+def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
+    imsave = pytest.importorskip("matplotlib.image").imsave
+    with np.load(folder / "images.npz") as stored:
+        images = stored["arr_0"]
+    (folder / "images.npz").unlink()
+    rows = ["time_s,file"]
+    for k, image in enumerate(images):
+        np.save(folder / f"{k}.npy", image.T)
+        rows.append(f"{k},{k}.npy")
+    (folder / "times.csv").write_text("\n".join(rows))
+    (folder / "geometry.yaml").write_text(GEOMETRY + "rows: ranges\n")
+    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 0
+    imsave(folder / "0.png", images[0])
+    (folder / "times.csv").write_text("time_s,file\n0,0.png\n")
+    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
+
+
+def test_run_takes_the_folder(folder, capsys):
+    arguments = ["-p", "max_speed:=2.0", "-p", "sensor.max_range:=21.0"]
+    assert main(["run", str(folder), *arguments]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 1
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "sentence"),
+    [
+        ("geometry.yaml", "range: [1, 2]\n", "cannot be read: KeyError('azimuth')"),
+        ("times.csv", "time_s\n0\n", "holds 12 images, times.csv 1 times"),
+        ("times.csv", "time_s\nnoon\n", "cannot be read"),
+        ("geometry.yaml", GEOMETRY + "p_fa: 3\n", "no option 'p_fa'"),
+        ("geometry.yaml", GEOMETRY.replace("-1.0, 1.0", "-60, 60"), "at most a turn, in rad"),
+    ],
+)
+def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, text, sentence):
+    (folder / name).write_text(text)
+    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def evaluated(tmp_path, *arguments):
+    small = ["--method", "score", "--runs", "3", "--scans", "8", "--workers", "1"]
+    assert main(["evaluate", *small, "--out", str(tmp_path), *arguments]) == 0
+
+
+@pytest.mark.long
+def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_path):
+    path = tmp_path / "deep" / "figures.json"
+    changed = ("--seed", "3", "-p", "false_tracks_per_hour:=300.0")
+    evaluated(tmp_path, "--horizon", "6", *changed, "--result", str(path))
+    out = capsys.readouterr().out
+    assert "scenario box, 6 scans, 3 runs, seed 3" in out
+    assert "scenario box, 8 scans, 3 runs, seed 3" in out
+    text = (tmp_path / "evaluation.md").read_text()
+    for part in ("tsepm evaluate --method score", "3 runs", "seed 3", "Scenario box", "95 %"):
+        assert part in text
+    assert "false_tracks_per_hour:=300.0" in text
+    result = read_result(path)
+    assert (result.seed, result.runs) == (3, 3)
+    assert result.parameters == {"false_tracks_per_hour": 300.0}
+    assert result.command.startswith("tsepm evaluate --method score --runs 3 --scans 8 --horizon 6")
+    assert not any(name in result.command for name in ("result", "out", "workers"))
+    assert [row[:2] for row in result.rows] == [["box", "6"], ["box", "8"]]
+    assert {len(row) for row in result.rows} == {len(result.header)}
+    assert [row["scans"] for row in result.measures] == [6, 8]
+    assert all(row["options"] == result.parameters for row in result.measures)
+    path.write_text('{"seed": 1}')
+    with pytest.raises(ValueError, match="not a result file"):
+        read_result(path)
+
+
+@pytest.mark.long
+def test_an_evaluation_draws_three_pictures_of_each_scene(tmp_path):
+    pytest.importorskip("matplotlib")
+    evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
+    pictures = ["box_nees.png", "box_operating_curve.png", "box_time_to_confirm.png"]
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == pictures
+
+
+def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.operating_curve_picture", None)
+    evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")
+    assert "no pictures: they need matplotlib" in capsys.readouterr().out
+    assert (tmp_path / "evaluation.csv").exists()
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_what_will_be_done_and_how_long_is_said_before_the_first_run(
+    capsys, monkeypatch, scenario, tmp_path
+):
+    def ends(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluate_command, "evaluate", ends)
+    arguments = ["evaluate", scenario, "--method", "score", "--runs", "50"]
+    assert main([*arguments, "--out", str(tmp_path), "--workers", "3"]) == 130
+    done, time, *_ = capsys.readouterr().err.splitlines()
+    assert "runs: 50 of each of " in done and "operating points of 1 methods on small" in done
+    assert re.match(r"about [\d.e-]+ minutes on 3 processes", time)

@@ -1,5 +1,6 @@
-"""The command `tsepm init`."""
+"""The command `tsepm init`, and its questions: what a data sheet says, as parameters."""
 
+import math
 import shlex
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,8 @@ from tsepm_ros.settings.parameter_files import values_for
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.init_command import QUESTIONS, SHARED, asked, completed
+from tsepm_ros.tools.commands.init_command import QUESTIONS, SHARED, asked, completed, parameters
+from tsepm_ros.tracker.sensor import SensorModel
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
 
@@ -51,17 +53,27 @@ def test_the_line_in_the_file_writes_it_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "named"),
+    ("arguments", "said"),
     [
-        (["--sector", "wide"], "--sector"),
-        (["--max-range", "0"], "--max-range"),
-        (["--min-range", "9500"], "min_range"),
+        *(
+            (f"{name}={text}", f"{name} must be ")
+            for name, texts in {
+                "--max-range": ("2 km", "far", "0", "-5", "1e999"),
+                "--sector": ("400", "wide"),
+                "--beam-width": ("1,5",),
+                "--min-range": ("",),
+                "--max-speed": ("nan",),
+            }.items()
+            for text in texts
+        ),
+        ("--min-range=9500", "sensor.min_range must be below max_range"),
+        ("--range-error=0", "range_std and range_std_fraction"),
     ],
 )
-def test_what_is_not_allowed_is_refused_and_nothing_written(capsys, tmp_path, arguments, named):
+def test_what_is_not_allowed_is_refused_and_nothing_written(capsys, tmp_path, arguments, said):
     file = tmp_path / "sonar.yaml"
-    assert main(["init", str(file), *arguments]) == 2
-    assert named in capsys.readouterr().err
+    assert main(["init", str(file), arguments]) == 2
+    assert said in capsys.readouterr().err
     assert not file.exists()
 
 
@@ -160,17 +172,60 @@ def test_own_ship_and_mounting_are_written(capsys, tmp_path):
     assert "--own-ship must be one of none, odometry, tf; got 'gps'" in capsys.readouterr().err
 
 
-def test_false_detections_are_the_density_at_the_start(capsys, tmp_path):
+def test_false_detections_and_the_time_between_pings_are_written(capsys, tmp_path):
     values = written_by(tmp_path / "a.yaml", "--false-detections", "20")
     assert values["sensor.clutter_density"] == pytest.approx(20 / (np.pi * 150**2), rel=1e-5)
     assert values["clutter_density"] == "estimated"
     said = capsys.readouterr().out
     assert "\n20 " in said and "YOURS" not in said
-    assert "sensor.clutter_density" not in written_by(tmp_path / "b.yaml")
-
-
-def test_a_given_time_between_pings_is_that_of_the_diagnostics(tmp_path):
-    values = written_by(tmp_path / "a.yaml", "--interval", "0.2")
+    plain = written_by(tmp_path / "b.yaml")
+    assert not {"sensor.clutter_density", "diagnostics.scan_period"} & plain.keys()
+    values = written_by(tmp_path / "c.yaml", "--interval", "0.2")
     assert (values["diagnostics.scan_period"], values["diagnostics.stale_time"]) == (0.2, 5.0)
-    assert written_by(tmp_path / "c.yaml", "--interval", "30")["diagnostics.stale_time"] == 150.0
-    assert "diagnostics.scan_period" not in written_by(tmp_path / "b.yaml")
+    assert written_by(tmp_path / "d.yaml", "--interval", "30")["diagnostics.stale_time"] == 150.0
+
+
+BY_NAME = {question.name: question for question in QUESTIONS}
+
+
+def sensor(**given: float) -> SensorModel:
+    made: SensorModel = make_groups(TRACK_INITIATOR, parameters(completed(given)))[SensorModel]
+    return made
+
+
+def test_widths_of_beam_and_cell_are_uniform_and_a_sector_lies_about_its_middle():
+    made = sensor(beam_width=2.0, range_cell=0.5)
+    assert made.azimuth_resolution == pytest.approx(math.radians(2.0), rel=1e-5)
+    assert made.azimuth_std == pytest.approx(math.radians(2.0) / math.sqrt(12.0), rel=1e-2)
+    assert made.range_resolution == 0.5
+    assert made.range_std == pytest.approx(0.5 / math.sqrt(12.0), rel=1e-2)
+    assert sensor(beam_width=2.0, bearing_accuracy=0.1).azimuth_std == pytest.approx(
+        math.radians(0.1), rel=1e-5
+    )
+    made = sensor(sector=120.0, sector_centre=-30.0)
+    assert math.degrees(made.azimuth_min) == pytest.approx(-90.0, abs=1e-3)
+    assert math.degrees(made.azimuth_max) == pytest.approx(30.0, abs=1e-3)
+    assert sensor(sector=360.0, sector_centre=90.0).all_round
+
+
+@pytest.mark.parametrize(
+    ("range_", "speed", "interval"),
+    [(9000.0, 1500.0, 12.0), (200.0, 1500.0, 0.27), (750.0, 1500.0, 1.0), (100.0, 0.0, 12.0)],
+)
+def test_pings_follow_each_other_as_sound_allows(range_, speed, interval):
+    answers = completed({"max_range": range_, "sound_speed": speed})
+    assert answers["interval"] == pytest.approx(interval)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("max_range", " 200 m ", 200.0),
+        ("sector", "90°", 90.0),
+        ("beam_width", "1.5 deg", 1.5),
+        ("range_error", ".5%", 0.5),
+        ("sound_speed", "1.48e3", 1480.0),
+    ],
+)
+def test_an_answer_may_have_its_unit(name, text, value):
+    assert BY_NAME[name].read(text) == value

@@ -12,10 +12,9 @@ from support.bag_files import ODOMETRY, PARAMETERS, POINTS, Entry, cloud, odomet
 from tsepm_ros.tools.commands.cli import main
 
 START, PERIOD, TARGET = 1000.0, 2.0, (900.0, -1.5, 300.0, 2.0)
-SOUND = 1500.0
 
 
-def entries(stamps=None, frame="odom", offset=1.0, covariance=None, until=45.0):
+def entries(stamps=None, frame="odom", covariance=None, until=45.0):
     """A target of 20 pings and clutter, beside odometry of a ship at rest."""
     rng = np.random.default_rng(1)
     for index in range(20):
@@ -24,9 +23,8 @@ def entries(stamps=None, frame="odom", offset=1.0, covariance=None, until=45.0):
         x, y = x + vx * PERIOD * index, y + vy * PERIOD * index
         range_ = np.r_[np.hypot(x, y) + rng.normal(0, 5), rng.uniform(100, 2900, 3)]
         azimuth = np.r_[np.arctan2(y, x) + rng.normal(0, 0.005), rng.uniform(-3, 3, 3)]
-        stamp = time if stamps is None else stamps(time)
-        times = {} if offset is None else {"time_offset": offset * range_ / SOUND}
-        message = cloud(stamp, "sonar", range=range_, azimuth=azimuth, **times)
+        fields = {"range": range_, "azimuth": azimuth, "time_offset": range_ / 1500.0}
+        message = cloud(time if stamps is None else stamps(time), "sonar", **fields)
         yield Entry(time + PERIOD, "/detections", POINTS, message)
     for second in np.arange(0.0, until, 0.5):
         message = odometry(START + second, 0.0, 0.0, 0.0)
@@ -88,36 +86,9 @@ def test_the_remedy_comes_with_half_of_the_scans_lost(capsys, tmp_path):
     )
 
 
-@pytest.mark.parametrize("ahead", [18.0, 37.0])
-def test_a_sonar_ahead_by_leap_seconds_is_asked_about(capsys, tmp_path, ahead):
-    run(tmp_path, stamps=lambda time: time + ahead)
-    error = capsys.readouterr().err
-    assert "is it GPS time (18 s ahead of UTC) or TAI (37 s)?" in error
-
-
 @pytest.mark.parametrize("stamp", [0.0, 1234.5])
 def test_stamps_that_stand_still_are_said_with_the_remedy(capsys, tmp_path, stamp):
     code, _ = run(tmp_path, "own_ship_source:=none", stamps=lambda time: stamp)
     error = capsys.readouterr().err
     assert code == 0
     assert "scans were dropped" in error and "`header.stamp`" in error
-
-
-@pytest.mark.filterwarnings("ignore")  # states are predicted over hours
-@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9])
-@pytest.mark.parametrize("source", ["none", "odometry"])
-def test_times_in_another_unit_are_said(capsys, tmp_path, factor, source):
-    run(tmp_path, f"own_ship_source:={source}", offset=factor)
-    error = capsys.readouterr().err
-    assert "ms, us or ns" in error or "check the driver and its units" in error
-
-
-def test_tracks_of_a_ned_frame_are_north_and_east_and_that_is_said(capsys, tmp_path):
-    """The same numbers in a NED frame: the ship heads north, azimuth to port is west."""
-    code, (row,) = run(tmp_path, frame="map_ned")
-    assert code == 0
-    time = float(row["stamp"]) - START
-    x, vx, y, vy = TARGET
-    assert float(row["state_x"]) == pytest.approx(x + vx * time, abs=30.0)
-    assert float(row["state_y"]) == pytest.approx(-(y + vy * time), abs=30.0)
-    assert "tracks have x north and y east, as 'map_ned' says" in capsys.readouterr().err

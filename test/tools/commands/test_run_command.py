@@ -23,7 +23,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_recording_gives_tracks_as_csv(capsys, recording):
+def test_a_recording_gives_tracks_as_csv_and_a_terminal_a_table(capsys, recording, monkeypatch):
     assert main(["run", recording]) == 0
     captured = capsys.readouterr()
     (row,) = csv.DictReader(io.StringIO(captured.out))
@@ -32,43 +32,6 @@ def test_a_recording_gives_tracks_as_csv(capsys, recording):
     assert float(row["state_y"]) == pytest.approx(3000.0, rel=1e-3)
     assert "3 hits in 3 pings" in row["reason"] and "threshold" in row["reason"]
     assert captured.err == ""
-
-
-def test_what_a_recording_loses_is_said(capsys, recording, tmp_path):
-    path = tmp_path / "detections.csv"
-    path.write_text(path.read_text() + "\n90.0,-1.0,0.0\n")
-    assert main(["run", recording]) == 0
-    assert "dropped: 1 range_not_positive" in capsys.readouterr().err
-
-
-def test_what_was_only_noticed_is_said_too(capsys, recording, tmp_path):
-    path = tmp_path / "detections.csv"
-    path.write_text(path.read_text() + "\n9000.0,3000.0,0.0\n")
-    assert main(["run", recording]) == 0
-    assert "note: long gap before 9000.000 s" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("content", ["rosbag2: [\n", "a: 'b\n\nc\n" * 200], ids=["list", "long"])
-def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
-    pytest.importorskip("rosbags")
-    (tmp_path / "metadata.yaml").write_text(content)
-    assert main(["run", str(tmp_path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("refused: the bag ") and "metadata.yaml" in line
-    assert len(line) < 900
-
-
-def test_a_run_that_drops_one_scan_of_many_does_not_fail(capsys, recording, tmp_path):
-    path = tmp_path / "detections.csv"
-    path.write_text("scan," + path.read_text().replace("\n", "\n0,", 1))
-    rows = (path.read_text().splitlines())[1:]
-    lines = [f"{number},{row.removeprefix('0,')}" for number, row in enumerate(rows)]
-    path.write_text("\n".join(["scan,time_s,range_m,azimuth_rad", *lines, "9,84.0,3000.0,0.5"]))
-    assert main(["run", recording]) == 0
-    assert "dropped: 1 scan_same_stamp" in capsys.readouterr().err
-
-
-def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
     assert main(["run", recording]) == 0
     (row,) = csv.DictReader(io.StringIO(capsys.readouterr().out))
     terminal = Terminal()
@@ -82,6 +45,30 @@ def test_a_terminal_gets_a_table_and_a_pipe_csv(capsys, recording, monkeypatch):
         [float(row["state_x"]), float(row["state_y"]), 5.0], abs=0.06
     )
     assert line.endswith(row["reason"])
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("90.0,-1.0,0.0", "dropped: 1 range_not_positive"),
+        ("9000.0,3000.0,0.0", "note: long gap before 9000.000 s"),
+    ],
+)
+def test_what_a_recording_loses_or_lacks_is_said(capsys, recording, tmp_path, row, said):
+    path = tmp_path / "detections.csv"
+    path.write_text(path.read_text() + f"\n{row}\n")
+    assert main(["run", recording]) == 0
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["rosbag2: [\n", "a: 'b\n\nc\n" * 200], ids=["list", "long"])
+def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
+    pytest.importorskip("rosbags")
+    (tmp_path / "metadata.yaml").write_text(content)
+    assert main(["run", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("refused: the bag ") and "metadata.yaml" in line
+    assert len(line) < 900
 
 
 def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
@@ -151,13 +138,20 @@ def test_a_scenario_is_simulated_with_its_own_sensor_and_a_seed(capsys, scenario
     assert float(row["state_x"]) == pytest.approx(1500.0 + 4.0 * time, abs=40.0)
 
 
-def test_a_folder_gets_tracks_and_what_the_run_gave_is_said(capsys, recording, tmp_path):
+def test_a_folder_gets_tracks_and_without_rosbags_no_mcap_but_a_sentence(
+    capsys, recording, tmp_path, monkeypatch
+):
     assert main(["run", recording]) == 0
     expected = capsys.readouterr().out
     out = tmp_path / "out"
     assert main(["run", recording, "--out", str(out)]) == 0
     assert (out / "tracks.csv").read_text() == expected
     assert "8 scans, 1 confirmed tracks; 84.0 s in" in capsys.readouterr().out
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    assert main(["run", recording, "--out", str(tmp_path / "other")]) == 0
+    assert "no tracks.mcap: it needs rosbags" in capsys.readouterr().err
+    assert not (tmp_path / "other" / "tracks.mcap").exists()
+    assert (tmp_path / "other" / "tracks.csv").exists()
 
 
 @pytest.mark.parametrize("option", ["--out", "--html", "--picture"])
@@ -207,7 +201,9 @@ def test_the_time_of_a_run_is_that_of_its_stamps_not_of_the_recorder(capsys, tmp
     assert "10 scans, " in (printed := capsys.readouterr().out) and "; 36.0 s in" in printed
 
 
-def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, tmp_path):
+def test_the_mcap_holds_every_scans_new_and_held_tracks_and_is_the_same_to_the_bit(
+    recording, tmp_path
+):
     pytest.importorskip("rosbags")
     for folder in ("one", "other"):
         assert main(["run", recording, "--out", str(tmp_path / folder)]) == 0
@@ -216,15 +212,10 @@ def test_the_mcap_is_the_same_to_the_bit_and_names_no_temporary_file(recording, 
     assert b"relative_file_paths" in data
     assert b".part" not in data
     assert not list((tmp_path / "one").glob(".*"))
-
-
-def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
-    pytest.importorskip("rosbags")
     from msg_adapters import read_track_cloud, time_to_ns
     from tsepm_ros.tools.replay.bag import Bag
 
-    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
-    with Bag(tmp_path / "out" / "tracks.mcap") as bag:
+    with Bag(tmp_path / "one" / "tracks.mcap") as bag:
         heard = {
             topic: [bag.read(message) for message in bag.messages([topic])] for topic in bag.topics
         }
@@ -235,7 +226,7 @@ def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
     assert [cloud.width for cloud in heard["/tracks"]] == [0, 0, 1, 0, 0, 0, 0, 0]
     assert [cloud.width for cloud in heard["/tracks/current"]] == [0, 0, 1, 1, 1, 1, 1, 1]
     assert [cloud.width for cloud in heard["/fixed_echoes"]] == [0] * 8
-    with (tmp_path / "out" / "tracks.csv").open() as file:
+    with (tmp_path / "one" / "tracks.csv").open() as file:
         (row,) = csv.DictReader(file)
     (point,) = read_track_cloud(heard["/tracks"][2])
     for name in (
@@ -243,15 +234,7 @@ def test_the_mcap_holds_every_scans_new_and_held_tracks(recording, tmp_path):
         *("stationary_probability", "signal_to_clutter_db", "revision"),
     ):
         np.testing.assert_array_equal(float(row[name]), point[name])
-    assert not list(tmp_path.glob("out/tmp*"))
-
-
-def test_without_rosbags_there_is_no_mcap_and_a_sentence(capsys, recording, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    assert main(["run", recording, "--out", str(tmp_path / "out")]) == 0
-    assert "no tracks.mcap: it needs rosbags" in capsys.readouterr().err
-    assert not (tmp_path / "out" / "tracks.mcap").exists()
-    assert (tmp_path / "out" / "tracks.csv").exists()
+    assert not list(tmp_path.glob("one/tmp*"))
 
 
 def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
@@ -363,7 +346,7 @@ def test_a_course_is_clockwise_from_north(frame, north, heading, angle):
     assert heading in head and line.split()[-2:] == [angle, "because"]
 
 
-def test_geojson_has_the_tracks_of_a_scene_around_the_origin(tmp_path, capsys):
+def test_geojson_and_sentences_of_a_scene_are_read_by_other_readers(tmp_path, capsys):
     arguments = ["run", "four_targets", "--as", "geojson", "--origin", "59.65,10.63"]
     assert main([*arguments, "--out", str(tmp_path / "run")]) == 0
     found = json.loads((tmp_path / "run" / "tracks.geojson").read_text())["features"]
@@ -373,9 +356,7 @@ def test_geojson_has_the_tracks_of_a_scene_around_the_origin(tmp_path, capsys):
         for longitude, latitude in line if isinstance(line[0], list) else [line]:
             assert abs(latitude - 59.65) < 0.2
             assert abs(longitude - 10.63) < 0.4
-
-
-def test_sentences_of_a_scene_are_read_by_another_reader(capsys):
+    capsys.readouterr()
     assert main(["run", "four_targets", "--as", "nmea", "--origin=-33.9,151.2"]) == 0
     lines = capsys.readouterr().out.split("\r\n")[:-1]
     messages = [pynmea2.parse(line, check=True) for line in lines]
@@ -388,3 +369,26 @@ def test_sentences_of_a_scene_are_read_by_another_reader(capsys):
 def test_without_a_proper_origin_the_command_says_what_is_one(origin, capsys):
     assert main(["run", "four_targets", "--as", "nmea", *origin]) != 0
     assert "latitude" in capsys.readouterr().err
+
+
+def test_the_truth_of_a_bag_is_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
+    bag_files = pytest.importorskip("support.bag_files")
+    from msg_adapters.track_cloud import TRACK_DTYPE
+    from tsepm_ros.tools.replay.bag import Bag, find_topics
+    from tsepm_ros.tools.replay.offline import bag_truth
+
+    entries = bag_files.simulated()
+    for stamp in (1000.0, 1010.0):
+        values = {name: [0.0] for name in TRACK_DTYPE.names}
+        values |= {"track_id": [3.0], "state_x": [stamp], "state_y": [-stamp]}
+        message = bag_files.cloud(stamp, "odom", **values)
+        entries.append(bag_files.Entry(stamp, "/ground_truth", bag_files.POINTS, message))
+    other = bag_files.cloud(1005.0, "odom", colour=[1.0])  # no truth, and left out
+    entries.append(bag_files.Entry(1005.0, "/ground_truth", bag_files.POINTS, other))
+    path = bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time))
+    with Bag(path) as bag:
+        (truth,) = bag_truth(bag, find_topics(bag.topics, {}))
+    assert truth == pytest.approx(np.array([[1000.0, 1000.0, -1000.0], [1010.0, 1010.0, -1010.0]]))
+    assert main(["run", str(path), "--picture", str(tmp_path / "a.png")]) == 0
+    assert (tmp_path / "a.png").stat().st_size > 10_000

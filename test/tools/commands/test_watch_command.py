@@ -52,17 +52,15 @@ def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
     assert [str(row[0]) for row in page["frames"][-1]["tracks"]] == [track_id]
 
 
-def test_the_page_of_a_run_has_the_places_of_its_origin(capsys, recording, tmp_path):
+def test_the_page_of_a_run_says_what_was_dropped_and_has_the_places_of_its_origin(
+    capsys, recording, tmp_path
+):
     path = tmp_path / "run.html"
     assert main(["run", recording, "--html", str(path), "--origin", "59.65,10.63"]) == 0
     info = held_by(path.read_text())["info"]
     assert info["geographic"]["origin"] == [59.65, 10.63] and info["north"]
-
-
-def test_the_page_says_what_was_dropped(capsys, recording, tmp_path):
     with open(f"{recording}/detections.csv", "a") as file:
         file.write("\n90.0,-1.0,0.0\n")
-    path = tmp_path / "run.html"
     assert main(["run", recording, "--html", str(path)]) == 0
     health = held_by(path.read_text())["health"]
     assert health["level"] == 1

@@ -1,12 +1,16 @@
-"""Files of runs, found again only by what they belong to, and result files."""
+"""Summaries of runs, and their files: found again only by what they belong to."""
 
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 from support.run_summaries import run_of, start
 
-from tsepm_ros.tools.evaluation.performance import run_file
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.tools.evaluation.measures import RunSummary, measures_of, start_bound, summarise
+from tsepm_ros.tools.evaluation.performance import run, run_file
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
     RunFile,
@@ -15,8 +19,8 @@ from tsepm_ros.tools.evaluation.result_files import (
     write_result,
     write_table,
 )
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
-from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
+from tsepm_ros.tools.simulation import Scenario, load_scenario
 
 BOX = load_scenario("box")
 POINT = OperatingPoint("score", "1/h", {"false_tracks_per_hour": 1.0}, version="1")
@@ -58,25 +62,18 @@ def test_anything_else_has_a_file_of_its_own(file, tmp_path, other):
     assert run_file(tmp_path, BOX, POINT, 1).results == RECORDS
 
 
-def test_a_file_under_another_s_name_is_refused(file, tmp_path):
-    other = run_file(tmp_path, BOX, POINT, 2)
-    file.path.replace(other.path)
-    with pytest.raises(ValueError, match="was made by another version"):
-        run_file(tmp_path, BOX, POINT, 2)
-
-
-def test_a_header_that_was_cut_off_is_written_again(file, tmp_path):
+def test_what_is_cut_off_is_written_again_and_other_damage_is_refused(file, tmp_path):
     content = file.path.read_bytes()
-    file.path.write_bytes(content[:20])
-    assert run_file(tmp_path, BOX, POINT, 1).results == {}
-    assert file.path.read_bytes() == content.splitlines(keepends=True)[0]
-
-
-def test_a_line_damaged_in_the_middle_is_refused(file, tmp_path):
-    lines = file.path.read_bytes().splitlines(keepends=True)
+    lines = content.splitlines(keepends=True)
     file.path.write_bytes(b"".join([*lines[:2], b'[1, {"tar\n', *lines[3:]]))
     with pytest.raises(ValueError, match="is damaged"):
         run_file(tmp_path, BOX, POINT, 1)
+    file.path.write_bytes(content[:20])
+    assert run_file(tmp_path, BOX, POINT, 1).results == {}
+    assert file.path.read_bytes() == lines[0]
+    file.path.replace(run_file(tmp_path, BOX, POINT, 2).path)
+    with pytest.raises(ValueError, match="was made by another version"):
+        run_file(tmp_path, BOX, POINT, 2)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +106,9 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
         read_result(path)
 
 
-def test_a_table_is_written_only_where_a_file_is_named(tmp_path, monkeypatch):
+def test_a_table_is_printed_row_by_row_and_written_only_where_a_file_is_named(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     path, table = tmp_path / "a.json", (["a", "b"], [["1", "2"], ["3", "4"]])
     write_table(None, "python a.py", table, seed=3, runs=7)
@@ -117,8 +116,130 @@ def test_a_table_is_written_only_where_a_file_is_named(tmp_path, monkeypatch):
     write_table(path, "python a.py", table, seed=3, runs=7)
     expected = Result(command="python a.py", seed=3, runs=7, header=table[0], rows=table[1])
     assert read_result(path) == expected
-
-
-def test_a_table_is_printed_row_by_row(capsys):
     assert printed(iter([["a", "b"], ["1", "2"]])) == (["a", "b"], [["1", "2"]])
     assert capsys.readouterr().out == "| a | b |\n|---|---|\n| 1 | 2 |\n"
+
+
+MANY = {
+    "tsepm": {"min_hits": 3, "window": 4},
+    "score": {"false_tracks_per_hour": 300.0},
+    "sequential": {"min_hits": 3, "window": 4},
+    "heuristic": {"gate_sigmas": 2.0, "max_acceleration": 2.0},
+    "modified_hough": {"min_hits": 3, "window": 4, "gate_sigmas": 2.0},
+}
+MOVING = load_scenario(
+    "box", {"scans": 8, "sound_speed": 1500.0, "own_ship.speed": 8.0, "own_ship.turn_rate": 0.01}
+)
+
+
+def point(method: str) -> OperatingPoint:
+    return OperatingPoint(method, options=MANY.get(method, {}))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", available_methods())
+def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
+    started = np.zeros(2)
+    for seed in range(3):
+        long = run((load_scenario("box", {"scans": 12}), [3, seed], point(method)))
+        short = run((load_scenario("box", {"scans": 7}), [3, seed], point(method)))
+        assert long.first(7).as_json() == short.as_json()
+        assert short.count(*Outcome) > 0
+        started += long.count(*Outcome), short.count(*Outcome)
+    assert started[0] > started[1]
+
+
+def test_a_record_comes_back_from_json_to_the_bit():
+    kept = run((MOVING, [3, 1], point("tsepm")))
+    assert any(not one.pure for one in kept.starts)  # these have nan
+    text = json.dumps(kept.as_json(), allow_nan=False)
+    again = RunSummary.from_json(json.loads(text))
+    assert repr(again) == repr(kept)
+
+
+class Seer:
+    """Starts a track at the target from all its echoes so far, and holds what it is told to."""
+
+    def __init__(self, scenario: Scenario, held: list) -> None:
+        self.scenario = scenario
+        self.maintenance = self
+        self.current = self
+        self.state = np.array(held, float).reshape(-1, 4)
+
+    def process(self, scan):
+        return []
+
+
+def held_at(*held) -> RunSummary:
+    sensor = {"sensor.clutter_density": 1e-20, "scans": 1}
+    scene = load_scenario("box", sensor)
+    seen = OperatingPoint("seer", options={}, factory=lambda one, *_: Seer(one, list(held)))
+    return run((scene, [1, 1], seen))
+
+
+def test_what_is_held_is_compared_with_the_truth():
+    # The target is 7071 m away: 3 sigma of 1 degree are 370 m.
+    (none,) = held_at().scans
+    assert (none.held, none.localisation, none.false_held) == (0, 0.0, 0.0)
+    c2 = 2.0 * none.missed
+    assert c2 == pytest.approx((3.0 * np.deg2rad(1.0) * np.hypot(5000, 5000)) ** 2, rel=1e-3)
+    (near,) = held_at([5000.0, 0.0, 5300.0, 0.0], [0.0, 0.0, 0.0, 0.0]).scans
+    assert (near.held, near.missed) == (1, 0.0)
+    assert near.localisation == pytest.approx(300.0**2)
+    assert near.false_held == pytest.approx(0.5 * c2)
+    (far,) = held_at([5000.0, 0.0, 5400.0, 0.0]).scans
+    assert (far.held, far.missed, far.false_held) == (0, 0.5 * c2, 0.5 * c2)
+
+
+def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
+    made = simulate(MOVING, [3, 2], point("tsepm"))
+    mixed = next(one for one in made.judged() if one.target == 0 and not one.pure)
+    assert np.isnan(start_bound(made, mixed)).all()
+    scan, row = next(
+        (scan, list(origin).index(0)) for scan, origin in enumerate(made.origins) if 0 in origin
+    )
+    truth = made.simulator.truth(made.scans[scan].stamp)[0]
+    made.starts = [ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)]
+    (alone,) = SimulatedRun.judged(made)
+    assert alone.pure
+    assert np.isnan(start_bound(made, alone)).all()
+
+
+class Corrector:
+    """Starts on clutter at the target's place, and corrects the start two scans later."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.revised: list[ConfirmedTrack] = []
+        self.count = 0
+
+    def process(self, scan):
+        self.count += 1
+        self.revised = [self.track(revision=1)] if self.count == 7 else []
+        return [self.track()] if self.count in (2, 5) else []
+
+    def track(self, revision: int = 0) -> ConfirmedTrack:
+        state = np.array([5000.0, 5.0, 5000.0, 0.0])
+        hits = ((self.count - 1, 0),) if revision else ((0, 0),)
+        stamp = 12.0 * (self.count - 1)
+        return ConfirmedTrack(0, stamp, state, 1e4 * np.eye(4), hits, 0.0, revision=revision)
+
+
+def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
+    changes = {"sensor.detection_probability": 1.0, "scans": 4, "warm_up": 3}
+    made = simulate(
+        load_scenario("box", {**changes, "sensor.clutter_density": 1e-6}),
+        [3, 1],
+        OperatingPoint("corrector", options={}, factory=lambda one, *_: Corrector(one)),
+    )
+    # The correction's hit is the target's.
+    made.origins[6][0] = 0
+    kept = summarise(made)
+    assert [scan.false for scan in kept.scans] == [0, 1, 0, 0]
+    assert [scan.at for scan in kept.scans] == [0, 1, 1, 1]
+    assert [scan.corrections for scan in kept.scans] == [0, 0, 0, 1]
+    assert [scan.right for scan in kept.scans] == [0, 0, 0, 1]
+    assert kept.starts == ()
+    measures = measures_of(made.scenario, [kept])
+    assert (measures.detection.value, measures.detection_by_position.value) == (0.0, 1.0)
+    assert (measures.detection_corrected.value, measures.corrections_per_run.value) == (1.0, 1.0)
+    assert measures_of(made.scenario, [kept], 1).detection_by_position.value == 0.0

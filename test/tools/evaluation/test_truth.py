@@ -65,22 +65,10 @@ def test_a_track_on_the_target_is_true_with_more_than_half_of_its_hits(sources, 
 
 
 def test_the_first_true_track_of_a_target_is_true_and_later_ones_are_redundant():
-    good = [0] * 5
-    assert outcomes(track(good), track(good), track(good)) == [TRUE, REDUNDANT, REDUNDANT]
-
-
-def test_a_misplaced_track_is_not_the_first():
-    far = track([0] * 5, off=(1e4, 0.0))
-    assert outcomes(far, track([0] * 5), far) == [MISPLACED, TRUE, MISPLACED]
-
-
-def test_a_false_track_is_false_even_where_it_lies_on_a_target():
-    assert outcomes(track([2] * 5), track([0] * 5)) == [FALSE, TRUE]
-
-
-def test_the_target_that_gave_the_hits_counts_not_the_nearest():
-    (one,) = judged(track([1] * 5, target=0))
-    assert (one.outcome, one.target) == (MISPLACED, 1)
+    good, far = track([0] * 5), track([0] * 5, off=(1e4, 0.0))
+    assert outcomes(good, good, good) == [TRUE, REDUNDANT, REDUNDANT]
+    assert outcomes(far, good, far) == [MISPLACED, TRUE, MISPLACED]
+    assert outcomes(track([2] * 5), good) == [FALSE, TRUE]
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (-0.6, 0.8)])
@@ -93,12 +81,14 @@ def test_three_sigma_of_the_larger_axis_is_the_border(direction, factor, outcome
     assert outcomes(track([0] * 5, off=off)) == [outcome]
 
 
-def test_the_border_is_measured_from_where_the_sensor_is():
+def test_the_border_is_measured_from_the_sensor_and_for_the_target_that_gave_the_hits():
     off = (0.0, 100.0)  # 3 sigma: 210 m seen from the origin, 90 m from 500 m away
     tracks = [track([0] * 5, off=off)]
     near = judge(tracks, ORIGINS, truth_at, SENSOR, lambda stamp: np.array([3000.0, 0.0]))
     assert outcomes(*tracks) == [TRUE]
     assert near[0].outcome is MISPLACED
+    (one,) = judged(track([1] * 5, target=0))
+    assert (one.outcome, one.target) == (MISPLACED, 1)
 
 
 def test_errors_are_those_from_the_target():

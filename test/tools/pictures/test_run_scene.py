@@ -1,5 +1,6 @@
 """What pictures show of a run, and the files that it leaves."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -224,3 +225,26 @@ def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
         pass
     assert path.read_bytes().startswith(b"\x89MCAP")
     assert [one.name for one in tmp_path.iterdir()] == ["tracks.mcap"]
+
+
+def notes_of(size: float, points: np.ndarray):
+    """Labels of points in axes of a size, inches, whose limits are 0 and 1."""
+    plt = pytest.importorskip("matplotlib.pyplot")
+    from tsepm_ros.tools.pictures.plan_marks import PointLabel, label_points
+
+    figure = plt.figure(figsize=(size, size))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    label_points(axes, [PointLabel(str(n), x, y, "black") for n, (x, y) in enumerate(points)])
+    plt.close(figure)
+    return list(axes.texts)
+
+
+def test_labels_overlap_neither_each_other_nor_points_and_without_room_are_at_the_last_place():
+    notes = notes_of(5.0, 0.5 + 0.01 * np.random.default_rng(1).standard_normal((12, 2)))
+    assert [note.get_text() for note in notes] == [str(n) for n in range(12)]
+    boxes = [super(type(note), note).get_window_extent() for note in notes]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    from tsepm_ros.tools.pictures.plan_marks import LABEL_ANGLES, LABEL_DISTANCES
+
+    (note,) = notes_of(0.1, np.array([[0.5, 0.5]]))
+    assert note.get_position()[1] == pytest.approx(LABEL_DISTANCES[-1] * np.sin(LABEL_ANGLES[-1]))

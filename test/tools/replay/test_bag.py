@@ -238,12 +238,9 @@ def test_a_bag_that_ros_cannot_read_is_refused_by_name(tmp_path, monkeypatch):
 # Topics
 
 
-def test_a_bag_without_messages_is_read_as_empty(tmp_path):
+def test_a_bag_without_messages_is_empty_and_topics_are_found_by_name_in_any_namespace(tmp_path):
     with Bag(write_bag(tmp_path / "bag", [])) as bag:
         assert (bag.topics, bag.start_ns, bag.end_ns, bag.duration) == ({}, 0, 0, 0.0)
-
-
-def test_topics_are_found_by_name_in_any_namespace():
     topics = {f"/boat/{role}": POINTS for role in (DETECTIONS, TRACKED, TRUTH)}
     topics |= {"/boat/own_ship/odometry": ODOMETRY, "/boat/tracks": POINTS}
     topics |= {"/boat/tracks/odometry": ODOMETRY}

@@ -1,12 +1,27 @@
-"""Recorded detections: what is read, what is refused, and the joyride."""
+"""Recorded detections: what a path names, what is read and refused, and what a session gives."""
 
+import bz2
+import gzip
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tsepm_ros.tools.replay.recording import read_recording
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.recording import (
+    RecordedMotion,
+    RecordedScan,
+    Recording,
+    read_recording,
+    source_of,
+)
 
 JOYRIDE = Path(__file__).parents[3].parent / "shared" / "data" / "joyride"
 
@@ -30,15 +45,12 @@ DETECTIONS = """scan,time_s,range_m,bearing_rad
 """
 
 
-def test_rows_with_the_same_scan_number_are_one_scan(write):
+def test_rows_with_the_same_scan_number_or_without_one_of_the_same_time_are_one_scan(write):
     recording = read_recording(write(detections=DETECTIONS))
     assert [scan.time for scan in recording.scans] == [0.0, 24.0]
     assert [scan.fields["range"].tolist() for scan in recording.scans] == [[100, 200], [300]]
     assert [scan.fields["bearing"].tolist() for scan in recording.scans] == [[0.1, 0.2], [0.3]]
     assert (recording.own_ship, recording.targets) == ([], {})
-
-
-def test_without_scan_numbers_rows_of_the_same_time_are_one_scan(write):
     text = "time_s,range_m,azimuth_rad\n5,1,0\n0,2,0\n5,3,0\n"
     recording = read_recording(write(detections=text))
     assert [scan.time for scan in recording.scans] == [0.0, 5.0]
@@ -82,7 +94,7 @@ def test_scans_known_to_the_own_ship_only_were_empty(write):
     assert set(recording.scans[1].fields) == {"range", "bearing"}
 
 
-def test_motion_is_east_north_with_the_heading_turned_to_yaw(write):
+def test_motion_is_east_north_with_yaw_and_targets_are_told_apart_by_their_number(write):
     own_ship = (
         "time_s,east_m,east_mps,north_m,north_mps,heading_rad\n"
         f"10,5,1,6,2,0.0\n0,3,1,4,2,{math.pi / 2}\n"
@@ -91,9 +103,6 @@ def test_motion_is_east_north_with_the_heading_turned_to_yaw(write):
     assert [motion.time for motion in motions] == [0.0, 10.0]
     assert [motion.state.tolist() for motion in motions] == [[3, 1, 4, 2], [5, 1, 6, 2]]
     assert [motion.yaw for motion in motions] == pytest.approx([0.0, math.pi / 2])
-
-
-def test_targets_are_told_apart_by_their_number(write):
     target = "target,time_s,east_m,north_m\n7,0,1,2\n9,0,3,4\n7,12,5,6\n"
     targets = read_recording(write(detections=DETECTIONS, target=target)).targets
     assert {name: len(motions) for name, motions in targets.items()} == {7: 2, 9: 1}
@@ -101,60 +110,41 @@ def test_targets_are_told_apart_by_their_number(write):
 
 
 HEADER = "time_s,range_m,bearing_rad\n"
+ONE_ANGLE = "must have one of the columns azimuth_rad and bearing_rad"
+LINE_2, LINE_3 = "line 2", "line 3"
 
 
 @pytest.mark.parametrize(
-    ("files", "sentence"),
+    ("name", "text", "sentence"),
     [
-        ({"detections": ""}, "detections.csv has no column 'time_s'"),
+        ("detections", "", "has no column 'time_s'"),
+        ("detections", "time_s,bearing_rad\n0,1\n", "has no column 'range_m'; it has"),
+        ("detections", "time_s,range_m\n0,1\n", ONE_ANGLE),
+        ("detections", "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n", ONE_ANGLE),
         (
-            {"detections": "time_s,bearing_rad\n0,1\n"},
-            "detections.csv has no column 'range_m'; it has",
+            "detections",
+            HEADER + "0,1,2\n0,far,2\n",
+            LINE_3 + ": expected 3 numbers, got ['0', 'far'",
         ),
-        (
-            {"detections": "time_s,range_m\n0,1\n"},
-            "detections.csv must have one of the columns azimuth_rad and bearing_rad",
-        ),
-        (
-            {"detections": "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n"},
-            "detections.csv must have one of the columns azimuth_rad and bearing_rad",
-        ),
-        (
-            {"detections": HEADER + "0,1,2\n0,far,2\n"},
-            "detections.csv, line 3: expected 3 numbers, got ['0', 'far', '2']",
-        ),
-        ({"detections": HEADER + "0,1,2\n0,,2\n"}, "detections.csv, line 3"),
-        ({"detections": HEADER + "0,1\n"}, "detections.csv, line 2"),
-        ({"detections": HEADER + "0,1,2,3\n"}, "detections.csv, line 2"),
-        ({"detections": HEADER + "nan,1,2\n"}, "detections.csv, line 2: time_s must"),
-        (
-            {"detections": DETECTIONS, "own_ship": "time_s,east_m\n0,1\n"},
-            "own_ship.csv has no column 'north_m'",
-        ),
-        (
-            {"detections": DETECTIONS, "target": "time_s,east_m,north_m\n0,1,x\n"},
-            "target.csv, line 2",
-        ),
-        ({"detections": HEADER + "0,1,2\n7\n"}, "detections.csv, line 3"),
-        ({"detections": "scan," + HEADER + "nan,0,1,2\n"}, "detections.csv, line 2: scan must"),
-        (
-            {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m\n0,nan,1\n"},
-            "own_ship.csv, line 2: east_m must",
-        ),
-        (
-            {"detections": DETECTIONS, "own_ship": "time_s,east_m,north_m,roll_rad\n0,1,1,nan\n"},
-            "own_ship.csv, line 2: roll_rad must",
-        ),
-        (
-            {"detections": DETECTIONS, "target": "target,time_s,east_m,north_m\nnan,0,1,1\n"},
-            "target.csv, line 2: target must",
-        ),
+        ("detections", HEADER + "0,1,2\n0,,2\n", LINE_3),
+        ("detections", HEADER + "0,1,2\n7\n", LINE_3),
+        ("detections", HEADER + "0,1\n", LINE_2),
+        ("detections", HEADER + "0,1,2,3\n", LINE_2),
+        ("detections", HEADER + "nan,1,2\n", LINE_2 + ": time_s must"),
+        ("detections", "scan," + HEADER + "nan,0,1,2\n", LINE_2 + ": scan must"),
+        ("own_ship", "time_s,east_m\n0,1\n", "has no column 'north_m'"),
+        ("own_ship", "time_s,east_m,north_m\n0,nan,1\n", LINE_2 + ": east_m must"),
+        ("own_ship", "time_s,east_m,north_m,roll_rad\n0,1,1,nan\n", LINE_2 + ": roll_rad must"),
+        ("target", "time_s,east_m,north_m\n0,1,x\n", LINE_2),
+        ("target", "target,time_s,east_m,north_m\nnan,0,1,1\n", LINE_2 + ": target must"),
     ],
 )
-def test_a_malformed_recording_is_refused_by_file_and_column_or_line(write, files, sentence):
+def test_a_malformed_recording_is_refused_by_file_and_column_or_line(write, name, text, sentence):
     with pytest.raises(ValueError) as refused:
-        read_recording(write(**files))
-    assert str(refused.value).startswith(sentence)
+        read_recording(write(**{"detections": DETECTIONS, name: text}))
+    assert re.sub(r"^(\w+\.csv),? ", r"\1 ", str(refused.value)).startswith(
+        f"{name}.csv {sentence}"
+    )
 
 
 def test_a_recording_without_rows_has_no_scans_and_says_so(write):
@@ -269,9 +259,15 @@ def test_times_that_step_back_are_refused_with_the_line(write, interval, numbere
         read_recording(write(detections=text))
 
 
-def test_a_ping_that_was_written_after_the_next_is_put_in_order(write):
+def test_pings_out_of_order_are_sorted_and_few_with_the_time_before_are_said(write):
     recording = read_recording(write(detections=pings([0.0, 0.2, 0.1, 0.3, 0.4])))
     assert [scan.time for scan in recording.scans] == [0.0, 0.1, 0.2, 0.3, 0.4]
+    times = [0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 5.0, 6.0]
+    recording = read_recording(write(detections=pings(times, range(8))))
+    assert [scan.time for scan in recording.scans] == times
+    assert [note.startswith("1 of 8 pings have the same time") for note in recording.notes] == [
+        True
+    ]
 
 
 @pytest.mark.parametrize("name", ["detections", "own_ship", "target"])
@@ -298,15 +294,6 @@ def test_pings_with_the_time_of_the_ping_before_are_refused_with_their_number(
         ValueError, match=r"20 of 40 pings have the same time .* a stamp of its own"
     ):
         read_recording(write(detections=pings(times, range(40))))
-
-
-def test_few_pings_with_the_time_of_the_ping_before_are_said(write):
-    times = [0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 5.0, 6.0]
-    recording = read_recording(write(detections=pings(times, range(8))))
-    assert [scan.time for scan in recording.scans] == times
-    assert [note.startswith("1 of 8 pings have the same time") for note in recording.notes] == [
-        True
-    ]
 
 
 @pytest.mark.parametrize(
@@ -353,16 +340,13 @@ class TestJoyride:
         assert near / 238 == pytest.approx(0.80, abs=0.05)
 
 
-def test_a_refused_row_is_cut_short(tmp_path):
+def test_a_row_that_is_refused_is_cut_short_and_a_file_that_is_no_text_is_named(tmp_path):
     (tmp_path / "detections.csv").write_text("time_s,range_m,azimuth_rad\n1,2," + "x" * 10**5)
     with pytest.raises(
         ValueError, match=r"line 2: expected 3 numbers, got \['1', '2', 'xxx"
     ) as error:
         read_recording(tmp_path)
     assert len(str(error.value)) < 200
-
-
-def test_a_file_that_is_no_text_is_refused_by_name(tmp_path):
     (tmp_path / "detections.csv").write_bytes(HEADER.encode() + b"0,1,\xff\xfe\n")
     with pytest.raises(ValueError, match=r"detections\.csv"):
         read_recording(tmp_path)
@@ -372,3 +356,177 @@ def test_milliseconds_since_the_start_are_asked_about(write):
     notes = read_recording(write(detections=pings([4000.0 * k for k in range(9)]))).notes
     assert notes == ["pings are 4000 s apart: is time_s in milliseconds or microseconds?"]
     assert read_recording(write(detections=pings([12.0 * k for k in range(9)]))).notes == []
+
+
+MCAP, SQLITE, ROS_1 = b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n"
+TABLE = b"time_s,range_m,azimuth_rad\n"
+
+
+@pytest.fixture
+def holding(tmp_path):
+    """Make a folder of files by name and content."""
+
+    def make(**files: bytes):
+        for name, content in files.items():
+            (tmp_path / name.replace("__", ".")).write_bytes(content)
+        return tmp_path
+
+    return make
+
+
+@pytest.mark.parametrize("name", ["run2.csv", "RUN2.CSV", "detections.csv", "own_ship.csv"])
+def test_a_csv_file_names_itself(holding, name):
+    path = holding(**{name: TABLE, "other.csv": TABLE}) / name
+    assert source_of(path) == (path, False)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        *(("a.mcap", MCAP), ("a.db3", SQLITE), ("A.MCAP", MCAP), ("a.mcap.active", MCAP)),
+        *(("a.sqlite3", SQLITE), ("a.mcap", b""), ("a.db3", b"")),
+    ],
+)
+def test_a_bag_s_file_names_itself_by_its_content_or_suffix(holding, name, content):
+    path = holding(**{name: content}) / name
+    assert source_of(path) == (path, True)
+
+
+@pytest.mark.parametrize("name", ["trial_0.mcap", "trial.db3", "TRIAL.MCAP"])
+def test_a_folder_of_one_bag_file_without_metadata_names_it(holding, name):
+    folder = holding(**{name: MCAP, "notes.txt": b"", ".hidden.mcap": MCAP})
+    assert source_of(folder) == (folder / name, True)
+
+
+def test_metadata_and_detections_name_the_folder_s_recording(holding, tmp_path):
+    folder = holding(metadata__yaml=b"", a__mcap=MCAP, b__mcap=MCAP)
+    assert source_of(folder) == source_of(folder / "metadata.yaml") == (folder, True)
+    (folder / "metadata.yaml").unlink()
+    (folder / "detections.csv").write_bytes(TABLE)
+    assert source_of(folder) == (folder / "detections.csv", False)
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ({}, ["holds nothing", "expected", "metadata.yaml"]),
+        ({"notes__txt": b""}, ["holds notes.txt", "expected"]),
+        ({"run1__csv": TABLE, "run2__csv": TABLE}, ["run1.csv, run2.csv", "name one of its files"]),
+        ({"run1__csv": TABLE}, ["holds run1.csv", "name one of its files"]),
+        ({"a_0__mcap": MCAP, "a_1__mcap": MCAP}, ["a_0.mcap, a_1.mcap", "ros2 bag reindex"]),
+        (
+            {"metadata__yaml": b"", "detections__csv": TABLE},
+            ["detections.csv, metadata.yaml", "name one of its files"],
+        ),
+        ({"trial__bag": ROS_1}, ["trial.bag is a ROS 1 bag", "rosbags-convert --src"]),
+        ({"a__csv": TABLE, "a__csv__gz": gzip.compress(TABLE, mtime=0)}, ["holds a.csv, a.csv.gz"]),
+        ({"tracks__csv": TABLE, "tracks__mcap": MCAP}, ["tracks.csv, tracks.mcap", "name one"]),
+        ({"a__bag": ROS_1, "b__db3__zstd": b""}, ["holds a.bag, b.db3.zstd", "name one"]),
+        ({f"f{k}": b"" for k in range(20)}, ["f0, f1", "..."]),
+    ],
+)
+def test_a_folder_says_what_it_holds_and_what_is_expected(holding, files, words):
+    with pytest.raises(ValueError) as refused:
+        source_of(holding(**files))
+    for word in words:
+        assert word in str(refused.value)
+    assert len(str(refused.value)) < 500
+
+
+def test_a_folder_of_bags_asks_for_one_and_a_path_that_does_not_exist_is_named(tmp_path):
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "metadata.yaml").touch()
+    with pytest.raises(ValueError, match=r"holds first, second; .*name a folder or a file in it"):
+        source_of(tmp_path)
+    with pytest.raises(ValueError, match=r"missing\.csv cannot be read: No such file"):
+        source_of(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "remedy"),
+    [
+        ("a.bag", ROS_1, "ROS 1 bag: convert it by rosbags-convert"),
+        ("a.bag", b"", "ROS 1 bag"),
+        ("noted", ROS_1, "ROS 1 bag"),
+        ("a.db3.zstd", b"\x28\xb5\x2f\xfd", "compressed: unpack it .unzstd .*name the folder"),
+        ("a.mcap.zst", b"", "compressed: unpack it .unzstd"),
+        ("a.csv.gz", gzip.compress(TABLE, mtime=0), "compressed: unpack it .gunzip"),
+        ("a.csv", gzip.compress(TABLE, mtime=0), "compressed: unpack it .gunzip"),
+        ("a.csv.bz2", bz2.compress(TABLE), "compressed: unpack it .bunzip2"),
+        ("a.zip", b"PK\x03\x04", "compressed: unpack it .unzip"),
+        ("a.json", b"{}", "is no recording; expected a .csv file"),
+        ("a.pcap", b"", "is no recording; expected a .csv file"),
+    ],
+)
+def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, remedy):
+    path = holding(**{name: content, "detections.csv": TABLE}) / name
+    with pytest.raises(ValueError, match=f"{name} .*{remedy}"):
+        source_of(path)
+
+
+MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
+
+
+def scans(number: int, angle: str = "azimuth") -> list[RecordedScan]:
+    """One target that stands still ahead of a sensor that does."""
+    return [
+        RecordedScan(12.0 * k, {"range": np.array([2000.0]), angle: np.array([0.0])})
+        for k in range(number)
+    ]
+
+
+def own_ship(seconds: float, period: float = 1.0, yaw: float | None = 0.0):
+    return [
+        RecordedMotion(period * k, np.array([100.0, 0.0, 200.0, 0.0]), yaw)
+        for k in range(int(seconds / period) + 1)
+    ]
+
+
+@pytest.mark.parametrize("angle", ["azimuth", "bearing"])
+def test_scans_that_need_a_heading_are_dropped_where_none_was_recorded(angle):
+    recording = Recording(scans(8, angle), own_ship(100.0, yaw=None))
+    results, dropped = process_recording(recording, MOVING, "bow")
+    assert results == []
+    assert dropped == {"heading_unknown": 8}
+
+
+def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
+    recording = Recording(scans(8), own_ship(100.0))
+    (at_stamp, *_), _ = process_recording(recording, MOVING, "bow")
+    (result, *_), dropped = process_recording(recording, MOVING, "bow", 1500.0)
+    assert at_stamp.scan.time_offset is None
+    np.testing.assert_allclose(result.scan.time_offset, [2000.0 / 1500.0])
+    assert result.scan.sensor_pose.shape == (1, 3)
+    assert not dropped
+
+
+def rated(stamp: float) -> RecordedScan:
+    values = {"range": [2000.0], "azimuth": [0.0], "range_rate": [1.0], "time_offset": [1.3]}
+    return RecordedScan(stamp, {name: np.array(value) for name, value in values.items()})
+
+
+def test_a_recorded_velocity_of_the_own_ship_is_the_sensor_s():
+    noise = np.random.default_rng(1).normal(0.0, 1.0, 30)
+    ship = [
+        RecordedMotion(float(k), np.array([x, 3.0 + k, 0.0, -1.0]), 0.0)
+        for k, x in enumerate(noise.tolist())
+    ]
+    (result,), _ = process_recording(Recording([rated(10.5)], ship), MOVING, "bow")
+    np.testing.assert_allclose(result.scan.sensor_velocity, [[3.0 + 11.8, -1.0]])
+
+
+@pytest.mark.parametrize("period", [0.001, 0.005, 0.1])
+def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
+    noise = np.random.default_rng(2).normal(0.0, 1.0, round(20.0 / period)).tolist()
+    ship = [
+        RecordedMotion(period * k, np.array([x, 0.0, -x, 0.0]), 0.0) for k, x in enumerate(noise)
+    ]
+    (found,), _ = process_recording(Recording([rated(4.0004)], ship), MOVING, "bow")
+    one = Session(MOVING)
+    for k, x in enumerate(noise):
+        one.add_own_ship(PoseSample(period * k, x, -x, 0.0, frame_id="odom"))
+    one.add_scan(SensorScan(found.scan, "sonar"), 0.0)
+    (expected,) = one.process()
+    for name in ("sensor_pose", "sensor_velocity"):
+        np.testing.assert_array_equal(getattr(found.scan, name), getattr(expected.scan, name))

@@ -22,15 +22,12 @@ def amplitude(model=None, **fields):
     return next(iter(drawn(model, **fields)))[0].intensity
 
 
-def test_clutter_is_rayleigh_of_unit_power_and_k_is_heavier():
+def test_clutter_is_rayleigh_or_heavier_and_the_beam_correlates_bearings():
     square = amplitude() ** 2
     assert square.mean() == pytest.approx(1.0, rel=0.05)
     assert (square**2).mean() / square.mean() ** 2 == pytest.approx(2.0, rel=0.1)
     k = amplitude(clutter_strength=ClutterStrength("k", 0.5)) ** 2
     assert (k**2).mean() / k.mean() ** 2 == pytest.approx(6.0, rel=0.4)
-
-
-def test_the_beam_correlates_bearings():
     model = ImageModel(cells=(64, 200), blur=(2.0, 0.0))
     square = amplitude(model) ** 2
     assert square.mean() == pytest.approx(1.0, rel=0.2)

@@ -115,23 +115,16 @@ def test_fixed_echoes_stay_until_the_next_message_of_them():
     assert live.frames()[0]["fixed"] == []
 
 
-def test_the_own_ship_is_shown_in_its_own_frame_only():
+@pytest.mark.parametrize(("known", "heading"), [(True, 500), (False, None)])
+def test_the_own_ship_is_shown_in_its_own_frame_only_with_its_heading_if_known(known, heading):
     live = Live()
-    pose = PoseSample(100.0, 1.0, 2.0, 0.5, None, frame_id="odom")
-    live.take_own_ship(odometry_message(pose))
+    pose = PoseSample(100.0, 1.0, 2.0, 0.5, np.diag([1.0, 1.0, 0.01]), frame_id="odom")
+    live.take_own_ship(odometry_message(pose, heading_known=known))
     live.take(TRACKS, tracks(100.0))
     live.take(TRACKS, tracks(112.0, frame_id="sonar"))
     first, second = live.frames()
-    assert first["own_ship"] == [100, 200, 500, None, None]
+    assert first["own_ship"][:3] == [100, 200, heading]
     assert second["own_ship"] is None
-
-
-def test_an_unknown_heading_is_not_shown():
-    live = Live()
-    pose = PoseSample(100.0, 1.0, 2.0, 0.5, np.diag([1.0, 1.0, 0.01]), frame_id="odom")
-    live.take_own_ship(odometry_message(pose, heading_known=False))
-    live.take(TRACKS, tracks(100.0))
-    assert live.frames()[0]["own_ship"][:3] == [100, 200, None]
 
 
 def test_messages_that_cannot_be_read_are_reported_and_the_rest_is_shown():
@@ -171,11 +164,16 @@ def moving(stamp: float, x: float, rates=None):
     return odometry_message(pose)
 
 
-def test_the_velocity_of_own_ship_is_that_of_its_odometry():
+def test_own_ship_s_velocity_is_of_its_odometry_if_recent_and_unknown_after_a_restart():
     live = Live()
     live.take_own_ship(moving(100.0, 1.0, (3.0, -1.0, 0.0)))
     live.take(TRACKS, tracks(100.0))
     assert live.frames()[0]["own_ship"][3:] == [3000, -1000]
+    live.take(TRACKS, tracks(105.1))
+    assert live.frames()[0]["own_ship"][2:] == [500, None, None]
+    live.take(TRACKS, tracks(1.0))
+    live.take_own_ship(moving(1.0, 1.0))
+    assert live.frames()[0]["own_ship"][3:] == [None, None]
 
 
 @pytest.mark.parametrize("interval", [0.1, 1.0, 12.0])
@@ -190,13 +188,3 @@ def test_without_a_velocity_that_of_own_ship_is_the_change_of_its_position(inter
         (frame,) = live.frames()
     assert frame["own_ship"][3:] == [2000, 0]
     assert frame["own_ship"][0] == pytest.approx(200.0 * stamp, abs=1), "at the scan's stamp"
-
-
-def test_the_velocity_of_own_ship_is_unknown_without_recent_odometry_and_after_a_restart():
-    live = Live()
-    live.take_own_ship(moving(100.0, 1.0, (3.0, -1.0, 0.0)))
-    live.take(TRACKS, tracks(105.1))
-    assert live.frames()[0]["own_ship"][2:] == [500, None, None]
-    live.take(TRACKS, tracks(1.0))
-    live.take_own_ship(moving(1.0, 1.0))
-    assert live.frames()[0]["own_ship"][3:] == [None, None]

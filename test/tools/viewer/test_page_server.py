@@ -52,7 +52,7 @@ def numbers(update) -> list[int]:
     return [frame["number"] for frame in update.get("frames", [])]
 
 
-def test_the_page_and_its_files_come_with_a_strict_policy():
+def test_the_page_and_its_files_come_with_a_strict_policy_and_nothing_else():
     with served(live_state()) as server:
         for path in ("", STYLE, *SCRIPTS):
             answer = get(server.url + path)
@@ -61,12 +61,8 @@ def test_the_page_and_its_files_come_with_a_strict_policy():
                 assert answer.headers[name] == value
         assert b'data-source="live"' in get(server.url).body
         assert "default-src 'none'" in HEADERS["Content-Security-Policy"]
-
-
-@pytest.mark.parametrize("path", ["nothing", "../setup.py", "page/watch.js", "recording"])
-def test_nothing_else_is_served(path):
-    with served(live_state()) as server:
-        assert get(server.url + path).code == 404
+        for path in ("nothing", "../setup.py", "page/watch.js", "recording"):
+            assert get(server.url + path).code == 404
 
 
 def test_a_recording_is_served_compressed_and_plain():
@@ -313,7 +309,7 @@ def test_a_port_in_use_is_named():
             PageServer(ViewerNodeOptions(port=port), "Tracks", live_state())
 
 
-def test_the_end_closes_the_connections_and_frees_the_port():
+def test_the_end_closes_connections_frees_the_port_and_what_comes_later_is_left():
     async def connect():
         browser = await websocket_connect(updates(server))
         await message(browser)
@@ -326,17 +322,21 @@ def test_the_end_closes_the_connections_and_frees_the_port():
             pass
         server.stop()  # a second time changes nothing
         put_moving(live_state(1), 2)
+    called = threading.Event()
+    state = live_state(1)
+    with served(state) as server:
+        server.call_later(0.0, called.set)
+        assert called.wait(WAIT)
+    server.call_later(0.0, lambda: pytest.fail("called after the end"))
+    put_moving(state, 2)
 
 
-def test_a_server_that_was_not_started_frees_its_port():
+def test_a_server_that_was_not_started_or_that_is_stopped_while_it_starts_ends():
     server = PageServer(ViewerNodeOptions(port=0), "Tracks", live_state())
     server.stop()
     assert server.loop.is_closed()
     with socket.create_server(("127.0.0.1", urlsplit(server.url).port)):
         pass
-
-
-def test_a_server_that_is_stopped_while_it_starts_ends():
     for _ in range(100):
         server = PageServer(ViewerNodeOptions(port=0), "Tracks", live_state())
         server.start()
@@ -371,13 +371,3 @@ def test_a_server_whose_start_is_interrupted_ends(monkeypatch, begun):
             pass
         server.loop.close()
     assert failures == []
-
-
-def test_what_comes_after_the_end_is_left():
-    called = threading.Event()
-    state = live_state(1)
-    with served(state) as server:
-        server.call_later(0.0, called.set)
-        assert called.wait(WAIT)
-    server.call_later(0.0, lambda: pytest.fail("called after the end"))
-    put_moving(state, 2)

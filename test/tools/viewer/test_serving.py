@@ -63,6 +63,9 @@ def wait_for(condition: Callable[[], object]) -> None:
 
 
 def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(feed, browser):
+    broken = tracks(99.0, held(7, 10.0, 20.0))
+    broken.fields = broken.fields[:2]
+    feed.take(TRACKS, broken)
     for x in (1.0, 2.0, 3.0):
         feed.take(OWN_SHIP, pose(x))
     feed.take(TRACKS, tracks(100.0, held(7, 10.0, 20.0)))
@@ -71,18 +74,11 @@ def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(feed, browse
     assert frame["own_ship"][:2] == [300, 200]  # cm
     assert [row[0] for row in frame["tracks"]] == [7]
     assert [sample.x for sample in feed.poses_read] == [3.0]
+    (sentence,) = feed.reported
+    assert sentence.startswith(f"a message on {TRACKS} cannot be shown: ")
     feed.take(TRACKS, tracks(112.0))
     wait_for(lambda: len(browser.frames) == 2)
     assert len(feed.poses_read) == 1
-
-
-def test_a_message_that_cannot_be_read_is_reported_with_its_topic(feed, browser):
-    broken = tracks(100.0, held(7, 10.0, 20.0))
-    broken.fields = broken.fields[:2]
-    feed.take(TRACKS, broken)
-    wait_for(lambda: feed.reported)
-    (sentence,) = feed.reported
-    assert sentence.startswith(f"a message on {TRACKS} cannot be shown: ")
 
 
 def test_a_browser_is_told_only_of_changes_of_what_is_published(feed, browser):

@@ -1,8 +1,9 @@
-"""NMEA sentences of tracks, as an independent reader understands them."""
+"""Places of tracks on the earth, their approach, GeoJSON, and NMEA as another reader reads it."""
 
 from __future__ import annotations
 
 import io
+import json
 import math
 from types import SimpleNamespace
 
@@ -12,8 +13,93 @@ import pytest
 from pyproj import Geod
 
 from tsepm_ros.tools.bridge import nmea
+from tsepm_ros.tools.bridge.closest_approach import closest_approach
 from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.bridge.geojson import TrackLines
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+
+
+def test_a_position_is_found_by_the_geodesic_from_the_reference_also_across_180_degrees():
+    reference = GeographicReference(59.65, 10.63, east=500.0, north=-200.0)
+    (latitude, longitude), *_ = reference.geographic(np.array([[500.0, 1800.0]])).tolist()
+    azimuth, _, distance = Geod(ellps="WGS84").inv(10.63, 59.65, longitude, latitude)
+    assert (azimuth, distance) == pytest.approx((0.0, 2000.0), abs=1e-6)
+    east = GeographicReference(10.0, 179.999).geographic(np.array([[1000.0, 0.0]]))[0, 1]
+    assert -180.0 <= east < -179.98
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "words"),
+    [(89.5, 0.0, "near a pole"), (math.nan, 0.0, "latitude"), (0.0, math.inf, "longitude")],
+)
+def test_a_reference_near_a_pole_or_nowhere_is_refused_with_a_sentence(latitude, longitude, words):
+    with pytest.raises(ValueError, match=words):
+        GeographicReference(latitude, longitude)
+
+
+@pytest.mark.parametrize("text", ["59.6", "59.6,10.6,3", "north,east", ""])
+def test_a_text_that_is_no_origin_is_refused_with_an_example(text):
+    with pytest.raises(ValueError, match=r"such as 59.65,10.63"):
+        GeographicReference.read(text)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.5, -2.0])
+def test_the_approach_of_a_straight_passage_is_that_of_its_closed_form(turn):
+    # d abeam at time t, at speed v: it began at v t before.
+    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    position, velocity = rotation @ (-50.0, 30.0), rotation @ (2.0, 0.0)
+    distance, time = closest_approach(position[None], velocity[None])
+    assert (distance[0], time[0]) == pytest.approx((30.0, 25.0))
+    distance, time = closest_approach(position[None], -velocity[None])
+    assert (distance[0], time[0]) == pytest.approx((30.0, -25.0))
+
+
+def test_of_what_does_not_move_the_approach_is_now():
+    distance, time = closest_approach(np.array([[3.0, 4.0]]), np.zeros((1, 2)))
+    assert (distance[0], time[0]) == (5.0, 0.0)
+    distance, time = closest_approach(np.array([[3.0, 4.0]]), np.array([[1e-16, 0.0]]))
+    assert (distance[0], time[0]) == (5.0, 0.0), "velocities that differ by rounding"
+
+
+def lines(steps):
+    """The collection of one track at positions, a scan each."""
+    file = io.StringIO()
+    made = TrackLines(file, GeographicReference(10.0, 179.99))
+    made.__enter__()
+    for number, (east, north) in enumerate(steps):
+        state = np.array([east, 1.0, north, 0.0])
+        track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
+        result = SimpleNamespace(current=TrackArrays.of([track]), stamp_ns=number * 10**9, ended={})
+        made.write(result)
+    made.write(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=10**10, ended={4: "missed"}))
+    made.__exit__(None)
+    return json.loads(file.getvalue())["features"]
+
+
+def test_geojson_has_a_line_with_times_and_end_a_point_or_lines_beside_180_degrees():
+    (feature,) = lines([(0.0, 0.0), (10.0, 0.0)])
+    assert feature["geometry"]["type"] == "LineString"
+    assert feature["geometry"]["coordinates"][0] == [179.99, 10.0]
+    found = feature["properties"]
+    assert found["times"] == ["1970-01-01T00:00:00+00:00", "1970-01-01T00:00:01+00:00"]
+    assert (found["course"], found["speed"], found["ended"]) == (90.0, 1.0, "missed")
+    (feature,) = lines([(0.0, 0.0)])
+    assert feature["geometry"] == {"type": "Point", "coordinates": [179.99, 10.0]}
+    (feature,) = lines([(0.0, 0.0), (2000.0, 0.0)])
+    assert feature["geometry"]["type"] == "MultiLineString"
+    west, east = feature["geometry"]["coordinates"]
+    assert west[-1][0] == 180.0
+    assert east[0][0] == -180.0
+    assert west[-1][1] == east[0][1]
+
+
+def test_a_run_that_fails_leaves_no_collection_and_unknown_ends_are_none():
+    file = io.StringIO()
+    with pytest.raises(OSError, match="full"), TrackLines(file, GeographicReference(0, 0)) as made:
+        made.write(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=0, ended={9: "missed"}))
+        raise OSError("full")
+    assert file.getvalue() == ""
+
 
 STAMP = 1_700_000_000.26  # 22:13:20.26 UTC
 AT_REST = np.zeros(2), np.zeros(2)
@@ -92,26 +178,18 @@ def test_a_track_dead_ahead_of_a_sensor_without_north_is_at_the_relative_bearing
     assert (port.data[1], port.data[2], port.data[3]) == ("1.000", "270.0", "R")
 
 
-def test_the_approach_is_in_miles_and_minutes():
+def test_the_approach_is_in_miles_and_minutes_and_now_without_a_minus():
     # 1 nautical mile east, half a mile north, westwards at 10 knots: abeam in 6 minutes.
-    found = tracks([1852.0, -10.0 * nmea.KNOT, 926.0, 0.0])
-    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    found = tracks([1852.0, -10.0 * nmea.KNOT, 926.0, 0.0], [1000.0, 0.0, 0.1, 1.0])
+    one, now = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
     assert (one.data[7], one.data[8]) == ("0.500", "6.0")
+    assert now.data[8] == "0.0"
 
 
-def test_an_approach_that_is_now_has_no_minus():
-    found = tracks([1000.0, 0.0, 0.1, 1.0])
-    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
-    assert one.data[8] == "0.0"
-
-
-def test_a_direction_that_rounds_to_360_degrees_is_0():
+def test_rounded_directions_stay_below_360_degrees_and_minutes_of_arc_below_60():
     found = tracks([-0.001, 0.0, 1000.0, 0.0])
     (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
     assert one.data[2] == "0.0" or one.data[1] == "0.0"
-
-
-def test_minutes_of_arc_never_round_to_60():
     found = tracks([0.0, 0.0, 0.0, 0.0])
     (text,) = nmea.tll("RA", found, numbered(found), np.array([[9.9999999999, -0.0000001]]))
     assert ",1000.0000,N,00000.0000,W," in text
@@ -132,7 +210,7 @@ def test_a_track_that_ends_is_lost_under_its_number(kind):
     assert one.data[{"TTM": 11, "TLL": 7}[kind]] == "L"
 
 
-def test_numbers_are_free_at_a_tracks_end_and_a_track_that_comes_back_has_its_own_again():
+def test_numbers_are_free_at_a_tracks_end_and_beyond_100_tracks_that_is_noted():
     numbers = nmea.TargetNumbers()
     assert numbers.update([5, 6, 7]) == ({}, 0)
     assert numbers.of == {5: 0, 6: 1, 7: 2}
@@ -141,17 +219,6 @@ def test_numbers_are_free_at_a_tracks_end_and_a_track_that_comes_back_has_its_ow
     assert numbers.of == {5: 0, 7: 2, 8: 3}, "the number that is free for the longest time"
     numbers.update([5, 6, 7, 8])
     assert numbers.of[6] == 1
-
-
-def test_beyond_100_tracks_the_last_have_no_number():
-    numbers = nmea.TargetNumbers()
-    assert numbers.update(list(range(103))) == ({}, 3)
-    assert sorted(numbers.of.values()) == list(range(100))
-    numbers.update(list(range(50, 103)))
-    assert set(numbers.of) == set(range(50, 103))
-
-
-def test_a_run_with_more_than_100_tracks_notes_what_is_not_written():
     found = tracks(*[[10.0 * k, 0.0, 0.0, 0.0] for k in range(102)])
     file, notes = io.StringIO(), {}
     writer = nmea.TargetSentences(file, GeographicReference(10.0, 20.0), notes)

@@ -1,0 +1,445 @@
+"""What a session says of what a driver sends, and of what does not fit its parameters."""
+
+import dataclasses
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from support.sessions import arrived, ping, settings
+
+from msg_adapters.laser_scan_detections import no_returns
+from msg_adapters.ping import ReadingOptions, good_detections
+from msg_adapters.point_cloud_detections import detections_of_fields
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.own_ship.registration import MessageFacts, Mounting, SensorScan
+from tsepm_ros.session.consistency_checks import (
+    LAST,
+    WINDOW,
+    Losses,
+    MessageCheck,
+    SensorFigures,
+    explained,
+    findings,
+    questions,
+)
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
+from tsepm_ros.tracker.clutter.seen import Extent
+
+START = 1_700_000_000.0
+
+
+def asked_of(pings, *, period=0.2, now=None, own_ship=None, late=0.0):
+    """Sentences by subject about pings (range, azimuth, more) at a period, s."""
+    check, said = MessageCheck(), {}
+    for index, (range_, azimuth, more) in enumerate(pings):
+        stamp = START + period * index
+        ping = good_detections(
+            round(1e9 * stamp),
+            "sonar",
+            ReadingOptions(),
+            range=np.asarray(range_, float),
+            azimuth=np.asarray(azimuth, float),
+            **{name: value for name, value in more.items() if name != "facts"},
+        )
+        scan = ping.sensor_scan
+        if "facts" in more:
+            scan = dataclasses.replace(scan, facts=more["facts"])
+        arrival = -math.inf if now is None else stamp + now + late * (index % 2)
+        pose = None if own_ship is None else stamp + own_ship
+        for subject, sentence in check.judge(scan, pose, arrival):
+            said.setdefault(subject, sentence)
+    return said
+
+
+def noisy(n=40, rng=None, **more):
+    """Pings of two objects that stand and of random clutter."""
+    rng = rng or np.random.default_rng(1)
+    for _ in range(n):
+        range_ = [900.0 + rng.normal(0, 3), 400 + rng.normal(0, 3), *rng.uniform(10, 1500, 4)]
+        yield range_, [0.3, -1.0, *rng.uniform(-3, 3, 4)], more
+
+
+def test_pings_of_a_usual_sonar_raise_no_question():
+    assert asked_of(noisy(3 * WINDOW)) == {}
+    assert asked_of(noisy(), now=0.3, own_ship=0.25, late=0.1) == {}
+    assert asked_of(noisy(time_offset=np.full(6, 0.1))) == {}
+    assert asked_of(noisy(), period=24.0, now=18.1, own_ship=18.0) == {}, "a slow ping"
+
+
+FACTORS = {"ms": 1e3, "us": 1e6, "in float32": 1e6}
+
+
+@pytest.mark.parametrize("unit", FACTORS)
+@pytest.mark.parametrize(("period", "scale"), [(0.1, 0.03), (2.0, 1.0), (12.0, 4.0)])
+def test_times_in_another_unit_are_asked_about(unit, period, scale):
+    rng = np.random.default_rng(2)
+
+    def pings():
+        for range_, azimuth, _ in noisy():
+            range_ = scale * np.asarray(range_)
+            offset = FACTORS[unit] * range_ / 1500.0 + rng.normal(0, 1e-6, 6)
+            if unit == "in float32":
+                offset = offset.astype(np.float32)
+            yield range_, azimuth, {"time_offset": offset}
+
+    assert "in ms, us or ns" in asked_of(pings(), period=period)["time_offset"]
+
+
+@pytest.mark.parametrize("seconds", [2.5, 30.0])
+def test_times_within_a_turn_are_not_asked_about(seconds):
+    rng = np.random.default_rng(3)
+    pings = ((r, a, {"time_offset": rng.uniform(0.0, seconds, 6)}) for r, a, _ in noisy())
+    assert asked_of(pings, period=seconds) == {}
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_detections_that_repeat_to_the_bit_are_said_with_their_share(share):
+    fixed = np.linspace(100.0, 500.0, 10), np.linspace(-1.0, 1.0, 10)
+    rng = np.random.default_rng(4)
+    others = round(10 / share) - 10
+
+    def pings():
+        for _ in range(30):
+            yield [*fixed[0], *rng.uniform(10, 99, others)], [*fixed[1], *rng.random(others)], {}
+
+    sentence = asked_of(pings())["repeated"]
+    assert f"{100 * share:.0f} % of" in sentence and "They are used" in sentence
+
+
+def test_values_for_no_return_are_said_with_their_share():
+    facts = MessageFacts(rays=200, no_return={"nan": 20, "inf": 100, "a constant": 50})
+    sentence = asked_of(noisy(facts=facts))["no_return"]
+    assert "10 % nan" in sentence and "25 % a constant" in sentence and "inf" not in sentence
+    rep_117 = MessageFacts(rays=200, no_return={"inf": 100})
+    assert asked_of(noisy(facts=rep_117)) == {}
+
+
+def test_what_a_message_states_is_said_when_it_changes():
+    def pings():
+        for index, (range_, azimuth, _) in enumerate(noisy()):
+            states = {"range_max (m)": 60.0 if index >= 20 else 30.0, "sound speed (m/s)": math.nan}
+            yield range_, azimuth, {"facts": MessageFacts(states=states)}
+
+    [(subject, sentence)] = asked_of(pings()).items()
+    assert subject == "changed range_max (m)"
+    assert "from 30 to 60 at 1700000004.000 s" in sentence
+
+
+@pytest.mark.parametrize("seconds", [18.0, 37.0, 7200.0])
+def test_a_clock_ahead_of_the_arrivals_is_asked_about(seconds):
+    ahead = {"detections": {"now": -seconds}, "own ship": {"own_ship": 0.1 + seconds}}
+    for name, given in ahead.items():
+        said = asked_of(noisy(), **{"now": 0.1, **given}, late=0.05)
+        sentence = said[f"clock of {name}"]
+        assert f"{seconds:.3g} s ahead" in sentence
+        assert ("GPS" in sentence) is (seconds < 40.0)
+
+
+def test_a_clock_behind_by_leap_seconds_is_asked_about_and_others_are_latency():
+    assert "18.1 s behind" in asked_of(noisy(), now=18.1)["clock of detections"]
+    assert asked_of(noisy(), now=9.0) == {}
+
+
+def test_stamps_of_a_fast_playback_are_no_clock_ahead():
+    check = MessageCheck()
+    for index, (range_, azimuth, _) in enumerate(noisy()):
+        ping = good_detections(
+            round(1e9 * (START + index)),
+            "sonar",
+            ReadingOptions(),
+            range=np.array(range_),
+            azimuth=np.array(azimuth),
+        )
+        assert check.judge(ping.sensor_scan, None, START + 0.1 * index) == []
+
+
+@pytest.mark.parametrize("apart", ["sectors", "axes"])
+def test_two_sonars_on_one_topic_are_asked_about(apart):
+    """By turns: sectors to port and to starboard, or one object in two sets of axes."""
+    rng = np.random.default_rng(5)
+    turn = {"sectors": (1.0, -1.0), "axes": (0.4, 0.4 - math.pi)}[apart]
+
+    def pings():
+        for index in range(WINDOW):
+            side = turn[index % 2]
+            range_ = [900.0 - index + rng.normal(0, 3), *rng.uniform(10, 1500, 4)]
+            yield range_, [side + rng.normal(0, 0.005), *(side + rng.uniform(-0.5, 0.5, 4))], {}
+
+    assert "two sonars on one topic" in asked_of(pings())["two_sonars"]
+
+
+TARGET = slice(100, 110)
+
+
+@pytest.mark.parametrize("code", [30.0, 29.99, 29.9, 20.0, 65.535, 0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("limit", [30.0, 100.0])
+def test_no_return_has_many_codes(code, limit):
+    rng = np.random.default_rng(6)
+    ranges = np.full(361, code, np.float32).astype(float)
+    ranges[TARGET] = 12.0 + rng.normal(0, 0.02, 10)
+    left_out = np.any(list(no_returns(ranges, limit).values()), axis=0)
+    assert np.flatnonzero(~left_out).tolist() == list(range(100, 110))
+
+
+def test_echoes_of_a_wall_or_of_a_large_object_are_no_code():
+    """Ranges in steps of 0.1 m: a wall ahead, a basin's end, and an object alone."""
+    angle = np.radians(np.linspace(-60, 60, 241))
+    wall = np.round(20.0 / np.cos(angle), 1)
+    basin = np.round(np.minimum(25.0 / np.cos(angle), 6.0 / np.abs(np.sin(angle) + 1e-9)), 1)
+    alone = np.full(241, np.inf)
+    alone[50:90] = 42.1
+    for ranges in (wall, basin, alone):
+        found = no_returns(ranges, 50.0)
+        assert not any(found[name].any() for name in found if name != "inf")
+
+
+@pytest.mark.parametrize(
+    ("sensor", "mounting", "name"),
+    [
+        ({}, {}, ""),
+        ({"azimuth_std": math.radians(10.0), "azimuth_resolution": 0.7}, {"yaw": math.pi}, ""),
+        ({"azimuth_std": 1.0}, {}, "sensor.azimuth_std is 1 rad"),
+        ({"azimuth_resolution": 1.0}, {}, "sensor.azimuth_resolution is 1 rad"),
+        ({}, {"yaw": 5.0}, "mounting.yaw is 5 rad"),
+        ({}, {"yaw": -5.0}, "mounting.yaw is -5 rad"),
+    ],
+)
+def test_parameters_that_look_like_degrees_are_asked_about(sensor, mounting, name):
+    asked = questions(SensorModel(**sensor), Mounting(**mounting))
+    assert len(asked) == bool(name)
+    assert all(
+        sentence.startswith(name) and "degrees are meant, set" in sentence for sentence in asked
+    )
+
+
+def asked_of_angles(field: str, pings: list[np.ndarray], **options: str) -> list[str]:
+    """The questions of a session about the angles of some pings."""
+    sentences: list[str] = []
+
+    def report(reason: str, sentence: str) -> None:
+        if reason == "degrees":
+            sentences.append(sentence)
+
+    session = Session(Settings(), report)
+    for index, angles in enumerate(pings):
+        values = {"range": np.full(len(angles), 500.0), field: angles}
+        ping = detections_of_fields(index * 10**9, "sonar", values, ReadingOptions(**options))
+        assert np.abs(ping.scan.azimuth).max(initial=0.0) <= math.pi
+        session.add_scan(ping.sensor_scan, now=0.0)
+    return sentences
+
+
+@pytest.mark.parametrize("field", ["azimuth", "bearing"])
+@pytest.mark.parametrize("low, high", [(-60.0, 60.0), (0.0, 360.0)])
+def test_angles_in_degrees_are_asked_about_once(field, low, high):
+    rng = np.random.default_rng(1)
+    pings = [rng.uniform(low, high, 3) for _ in range(50)]
+    [sentence] = asked_of_angles(field, pings)
+    assert "beyond 2 pi" in sentence and "radians" in sentence
+
+
+@pytest.mark.parametrize("low, high", [(-math.pi, math.pi), (0.0, 2 * math.pi), (-0.5, 6.5)])
+@pytest.mark.parametrize("reference", ["bow", "north"])
+def test_radians_are_not_asked_about(low, high, reference):
+    rng = np.random.default_rng(1)
+    pings = [rng.uniform(low, high, 20) for _ in range(20)]
+    assert asked_of_angles("bearing", pings, bearing_reference=reference) == []
+    assert asked_of_angles("azimuth", pings) == []
+
+
+def test_a_few_odd_angles_are_not_asked_about():
+    assert asked_of_angles("azimuth", [np.array([100.0, 0.1, 0.2])] * 30) == []
+
+
+def heard(made, **more):
+    said: dict[str, str] = {}
+    return Session(made, said.setdefault, **more), said
+
+
+@pytest.mark.parametrize("period", [0.1, 12.0])
+@pytest.mark.parametrize(("lost", "is_said"), [(0.3, False), (0.55, True), (1.0, True)])
+def test_half_of_the_scans_lost_are_said_at_any_rate_of_pings(period, lost, is_said):
+    """Also late in a long run: the last scans count."""
+    session, said = heard(settings())
+    rng = np.random.default_rng(1)
+    for index in range(300):
+        twice = index > 200 and rng.random() < lost / (1.0 - lost + 1e-9)
+        for _ in range(2 if twice and lost < 1.0 else 1):
+            stamp = period * (201 if index > 200 and lost == 1.0 else index + 1)
+            session.add_scan(ping(stamp), 0.0)
+            list(session.process())
+    assert ("lost scan_same_stamp" in said) is is_said
+    if is_said:
+        sentence = said["lost scan_same_stamp"]
+        assert f"of the last {LAST} scans were dropped" in sentence
+        assert "Remedy: Look for two drivers" in sentence
+
+
+def test_a_few_poses_dropped_are_no_cause_of_many_scans_lost():
+    dropped = {"own_ship_stale": 100, "own_ship_late": 1}
+    assert "Compare the clocks" in explained("own_ship_stale", dropped, {})
+    assert "two publishers" in explained("own_ship_stale", {**dropped, "own_ship_late": 900}, {})
+
+
+@pytest.mark.parametrize(("share", "is_said"), [(0.4, False), (0.6, True), (1.0, True)])
+def test_half_of_the_detections_lost_are_said(share, is_said):
+    losses, said, dropped = Losses(), [], Counter()
+    for _ in range(30):
+        said += losses.drop("range_above_max", "", round(10 * share), dropped)
+        said += losses.processed(10 - round(10 * share), dropped)
+    assert len(said) == is_said
+    if is_said:
+        assert f"{100 * share:.0f} % of the detections" in said[0].sentence
+        assert "the driver must set `range_max` in m" in said[0].sentence
+
+
+@pytest.mark.parametrize("reason", ["flagged_bad", "on_land"])
+def test_what_is_expected_to_be_lost_is_not_said(reason):
+    losses = Losses()
+    for _ in range(30):
+        assert losses.drop(reason, "", 100, Counter()) == []
+        assert losses.processed(1, Counter()) == []
+
+
+def test_scans_without_detections_lose_nothing():
+    session, said = heard(settings())
+    for index in range(30):
+        session.add_scan(SensorScan(Scan(float(index), [], []), "sonar"), 0.0)
+        list(session.process())
+    assert said == {}
+
+
+SEEN = Extent(10.0, 299.0, -1.04, 1.05)
+SHORT = SensorModel(max_range=300.0, azimuth_min=-1.0472, azimuth_max=1.0472)
+
+
+def test_figures_that_fit_are_not_mentioned():
+    good = FittedErrors(0.5, 0.0, 0.017, 1.1, 0.9, 150.0)
+    assert findings(SensorFigures()) == {}
+    figures = SensorFigures(sensor=SHORT, seen=SEEN, seen_detections=400, errors=good, confirmed=20)
+    assert findings(figures) == {}
+
+
+def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
+    said = findings(SensorFigures(seen=SEEN, seen_detections=40))["coverage"]
+    assert "sensor.max_range to 300" in said
+    assert "sensor.azimuth_min to -1.04" in said
+    assert "sensor.azimuth_max to 1.05" in said
+    few = SensorFigures(sensor=SensorModel(max_range=480.0), seen=SEEN, seen_detections=6)
+    assert findings(few) == {}, "six detections may lie together by chance"
+    sensor = SensorModel(min_range=5e-324)
+    said = findings(SensorFigures(sensor=sensor, seen=SEEN, seen_detections=40))["coverage"]
+    assert "from 0 to 9000 m" in said
+    seen = Extent(10.0, 199.0, -0.664, 5.52)
+    said = findings(SensorFigures(seen=seen, seen_detections=80))["coverage"]
+    assert "sensor.max_range to 200" in said
+    assert "all round" in said
+    assert "azimuth" not in said
+
+
+def test_a_coverage_too_small_is_named_only_where_much_is_lost():
+    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    lost = SensorFigures(sensor=SHORT, outside=90, detections=200, outside_extent=extent)
+    said = findings(lost)["coverage_too_small"]
+    assert "45 %" in said
+    assert "sensor.max_range to 820" in said
+    few = SensorFigures(sensor=SHORT, outside=90, detections=20000, outside_extent=extent)
+    assert findings(few) == {}
+
+
+@pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
+def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
+    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    sensor = SensorModel(min_range=given, max_range=300.0)
+    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+    assert ("sensor.min_range to 3" in findings(lost)["coverage_too_small"]) is named
+
+
+@pytest.mark.parametrize(("factor", "said"), [(0.6, True), (0.8, False), (1.4, False), (1.6, True)])
+def test_errors_are_named_from_a_factor_on(factor, said):
+    errors = FittedErrors(0.0, 0.02, 0.03, factor, 1.0, 150.0)
+    found = findings(SensorFigures(errors=errors)).get("errors", "")
+    assert ("range_std_fraction to 0.02" in found) is said
+    assert "azimuth_std" not in found
+
+
+def test_confirmations_far_above_the_target_rate_are_named():
+    many = SensorFigures(confirmed=40, duration=1200.0, false_tracks_per_hour=1.0)
+    assert "40 tracks" in findings(many)["confirmations"]
+    allowed = SensorFigures(confirmed=40, duration=1200.0, false_tracks_per_hour=100.0)
+    assert findings(allowed) == {}
+    assert findings(SensorFigures(confirmed=400, duration=1200.0)) == {}, "no rate, no promise"
+
+
+@pytest.mark.long
+def test_a_session_says_each_finding_once_and_again_after_a_reset():
+    heard: list[tuple[str, str]] = []
+    session = Session(Settings(), lambda subject, said: heard.append((subject, said)))
+    rng = np.random.default_rng(2)
+
+    def play(begin: float) -> None:
+        for index in range(60):
+            number = rng.poisson(20)
+            scan = Scan(
+                begin + index, 300.0 * np.sqrt(rng.random(number)), rng.uniform(-1.05, 1.05, number)
+            )
+            session.add_scan(arrived(scan), 0.0)
+            list(session.process())
+
+    play(0.0)
+    assert [subject for subject, _ in heard] == ["coverage"]
+    assert "sensor.max_range to 300" in heard[0][1]
+    figures = session.figures()
+    assert figures.sensor_findings.keys() == {"coverage"}
+    assert figures.clutter_density == pytest.approx(20.0 / (1.05 * 300.0**2), rel=0.2)
+    assert figures.coverage_area == pytest.approx(1.05 * 300.0**2, rel=0.1)
+    session.reset()
+    play(100.0)
+    assert [subject for subject, _ in heard] == ["coverage", "coverage"]
+
+
+@pytest.mark.long
+def test_what_is_mended_as_told_is_no_longer_named():
+    """Coverage and errors at once; other errors than those of the parameters count anew."""
+    heard: list[tuple[str, str]] = []
+    sensor = SensorModel(
+        max_range=300.0,
+        range_std=0.5,
+        range_std_fraction=0.0,
+        azimuth_std=0.05,
+        clutter_density=1e-5,
+    )
+    session = Session(Settings(sensor=sensor), lambda *told: heard.append(told))
+    rng = np.random.default_rng(3)
+
+    def play(first: int, last: int) -> None:
+        for index in range(first, last):
+            clutter = 600.0 * np.sqrt(rng.random(20)), rng.uniform(-math.pi, math.pi, 20)
+            target = 100.0 + 0.5 * index + 0.5 * rng.normal(), 0.3 + 0.01 * rng.normal()
+            both = [np.append(*pair) for pair in zip(clutter, target, strict=True)]
+            session.add_scan(arrived(Scan(float(index), *both)), 0.0)
+            list(session.process())
+
+    play(0, 100)
+    assert {"coverage_too_small", "errors"} <= {subject for subject, _ in heard}
+    said = dict(heard)
+    assert "sensor.max_range to 600" in said["coverage_too_small"]
+    assert "sensor.azimuth_std to 0.0" in said["errors"]
+    mended = dataclasses.replace(sensor, max_range=600.0, azimuth_std=0.01)
+    session.configure(dataclasses.replace(session.settings, sensor=mended))
+    heard.clear()
+    play(100, 110)
+    assert session.figures().sensor_findings == {}
+    play(110, 200)
+    assert [subject for subject, _ in heard if subject != "coverage"] == []
+    assert session.figures().sensor_findings.keys() <= {"coverage"}
+
+
+def test_detections_without_errors_name_no_values():
+    exact = FittedErrors(1e-6, 0.0, 1e-9, 1e-5, 1e-7, 150.0)
+    said = findings(SensorFigures(errors=exact))["errors"]
+    assert "simulated" in said
+    assert "set sensor" not in said
