@@ -1,8 +1,7 @@
 """The node by a simulated clock."""
 
 import pytest
-from rosgraph_msgs.msg import Clock
-from support.boat import Boat
+from support.boat import Boat, SimulatedTime
 from support.expectation import assert_same, confirmed
 from support.ros_world import WARN
 from support.ship import Ship, publish_poses
@@ -16,11 +15,7 @@ WARN_LEVEL = b"\x01"
 
 def test_use_sim_time_takes_the_time_from_clock(world):
     boat = Boat(world, use_sim_time=True)
-    clock = world.observer.create_publisher(Clock, "/clock", 10)
-    world.until_connected()
-    message = Clock()
-    message.clock.sec, message.clock.nanosec = 1234, 567
-    clock.publish(message)
+    SimulatedTime(boat).set(1234 * SECOND + 567)
     world.statuses()
     world.until(lambda: stamp_ns(world.diagnostics[-1]) == 1234 * SECOND + 567, "the time in use")
     sent = pings(start_ns=1000 * SECOND)
@@ -29,18 +24,11 @@ def test_use_sim_time_takes_the_time_from_clock(world):
 
 def test_a_jump_of_the_clock_does_no_harm(world):
     boat = Boat(world, use_sim_time=True)
-    clock = world.observer.create_publisher(Clock, "/clock", 10)
-    world.until_connected()
+    time = SimulatedTime(boat)
     sent = pings(start_ns=1000 * SECOND)
     received = []
     for seconds, ping in zip([5000, 1000, 3, 3, 9000] * 3, sent, strict=False):
-        message = Clock()
-        message.clock.sec = seconds
-        clock.publish(message)
-        world.until(
-            lambda seconds=seconds: boat.node.get_clock().now().nanoseconds == seconds * SECOND,
-            "the time",
-        )
+        time.set(seconds * SECOND)
         received += boat.send([ping])
     assert_same(received, confirmed(sent))
 
@@ -52,21 +40,14 @@ def test_a_clock_that_stands_still_is_said_and_scans_do_not_wait_for_it(
     """By the wall clock: in the entry, in the log, and in the wait for own-ship data."""
     monkeypatch.setattr(running, "MAX_STANDING", 0.5)
     boat = Boat(world, own_ship_source="odometry", own_ship_timeout=0.2, use_sim_time=True)
-    clock = world.observer.create_publisher(Clock, "/clock", 10)
-    world.until_connected()
-    sent = pings(12)
+    time, sent = SimulatedTime(boat), pings(12)
     if clock_begins:
-        message = Clock()
-        message.clock.sec = sent[0].stamp_ns // SECOND
-        clock.publish(message)
-        world.until(lambda: boat.node.get_clock().now().nanoseconds > 0, "the time")
+        time.set(sent[0].stamp_ns)
     boat.driver.ping(sent[0])
     world.until(lambda: world.dropped() == {"own_ship_missing": 1}, "the scan's end")
     world.until_logged("stands still", "is /clock published?", level=WARN)
     status = world.status("detections")
     assert (status.level, "stands still" in status.message) == (WARN_LEVEL, True)
-    message = Clock()
-    message.clock.sec = sent[1].stamp_ns // SECOND
-    clock.publish(message)
+    time.set(sent[1].stamp_ns)
     publish_poses(boat, Ship(), 0, 140)
     assert_same(boat.send(sent[1:]), confirmed(sent[1:]))

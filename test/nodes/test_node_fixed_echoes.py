@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
-from std_srvs.srv import Trigger
 from support.boat import Boat
 from support.expectation import as_scan, assert_same_track
 from support.ros_world import LATCHED
@@ -18,7 +17,7 @@ TARGETS = ((3000.0, 0.0, 1500.0, 0.0), (-2000.0, -8.0, 2500.0, 4.0))
 
 
 @pytest.mark.parametrize("method", ["score", "tsepm"])
-def test_fixed_echoes_are_published_beside_the_tracks(world, method):
+def test_fixed_echoes_are_published_beside_the_tracks_and_shown_to_late_viewers(world, method):
     sent = pings(24, targets=TARGETS, clutter=5)
     boat = Boat(world, method=method, **OPTIONS)
     echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
@@ -47,6 +46,13 @@ def test_fixed_echoes_are_published_beside_the_tracks(world, method):
     starts = [point["track_id"] for message in received for point in points(message)]
     assert len(starts) == len(set(starts)), "no echo is published as a second track"
     assert echo["track_id"] not in [point["track_id"] for point in points(current[-1])]
+    late = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until(lambda: late, "markers of a late viewer")
+    assert len(late[-1].markers) == 3
+    world.reset()
+    after = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until(lambda: after, "markers after the reset")
+    assert [marker.action for marker in after[-1].markers] == [Marker.DELETEALL]
 
 
 def test_without_min_speed_the_topic_is_there_and_empty_and_a_reset_clears_it(world):
@@ -61,23 +67,6 @@ def test_without_min_speed_the_topic_is_there_and_empty_and_a_reset_clears_it(wo
     probabilities = [p["stationary_probability"] for m in received for p in points(m)]
     assert probabilities
     assert all(0.0 <= probability <= 1.0 for probability in probabilities)
-    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    world.reset()
     world.until(lambda: len(echoes) > len(sent), "the empty message")
     assert [marker.action for marker in markers[-1].markers] == [Marker.DELETEALL]
-
-
-def test_a_late_viewer_sees_the_present_fixed_echoes(world):
-    """Not those drawn last for an earlier viewer, which have ended since."""
-    boat = Boat(world, method="score", **OPTIONS)
-    echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
-    early = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
-    world.until_connected()
-    boat.send(pings(24, targets=TARGETS, clutter=5))
-    world.until(lambda: early and len(early[-1].markers) > 1, "markers of an echo")
-    late = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
-    world.until(lambda: late and echoes[-1].width == 1, "markers of a late viewer")
-    assert len(late[-1].markers) == 3
-    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
-    after = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
-    world.until(lambda: after, "markers after the reset")
-    assert [marker.action for marker in after[-1].markers] == [Marker.DELETEALL]

@@ -7,17 +7,27 @@ import pytest
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat
-from support.expectation import as_scan, assert_same, confirmed, initiator
-from support.ros_world import BEST_EFFORT, LATCHED
-from support.ship import MOVING, SECOND, TARGET, TURNING, Ship, at, publish_poses, seen_from
+from support.expectation import STATE, confirmed
+from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE
+from support.ship import MOVING, SECOND, TARGET, TURNING, at, publish_poses, seen_from
 from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
+
+from msg_adapters import make_header
 
 SENT = pings(12)
 
 
-@pytest.mark.parametrize("ship", [MOVING, TURNING], ids=["moving", "turning"])
-def test_tracks_are_in_the_odometrys_frame_wherever_the_ship_goes(world, ship):
+@pytest.mark.parametrize(
+    ("ship", "qos"),
+    [(MOVING, RELIABLE), (TURNING, BEST_EFFORT)],
+    ids=["moving", "turning, best effort"],
+)
+def test_tracks_are_in_the_odometrys_frame_wherever_the_ship_goes(world, ship, qos):
     boat = Boat(world, own_ship_source="odometry")
+    world.end(boat.driver)
+    boat.driver = world.add(Driver(world.context, odometry_qos=qos))
+    boat.connect()
+    world.until(boat.driver.odometry.get_subscription_count, "the node to read the odometry")
     publish_poses(boat, ship, 0, 61, step=0.25)
     for index in range(6):
         time = 12.0 * index
@@ -32,39 +42,6 @@ def test_tracks_are_in_the_odometrys_frame_wherever_the_ship_goes(world, ship):
     assert math.hypot(point["state_vx"] - TARGET[1], point["state_vy"] - TARGET[3]) < 0.1
 
 
-def test_the_covariance_of_the_odometry_widens_that_of_the_track(world):
-    boat = Boat(world, own_ship_source="odometry")
-    pose = np.zeros((6, 6))
-    pose[0, 0], pose[1, 1], pose[5, 5] = 400.0, 900.0, 1e-4
-    for index in range(150):
-        message = Odometry(child_frame_id="sonar")
-        message.header.frame_id = "odom"
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
-            START_NS + index * SECOND, SECOND
-        )
-        message.pose.pose.orientation.w = 1.0
-        message.pose.covariance = pose.ravel()
-        boat.driver.odometry.publish(message)
-    same = initiator()
-    covariance = np.diag([400.0, 900.0, 1e-4])
-    expected = [same.process(as_scan(p, sensor_pose_covariance=covariance)) for p in SENT]
-    received = boat.send(SENT)
-    assert_same(received, expected)
-    plain = [track for tracks in confirmed(SENT) for track in tracks]
-    wide = [point for message in received for point in points(message)]
-    assert wide[0]["cov_00"] > plain[0].covariance[0, 0] + 100
-
-
-def test_best_effort_odometry_is_read(world):
-    boat = Boat(world, own_ship_source="odometry")
-    world.end(boat.driver)
-    boat.driver = world.add(Driver(world.context, odometry_qos=BEST_EFFORT))
-    boat.connect()
-    world.until(boat.driver.odometry.get_subscription_count, "the node to read the odometry")
-    publish_poses(boat, Ship(), 0, 132)
-    assert_same(boat.send(SENT), confirmed(SENT))
-
-
 def test_tracks_of_odometry_in_a_ned_frame_are_in_its_axes(world):
     """A ship that heads east: yaw 90 degrees from north, x ahead and z down."""
     boat = Boat(world, own_ship_source="odometry", publish_potential_tracks=True)
@@ -73,8 +50,7 @@ def test_tracks_of_odometry_in_a_ned_frame_are_in_its_axes(world):
     world.until_connected()
     for second in range(0, 140, 4):
         pose = Odometry(child_frame_id="base_link_ned")
-        pose.header.frame_id = "world_ned"
-        pose.header.stamp.sec = START_NS // SECOND + second
+        pose.header = make_header(START_NS + second * SECOND, "world_ned")
         pose.pose.pose.position.x, pose.pose.pose.position.y = 50.0, 20.0
         turned = pose.pose.pose.orientation
         turned.z = turned.w = math.sqrt(0.5)
@@ -86,7 +62,7 @@ def test_tracks_of_odometry_in_a_ned_frame_are_in_its_axes(world):
     assert len(found) == len(expected) > 0
     for point, track in zip(found, expected, strict=True):
         x, vx, y, vy = track.state
-        north_east = [point[name] for name in ("state_x", "state_vx", "state_y", "state_vy")]
+        north_east = [point[name] for name in STATE]
         np.testing.assert_allclose(north_east, [y + 50.0, vy, x + 20.0, vx], atol=1e-6)
         assert point["cov_00"] == pytest.approx(track.covariance[2, 2])
         assert point["cov_02"] == pytest.approx(track.covariance[2, 0])

@@ -1,14 +1,12 @@
 """Scans that wait for odometry: in time, late, stale, missing, and after a restart."""
 
 from time import sleep
-from typing import Any
 
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
-from support.boat import Boat
+from support.boat import Boat, SimulatedTime
 from support.expectation import assert_same, assert_stamps, confirmed
 from support.ship import SECOND, Ship, publish_poses
-from support.sonar_driver import START_NS, pings, stamp_ns
+from support.sonar_driver import pings
 
 SENT = pings(12)
 SOON = 0.5
@@ -46,60 +44,15 @@ def test_odometry_that_waits_unread_while_the_machine_is_busy_is_used(world):
     assert world.dropped() == {}
 
 
-def test_a_burst_of_scans_and_odometry_loses_none(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
-    sent = pings(100)
-    publish_poses(boat, Ship(), 0, 1200)
-    received = boat.send(sent)
-    assert_same(received, confirmed(sent))
-    assert world.dropped() == {}
-
-
-def set_time(world, boat: Boat, clock: Any, nanoseconds: int) -> None:
-    message = Clock()
-    message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
-    clock.publish(message)
-    world.until(lambda: boat.node.get_clock().now().nanoseconds == nanoseconds, "the time")
-
-
-def test_scans_that_wait_do_not_outlive_a_restart_in_simulated_time(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=SOON, use_sim_time=True)
-    clock = world.observer.create_publisher(Clock, "/clock", 10)
-    world.until_connected()
-    set_time(world, boat, clock, START_NS + 132 * SECOND)
-    publish_poses(boat, Ship(), 0, 130)
-    for ping in SENT:
-        boat.driver.ping(ping)
-    boat.take(11, 0)
-    world.until(lambda: world.figures()["waiting_for_own_ship"] == "1", "the last scan to wait")
-    back = 5000 * SECOND
-    set_time(world, boat, clock, START_NS - back)
-    again = pings(start_ns=START_NS - back, seed=3)
-    for seconds in range(0, 140, 4):
-        boat.driver.pose(START_NS - back + seconds * SECOND, 0, 0, 0)
-    for ping in again:
-        boat.driver.ping(ping)
-    last = again[-1].stamp_ns
-    world.until(lambda: stamp_ns(boat.tracks[-1]) == last, "the last scan's tracks")
-    assert_same(boat.tracks[-len(again) :], confirmed(again))
-
-
 def test_waiting_is_measured_in_real_time_when_simulated_time_runs_fast(world):
     boat = Boat(world, own_ship_source="odometry", use_sim_time=True)
-    clock = world.observer.create_publisher(Clock, "/clock", 10)
-    world.until_connected()
+    time = SimulatedTime(boat)
     sent = SENT[:6]
     for index, ping in enumerate(sent):
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(ping.stamp_ns + 5 * SECOND, SECOND)
         # The scan overtakes its odometry by far less than a second, or five in simulated time.
         boat.driver.ping(ping)
         world.until(lambda: world.figures()["waiting_for_own_ship"] == "1", "the scan to wait")
-        clock.publish(message)
-        expected = ping.stamp_ns + 5 * SECOND
-        world.until(
-            lambda expected=expected: boat.node.get_clock().now().nanoseconds == expected, "time"
-        )
+        time.set(ping.stamp_ns + 5 * SECOND)
         world.statuses()
         publish_poses(boat, Ship(), 12 * index, 12 * index + 8)
         world.until(lambda: world.figures()["waiting_for_own_ship"] == "0", "the scan to be taken")

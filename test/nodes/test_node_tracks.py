@@ -7,10 +7,9 @@ import pytest
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import ReliabilityPolicy
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
 from support.expectation import (
-    COVARIANCE,
     STATE,
     as_scan,
     assert_same,
@@ -52,21 +51,31 @@ def test_a_driver_that_publishes_range_and_azimuth_gets_tracks(world, qos, drive
     assert subscription.qos_profile.reliability == qos.reliability
 
 
-def test_every_target_of_a_burst_is_tracked_and_ids_count_up(world):
+def test_every_target_of_a_burst_is_tracked_and_each_track_is_an_odometry_message(world):
     boat = Boat(world)
+    odometry = world.listen(Odometry, "tracks/odometry")
+    world.until_connected()
     sent = pings(30, targets=TWO_TARGETS, clutter=20)
     received = boat.send(sent)
     assert_same(received, confirmed(sent))
-    ids = [point["track_id"] for message in received for point in points(message)]
-    assert ids == list(range(len(ids)))
-    assert len(ids) >= 2
-
-
-def test_a_sonar_that_gives_no_times_is_said_once(world):
-    boat = Boat(world)
-    boat.send(pings())
+    tracks = [(message, point) for message in received for point in points(message)]
+    assert [point["track_id"] for _, point in tracks] == list(range(len(tracks)))
+    world.until(lambda: len(odometry) >= len(tracks), "odometry")
+    assert len(odometry) == len(tracks) >= 2
+    for (message, point), found in zip(tracks, odometry, strict=True):
+        assert found.header == message.header
+        assert found.child_frame_id == f"track_{point['track_id']}"
+        position, orientation = found.pose.pose.position, found.pose.pose.orientation
+        velocity = found.twist.twist.linear
+        assert [position.x, velocity.x, position.y, velocity.y] == [point[n] for n in STATE]
+        assert (orientation.x, orientation.y, orientation.z, orientation.w) == (0, 0, 0, 1)
+        pose, twist = found.pose.covariance.reshape(6, 6), found.twist.covariance.reshape(6, 6)
+        for matrix, names in ((pose, ("00", "02", "22")), (twist, ("11", "13", "33"))):
+            known = [matrix[0, 0], matrix[0, 1], matrix[1, 1]]
+            assert known == [point[f"cov_{name}"] for name in names]
+            assert min(np.diag(matrix)[2:]) >= 1e5, "not observed"
     world.until_logged("no time_offset", level=WARN)
-    assert len(world.warned()) == 1
+    assert len(world.warned()) == 1, "a sonar that gives no times is said once"
 
 
 def test_every_scan_gives_one_message_even_without_tracks_or_detections(world):
@@ -81,78 +90,6 @@ def test_every_scan_gives_one_message_even_without_tracks_or_detections(world):
     assert fields[0][:4] == ["x", "y", "z", "track_id"]
 
 
-def test_tracks_have_the_documented_layout(world):
-    boat = Boat(world)
-    message = boat.send(pings())[-1]
-    names = [field.name for field in message.fields]
-    assert names == [
-        *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
-        *("evaluation", "score", "hit_count", "scan_count", "age", "stationary_probability"),
-        *("signal_to_clutter_db", "revision", "existence_probability", "time_since_hit"),
-    ]
-    kinds = {field.name: field.datatype for field in message.fields}
-    # RViz and PCL need these three as float32.
-    assert {kinds.pop(name) for name in "xyz"} == {PointField.FLOAT32}
-    assert kinds.pop("track_id") == PointField.UINT32
-    counts = {kinds.pop(name) for name in ("hit_count", "scan_count", "revision")}
-    assert counts == {PointField.UINT16}
-    assert set(kinds.values()) == {PointField.FLOAT64}
-    doubles = [f.offset for f in message.fields if f.datatype == PointField.FLOAT64]
-    assert not any(offset % 8 for offset in [*doubles, message.point_step])
-    assert {field.count for field in message.fields} == {1}
-    assert message.height == 1 and not message.is_bigendian
-    assert message.row_step == message.width * message.point_step == len(message.data)
-
-
-def test_topics_follow_remapping_and_namespace(world):
-    driver = world.add(Driver(world.context, cli_args=["--ros-args", "-r", "__ns:=/sonar"]))
-    arguments = ["--ros-args", "-r", "__ns:=/boat", "-r", "detections:=/sonar/detections"]
-    world.make(TrackInitiator, named({}), cli_args=arguments)
-    tracks = world.listen(PointCloud2, "/boat/tracks")
-    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
-    world.until_connected()
-    sent = pings()
-    for ping in sent:
-        driver.ping(ping)
-    world.until(lambda: len(tracks) == len(sent), "tracks")
-    assert_same(tracks, confirmed(sent))
-
-
-def test_tracks_are_offered_reliably_and_current_tracks_latched(world):
-    Boat(world)
-    [tracks] = world.observer.get_publishers_info_by_topic("/tracks")
-    [current] = world.observer.get_publishers_info_by_topic("/tracks/current")
-    assert tracks.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    assert current.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    assert current.qos_profile.durability == LATCHED.durability
-
-
-def test_each_new_track_is_an_odometry_message(world):
-    boat = Boat(world)
-    odometry = world.listen(Odometry, "tracks/odometry")
-    world.until_connected()
-    sent = pings(20, targets=TWO_TARGETS)
-    received = boat.send(sent)
-    tracks = [(message, point) for message in received for point in points(message)]
-    world.until(lambda: len(odometry) >= len(tracks), "odometry")
-    assert len(odometry) == len(tracks) >= 2
-    for (message, point), found in zip(tracks, odometry, strict=True):
-        assert found.header == message.header
-        assert found.child_frame_id == f"track_{point['track_id']}"
-        position, orientation = found.pose.pose.position, found.pose.pose.orientation
-        velocity = found.twist.twist.linear
-        assert [position.x, velocity.x, position.y, velocity.y] == [point[n] for n in STATE]
-        assert (orientation.x, orientation.y, orientation.z, orientation.w) == (0, 0, 0, 1)
-        pose, twist = found.pose.covariance.reshape(6, 6), found.twist.covariance.reshape(6, 6)
-        assert [pose[0, 0], pose[0, 1], pose[1, 1]] == [
-            point[name] for name in ("cov_00", "cov_02", "cov_22")
-        ]
-        assert [twist[0, 0], twist[0, 1], twist[1, 1]] == [
-            point[name] for name in ("cov_11", "cov_13", "cov_33")
-        ]
-        assert min(*np.diag(pose)[2:], *np.diag(twist)[2:]) >= 1e5, "not observed"
-
-
 def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
     boat = Boat(world)
     sent = pings(8)
@@ -162,6 +99,9 @@ def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
     current = world.listen(PointCloud2, "tracks/current", LATCHED)
     world.until(lambda: current, "the current tracks")
     [latched] = current
+    for topic in ("/tracks", "/tracks/current"):
+        [offered] = world.observer.get_publishers_info_by_topic(topic)
+        assert offered.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     assert stamp_ns(latched) == sent[-1].stamp_ns
     [held] = points(latched)
     assert held["track_id"] == start["track_id"]

@@ -6,8 +6,9 @@ azimuth (float32) on `detections`; subscribe to `tracks`".
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,6 @@ FORMATS = {
     PointField.FLOAT32: "f4",
     PointField.FLOAT64: "f8",
 }
-SIZES = {kind: int(form[1]) for kind, form in FORMATS.items()}
 
 
 @dataclass
@@ -74,25 +74,26 @@ def pings(
 
 def cloud(
     stamp_ns: int,
-    columns: dict[str, Sequence[float]],
+    columns: Mapping[str, Sequence[float]],
     *,
     frame_id: str = "sonar",
     datatype: int = PointField.FLOAT32,
+    datatypes: Mapping[str, int] = MappingProxyType({}),
 ) -> PointCloud2:
-    """Pack a cloud of one row, all fields of one datatype."""
-    size = SIZES[datatype]
-    names = list(columns)
-    array = np.zeros(len(columns[names[0]]), [(name, "<" + FORMATS[datatype]) for name in names])
-    for name in names:
-        array[name] = columns[name]
+    """Pack a cloud of one row, all fields of one datatype but those that have their own."""
+    kinds = {name: datatypes.get(name, datatype) for name in columns}
+    layout = np.dtype([(name, "<" + FORMATS[kind]) for name, kind in kinds.items()])
+    array = np.zeros(len(next(iter(columns.values()))), layout)
+    for name, values in columns.items():
+        array[name] = values
     message = PointCloud2(
         height=1,
         width=len(array),
         fields=[
-            PointField(name=name, offset=size * index, datatype=datatype, count=1)
-            for index, name in enumerate(names)
+            PointField(name=name, offset=layout.fields[name][1], datatype=kind, count=1)
+            for name, kind in kinds.items()
         ],
-        point_step=array.dtype.itemsize,
+        point_step=layout.itemsize,
         row_step=array.nbytes,
         is_dense=True,
         data=array.tobytes(),
@@ -138,12 +139,7 @@ def stamp_ns(message: Any) -> int:
 
 def points(message: PointCloud2) -> list[dict[str, float]]:
     """The points of a little-endian cloud, read value by value with struct."""
-    codes = {
-        PointField.FLOAT32: "<f",
-        PointField.FLOAT64: "<d",
-        PointField.UINT32: "<I",
-        PointField.UINT16: "<H",
-    }
+    codes = dict(zip(FORMATS, ("<b", "<H", "<I", "<f", "<d"), strict=True))
     data = bytes(message.data)
     return [
         {
