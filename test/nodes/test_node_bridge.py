@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import select
 import socket
-import time
 
 import numpy as np
 import pynmea2
@@ -97,29 +96,14 @@ def connected(world, plotter, frame="odom", **parameters):
     return boat
 
 
-def until(world, send, condition, what):
-    """Send every 50 ms until a condition holds: own ship may come after tracks."""
-    sent = -math.inf
-
-    def holds():
-        nonlocal sent
-        if time.monotonic() - sent > 0.05:
-            send()
-            sent = time.monotonic()
-        world.spin_once()
-        return condition()
-
-    world.until(holds, what)
-
-
 def sentences(world, plotter, number, send):
     """The first messages, parsed."""
-    until(world, send, lambda: len(plotter.read()) >= number, "sentences")
+    world.until(lambda: len(plotter.read()) >= number, "sentences", send)
     return plotter.messages[:number]
 
 
 def said(world, words, send):
-    until(world, send, lambda: any(words in line for line in world.logged()), words)
+    world.until(lambda: any(words in line for line in world.logged()), words, send)
 
 
 def test_a_plotter_gets_tracks_to_port_and_starboard_of_a_moving_boat(world, plotter):
@@ -194,40 +178,29 @@ def test_the_origin_by_parameter_needs_neither_fix_nor_own_ship(world, plotter):
     assert on_earth.latitude == pytest.approx(-33.9 - 1852.0 / 110_922.0, abs=1e-4)
 
 
+LOST = NavSatStatus.STATUS_NO_FIX, 0
+NO_CLOCK = NavSatStatus.STATUS_FIX, 2_000_000_000
+TLL = {"nmea_sentences": "TLL", "own_ship_source": "none"}
+
+
 @pytest.mark.parametrize(
-    ("words", "prepare"),
+    ("words", "parameters", "prepare"),
     [
-        ("there is no message on own_ship/odometry", lambda boat: None),
-        ("more than own_ship_timeout of 5 s", lambda boat: boat.sail(stamp=STAMP - 60.0)),
+        ("there is no message on own_ship/odometry", {}, lambda boat: None),
+        ("more than own_ship_timeout of 5 s", {}, lambda boat: boat.sail(stamp=STAMP - 60.0)),
+        ("fix says that it has no position", TLL, lambda boat: boat.fix(10.0, 10.0, *LOST)),
+        ("near a pole", TLL, lambda boat: boat.fix(89.9, 10.0)),
+        ("fix is not used", TLL, lambda boat: boat.fix(math.nan, math.nan)),
+        ("fix is not used: nanosec", TLL, lambda boat: boat.fix(10.0, 10.0, *NO_CLOCK)),
     ],
 )
-def test_without_own_ship_nothing_relative_is_sent_and_the_log_says_why(
-    world, plotter, words, prepare
+def test_without_own_ship_or_fix_nothing_is_sent_and_the_log_says_why(
+    world, plotter, words, parameters, prepare
 ):
-    boat = connected(world, plotter)
+    boat = connected(world, plotter, **parameters)
 
     def send():
         prepare(boat)
-        boat.hold(track(8, 50.0, 1.0, 0.0, 0.0))
-
-    said(world, words, send)
-    assert plotter.read() == []
-
-
-@pytest.mark.parametrize(
-    ("words", "fix"),
-    [
-        ("fix says that it has no position", (10.0, 10.0, NavSatStatus.STATUS_NO_FIX)),
-        ("near a pole", (89.9, 10.0)),
-        ("fix is not used", (math.nan, math.nan)),
-        ("fix is not used: nanosec", (10.0, 10.0, NavSatStatus.STATUS_FIX, 2_000_000_000)),
-    ],
-)
-def test_a_fix_that_is_none_is_dropped_with_its_cause(world, plotter, words, fix):
-    boat = connected(world, plotter, nmea_sentences="TLL", own_ship_source="none")
-
-    def send():
-        boat.fix(*fix)
         boat.hold(track(8, 50.0, 1.0, 0.0, 0.0))
 
     said(world, words, send)

@@ -18,7 +18,6 @@ from support.foreign_messages import (
     ProjectedSonarImage,
     RadarEcho,
     RadarSector,
-    SonarEcho,
     SonarImageData,
 )
 from support.ros_world import RELIABLE
@@ -121,15 +120,6 @@ def spokes(t: float, azimuth: np.ndarray, field: np.ndarray) -> RadarSector:
     )
 
 
-def echo(t: float, azimuth: np.ndarray, field: np.ndarray) -> SonarEcho:
-    """One bearing of a Ping360, in cells of 0.1 m."""
-    cells = np.concatenate([np.zeros(5, np.uint8), np.repeat(shown(field)[0], 2)])
-    at = float(azimuth[0])
-    return SonarEcho(
-        header=header(t), angle=at, range=30.5, speed_of_sound=1500, intensities=cells.tobytes()
-    )
-
-
 class Driver(NamedTuple):
     """What a driver sends, by its time, azimuths and amplitudes, and what is told of it.
 
@@ -162,10 +152,9 @@ DRIVERS = {
     "RadarSector": Driver(
         spokes, 96, 0.3, lambda k: AROUND[(12 * k + np.arange(12)) % 96], 0.025, whole=True
     ),
-    "SonarEcho": Driver(echo, 12 * 96, 0.025, lambda k: AROUND[[k % 96]], whole=True),
     "one column": Driver(projected, 12 * 47, 0.02, to_and_fro),
 }
-"""Turns of a radar and of a Ping360 take 2.4 s."""
+"""A turn of the radar takes 2.4 s."""
 
 
 def given(driver: Driver) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -215,29 +215,23 @@ def test_random_calls_are_answered_and_pings_go_on(world):
     assert not world.dropped().get("internal_error")
 
 
-def test_values_that_fit_only_together_are_set_in_one_step(world):
-    boat = Boat(world)
-    sent = pings(24)
-    assert set_together(world, tsepm__min_hits=10, tsepm__window=12) == ""
-    assert_same(boat.send(sent), confirmed(sent, min_hits=10, window=12))
-
-
-def test_the_method_may_change_while_running(world):
-    boat = Boat(world)
-    sent = pings(16)
-    boat.send(sent[:3])
-    for method in [*reversed(available_methods()), "tsepm"]:
-        assert world.set_parameters(method=method) == [""]
-        assert get_parameter(world, "method") == method
-    assert_same(boat.send(sent[3:]), confirmed(sent[3:]))
-
-
 def test_radians_that_look_like_degrees_are_asked_about_once(world):
     world.make(TrackInitiator, {"sensor.azimuth_std": 1.0})
     world.until_logged("sensor.azimuth_std is 1 rad", "57 degrees", level=30)
     assert world.set_parameters(max_speed=20.0, sensor__azimuth_std=0.5) == ["", ""]
     world.until_logged("sensor.azimuth_std is 0.5 rad", level=30)
     assert sum("sensor.azimuth_std is 1 rad" in line for line in world.logged(30)) == 1
+
+
+def test_the_method_may_change_and_values_that_fit_only_together_are_set_in_one_step(world):
+    boat = Boat(world)
+    sent = pings(27)
+    boat.send(sent[:3])
+    for method in [*reversed(available_methods()), "tsepm"]:
+        assert world.set_parameters(method=method) == [""]
+        assert get_parameter(world, "method") == method
+    assert set_together(world, tsepm__min_hits=10, tsepm__window=12) == ""
+    assert_same(boat.send(sent[3:]), confirmed(sent[3:], min_hits=10, window=12))
 
 
 @pytest.mark.parametrize("kind", ["b", "q", "d"])

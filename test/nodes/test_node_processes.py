@@ -42,16 +42,6 @@ def assert_clean_end(process: RosProcess) -> None:
         assert word not in process.said
 
 
-@pytest.mark.parametrize("name", EXECUTABLES)
-def test_a_node_also_runs_as_a_module(start, name):
-    package = "nodes" if name in ("track_initiator", "sonar_detector") else "tools.players"
-    module = f"tsepm_ros.{package}.{name}"
-    script = f"import runpy; runpy.run_module('{module}', run_name='__main__')"
-    process = start(name, {"nonsense": 1}, script=script)
-    assert process.exit_code() == 2
-    assert "nonsense is not a parameter" in process.said
-
-
 WHILE_IT_IS_MADE = """
 import os, signal, sys, time
 from rclpy.node import Node
@@ -86,7 +76,8 @@ def test_a_signal_ends_every_executable_that_waits(start, given, pause):
     for process in processes:
         process.until_said("waiting for")
     processes[-1].wait_for(pause)
-    for process, number in zip(processes, 2 * (signal.SIGTERM, signal.SIGINT), strict=True):
+    numbers = (signal.SIGINT, signal.SIGTERM) if pause else (signal.SIGTERM, signal.SIGINT)
+    for process, number in zip(processes, 2 * numbers, strict=True):
         process.interrupt(number)
     for process in processes:
         assert_clean_end(process)
@@ -176,6 +167,18 @@ def test_simulator_and_initiator_find_the_targets_over_dds(world, start):
     assert_clean_end(process)
 
 
+MODULES = (
+    *("nodes.track_initiator", "nodes.sonar_detector"),
+    *("tools.players.sonar_simulator", "tools.players.scan_player"),
+)
+
+
+def as_module(name: str) -> dict[str, Any]:
+    """A node that runs as a module, with a parameter that it does not have."""
+    script = f"import runpy; runpy.run_module('tsepm_ros.{name}', run_name='__main__')"
+    return {"script": script, "parameters": {"nonsense": 1}}
+
+
 OUTSIDE_OF_ROS_ARGS = """
 import sys
 sys.argv = ["track_initiator", "-p", "max_speed:=5.0"]
@@ -194,17 +197,19 @@ REFUSED = {
     ),
     "flag": ("track_initiator", {"arguments": ["--no-such-flag"]}, ["--no-such-flag"]),
     "not of ROS": ("track_initiator", {"script": OUTSIDE_OF_ROS_ARGS}, ["'-p'", "--ros-args"]),
+    **{module: (module, as_module(module), ["nonsense is not a parameter"]) for module in MODULES},
 }
 
 
-def test_a_bad_command_line_ends_an_executable_with_2_and_a_sentence(start):
-    processes = {case: start(name, **given) for case, (name, given, _) in REFUSED.items()}
-    for case, process in processes.items():
-        assert process.exit_code() == 2, process.said
-        assert "Traceback" not in process.said
-        lines = process.said.splitlines()
-        assert len(lines) == 1 or "arguments" in REFUSED[case][1], "rclpy itself may say more"
-        assert all(word in lines[-1] for word in REFUSED[case][2])
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_bad_command_line_ends_an_executable_with_2_and_a_sentence(start, case):
+    name, given, words = REFUSED[case]
+    process = start(name, **given)
+    assert process.exit_code() == 2, process.said
+    assert "Traceback" not in process.said
+    lines = process.said.splitlines()
+    assert len(lines) == 1 or "arguments" in given, "rclpy itself may say more"
+    assert all(word in lines[-1] for word in words)
 
 
 def test_help_is_usage_with_the_parameters_before_ros_starts(start):

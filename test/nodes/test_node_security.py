@@ -1,4 +1,4 @@
-"""SROS 2: the policy is what the nodes use, and without its libraries no node runs unprotected."""
+"""Topics and services: nodes, page and SROS 2 policy agree; without its libraries none runs."""
 
 import os
 from importlib import import_module
@@ -6,12 +6,20 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from rclpy.node import Node
 
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
+PAGE = Path(__file__).parents[2] / "docs" / "topics.md"
+OF_ROS = ("/rosout", "/parameter_events")
 POLICY = Path(__file__).parents[2] / "config" / "sros2" / "tsepm_ros.policy.xml"
 EVERYTHING = {
-    "track_initiator": {"own_ship_source": "odometry", "publish_potential_tracks": True},
+    "track_initiator": {
+        "own_ship_source": "odometry",
+        "publish_potential_tracks": True,
+        "detections_type": "sensor_msgs/msg/PointCloud2",
+        "detections_reliability": "reliable",
+    },
     "sonar_detector": {},
     "sonar_simulator": {"publish_clock": True},
     "scan_player": {"publish_clock": True},
@@ -52,15 +60,55 @@ def allowed(node: str) -> dict[str, set[str]]:
     return names
 
 
+def documented(node: str) -> set[tuple[str, str, str]]:
+    """Rows of a node's table: full name, direction, type."""
+    (section,) = (
+        part
+        for part in PAGE.read_text(encoding="utf-8").split("\n## ")
+        if part.startswith(f"`{node}`\n")
+    )
+    table = section.split("\n| name | direction | type | what |\n", 1)[1].split("\n\n", 1)[0]
+    rows = [[cell.strip(" `") for cell in line.split("|")[1:4]] for line in table.splitlines()[1:]]
+    return {(full_name(node, name), direction, kind) for name, direction, kind in rows}
+
+
+def full_name(node: str, name: str) -> str:
+    return name if name.startswith("/") else f"/{name.replace('~', node)}"
+
+
+def type_name(kind: type) -> str:
+    package, group, _ = kind.__module__.split(".", 2)
+    return f"{package}/{group}/{kind.__name__}"
+
+
+def existing(node: Node) -> set[tuple[str, str, str]]:
+    """What a node has beyond what every node has."""
+    plain = Node("plain", context=node.context)
+    services = {service.srv_type for service in plain.services}
+    plain.destroy_node()
+    found = {(one.topic_name, "out", type_name(one.msg_type)) for one in node.publishers}
+    found |= {(one.topic_name, "in", type_name(one.msg_type)) for one in node.subscriptions}
+    found |= {
+        (one.service_name, "service", type_name(one.srv_type))
+        for one in node.services
+        if one.srv_type not in services
+    }
+    return {row for row in found if row[0] not in OF_ROS}
+
+
 @pytest.mark.parametrize("name", EVERYTHING)
-def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, recording, name):
+def test_the_policy_allows_a_node_exactly_its_topics_and_services_as_the_page_has_them(
+    world, recording, name
+):
     module, needed = MODULES[name]
     pytest.importorskip(needed)
     kind = getattr(import_module(module), name.title().replace("_", ""))
     more = {"recording": recording} if name == "scan_player" else {}
     if name != "sonar_simulator":
         world.make(SonarSimulator)
-    world.make(kind, {**EVERYTHING[name], **more})
+    node = world.make(kind, {**EVERYTHING[name], **more})
+    if name in ("track_initiator", "sonar_simulator", "scan_player", "track_viewer"):
+        assert existing(node) == documented(name)
     policy, of = allowed(name), world.observer
     looks = {
         "publish": of.get_publisher_names_and_types_by_node,

@@ -123,11 +123,20 @@ def test_both_nodes_start_a_track_on_a_target_that_moves_in_spite_of_a_picture_i
     )
 
 
-def test_a_tracker_that_starts_later_or_again_is_told_the_coverage_of_the_images(world):
+def test_a_tracker_is_told_the_coverage_of_the_images_whenever_it_starts_and_until_it_takes_it(
+    world,
+):
+    tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0, "sensor.min_range": 100.0})
+
+    def refuse(_):
+        return SetParametersResult(successful=False, reason="not now")
+
+    tracker.add_on_set_parameters_callback(refuse)
     sonar, heard = detecting(world)
     pings(world, sonar, heard, 2)
+    world.until_logged("track_initiator: not now", level=WARN)
+    tracker.remove_on_set_parameters_callback(refuse)
     for _ in range(2):  # no image comes meanwhile
-        tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
         world.until(
             lambda one=tracker: one.get_parameter("sensor.max_range").value == pytest.approx(40.5),
             "the range of the images",
@@ -135,28 +144,9 @@ def test_a_tracker_that_starts_later_or_again_is_told_the_coverage_of_the_images
         assert tracker.get_parameter("sensor.min_range").value == pytest.approx(0.5)
         assert tracker.get_parameter("sensor.azimuth_max").value == pytest.approx(0.8)
         world.end(tracker)
-
-
-def test_a_tracker_that_refuses_a_coverage_is_told_again_and_the_reason_is_said(world):
-    other = world.make(TrackInitiator, {"sensor.max_range": 6000.0, "sensor.min_range": 100.0})
-
-    def refuse(_):
-        return SetParametersResult(successful=False, reason="not now")
-
-    other.add_on_set_parameters_callback(refuse)
-    sonar, heard = detecting(world)
-    pings(world, sonar, heard, 1)
-    world.until_logged("track_initiator: not now", level=WARN)
-    other.remove_on_set_parameters_callback(refuse)
-    world.until(
-        lambda: other.get_parameter("sensor.max_range").value == pytest.approx(40.5),
-        "the range of the images",
-    )
-
-
-def test_a_stated_coverage_that_fits_the_images_stays(world):
+        tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
+    world.end(tracker)
     tracker = world.make(TrackInitiator, COVERAGE | {"sensor.max_range": 40.1})
-    sonar, heard = detecting(world)
-    pings(world, sonar, heard, 2)
-    world.until(lambda: len(world.diagnostics) > 4, "some looks at the tracker")
-    assert tracker.get_parameter("sensor.max_range").value == 40.1
+    seen = len(world.diagnostics)
+    world.until(lambda: len(world.diagnostics) > seen + 4, "some looks at the tracker")
+    assert tracker.get_parameter("sensor.max_range").value == 40.1, "it fits the images"

@@ -1,5 +1,7 @@
 """Finding the driver: its type, its reliability, and what is said where they do not fit."""
 
+from typing import Any
+
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -10,8 +12,9 @@ from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import Driver, pings
 
 from msg_adapters import MessageError
+from tsepm_ros.nodes import subscriptions
 from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, newest, seconds_in_queue
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
@@ -95,13 +98,6 @@ def test_a_driver_whose_package_is_missing_is_named_and_another_still_found(worl
     assert len(world.logged(ERROR)) == 1
 
 
-def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):
-    given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
-    node = world.make(TrackInitiator, named(given))
-    assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
-    assert world.status("detections").message == "no scan yet"
-
-
 @pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
 @pytest.mark.parametrize("kind", [PointCloud2, LaserScan])
 def test_the_graph_has_the_subscription_before_the_first_driver_and_then_its_type(world, kind, qos):
@@ -129,19 +125,24 @@ def test_a_best_effort_driver_beside_a_reliable_one_is_read(world):
     world.until(reliable.publisher.get_subscription_count, "a subscription to both")
 
 
-def one_by_one(boat: Boat, sent) -> None:
+def one_by_one(world, driver: Driver, tracks, sent) -> None:
     """Send pings that best effort must not lose."""
     for ping in sent:
-        seen = len(boat.tracks)
-        boat.driver.ping(ping)
-        boat.world.until(lambda seen=seen: len(boat.tracks) > seen, "the tracks of this ping")
+        seen = len(tracks)
+        driver.ping(ping)
+        world.until(lambda seen=seen: len(tracks) > seen, "the tracks of this ping")
 
 
-def test_best_effort_may_be_asked_of_a_reliable_driver(world):
-    boat = Boat(world, detections_reliability="best_effort")
-    assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
-    one_by_one(boat, SENT)
-    assert_same(boat.tracks, confirmed(SENT))
+def test_best_effort_may_be_asked_of_a_reliable_driver_before_it_is_there(world):
+    given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
+    node = world.make(TrackInitiator, named(given))
+    assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
+    assert world.status("detections").message == "no scan yet"
+    driver, tracks = world.add(Driver(world.context)), world.listen(PointCloud2, "tracks")
+    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    one_by_one(world, driver, tracks, SENT)
+    assert_same(tracks, confirmed(SENT))
 
 
 def test_reliable_asked_of_a_best_effort_driver_is_an_error_until_it_is_gone(world):
@@ -175,7 +176,7 @@ def test_a_driver_may_start_again_and_then_offer_less(world):
     world.until_logged("best effort only")
     boat.connect()
     assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
-    one_by_one(boat, SENT[8:])
+    one_by_one(world, boat.driver, boat.tracks, SENT[8:])
     assert_same(boat.tracks, confirmed(SENT))
     world.until(lambda: world.figures().get("mismatches./detections") == "1", "the event")
     world.until(lambda: world.status("quality of service").level == b"\x00", "that it fits")
@@ -233,3 +234,39 @@ def test_two_sonars_are_tracked_apart_by_two_nodes_in_two_namespaces(world):
         assert boat in ("/port/track_initiator", "/starboard/track_initiator")
         assert {status.name.partition(": ")[0] for status in message.status} == {boat}
         assert {status.hardware_id for status in message.status} == {boat}
+
+
+NOW = 1_700_000_000_000_000_000
+
+
+def about(waited: float, received: bool = True) -> dict[str, int]:
+    stamp = NOW - round(waited * 1e9)
+    return {"received_timestamp": stamp * received, "source_timestamp": stamp - 7 * received}
+
+
+@pytest.mark.parametrize("received", [True, False])
+def test_the_time_in_the_queue_is_from_the_arrival_or_else_from_the_publication(received):
+    assert seconds_in_queue(about(1.5, received), NOW) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("waited", [-3.0, 1e4])
+def test_clocks_that_differ_tell_nothing(waited):
+    assert seconds_in_queue(about(waited), NOW) == 0.0
+    assert seconds_in_queue({"received_timestamp": 0, "source_timestamp": 0}, NOW) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("waited", "interval", "taken"),
+    [(1.0, 0.05, "oldest"), (3.0, 0.05, "newest"), (3.0, 12.0, "oldest"), (3.0, 0.0, "oldest")],
+)
+def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waited, interval, taken):
+    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
+    others: list[tuple[Any, Any]] = [("middle", about(2.0)), ("newest", about(0.5))]
+    message, late, skipped = newest("oldest", about(waited), interval, lambda: others)
+    assert message == taken
+    assert (late, skipped) == (pytest.approx(waited), 0) if taken == "oldest" else (0.5, 2)
+
+
+def test_alone_in_the_queue_it_is_taken_however_late(monkeypatch):
+    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
+    assert newest("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), 0)

@@ -5,17 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Point, Pose, Vector3
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 from support.boat import Boat
-from support.foreign_messages import (
-    BoundingBox3D,
-    Detection3D,
-    Detection3DArray,
-    PingInfo,
-    SonarRanges,
-)
+from support.driver_messages import MAKERS, Echo
 from support.sonar_driver import START_NS, Ping, cloud, points
 from support.transforms import Transforms
 
@@ -55,39 +48,29 @@ def placed(message: Any, buffer: Any) -> np.ndarray:
     return pose[:, :2] + scan.range[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def x_y_z(vectors: np.ndarray) -> Any:
-    columns = dict(zip("xyz", vectors.T.tolist(), strict=True))
-    return cloud(START_NS, columns)
-
-
-def sonar_ranges(vectors: np.ndarray) -> Any:
-    distances = np.linalg.norm(vectors, axis=1)
-    units = (vectors / distances[:, None]).tolist()
-    return SonarRanges(
-        header=make_header(START_NS, "sonar"),
-        ping_info=PingInfo(sound_speed=1500.0),
-        ranges=distances.tolist(),
-        beam_unit_vec=[Vector3(x=x, y=y, z=z) for x, y, z in units],
-    )
-
-
-def boxes(vectors: np.ndarray, frame_id: str = "camera_optical") -> Any:
-    size = Vector3(x=1.0, y=1.0, z=1.0)
-    made = [
-        Detection3D(bbox=BoundingBox3D(center=Pose(position=Point(x=x, y=y, z=z)), size=size))
-        for x, y, z in vectors.tolist()
-    ]
-    return Detection3DArray(header=make_header(START_NS, frame_id), detections=made)
-
-
 BODY = np.array([[900.0, 300.0, -200.0], [-500.0, 700.0, 100.0], [40.0, -60.0, 5.0]])
 """Places: ahead, port, up of the sensor."""
+HEADER = make_header(START_NS, "sonar")
+ECHOES = [
+    Echo(math.hypot(x, y), math.atan2(y, x), math.atan2(z, math.hypot(x, y))) for x, y, z in BODY
+]
+
+
+def vectors(axes: np.ndarray, frame_id: str) -> Any:
+    columns = dict(zip("xyz", (BODY @ axes).T.tolist(), strict=True))
+    return cloud(START_NS, columns, frame_id=frame_id), axes
+
+
+LEVEL = np.eye(3)
+OPTICAL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+LOOKS_UP = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
 FRAMES = {
-    # Columns: the frame's x, y, z in ahead, port, up.
-    "PointCloud2": (x_y_z, np.eye(3)),
-    "SonarRanges": (sonar_ranges, np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])),
-    "Detection3DArray": (boxes, np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])),
+    "PointCloud2": vectors(LEVEL, "sonar"),
+    "PointCloud2 of a camera": vectors(OPTICAL, "camera_optical"),
+    "SonarRanges": (MAKERS["marine_acoustic_msgs/msg/SonarRanges"](HEADER, ECHOES)[0], LOOKS_UP),
+    "Detection3DArray": (MAKERS["vision_msgs/msg/Detection3DArray"](HEADER, ECHOES)[0], LEVEL),
 }
+"""Messages, and axes: columns are the frame's x, y, z in ahead, port, up."""
 TILTS = {
     "level": (0.7, 0.0, 0.0),
     "roll": (0.7, 0.0, 0.35),
@@ -100,9 +83,9 @@ TILTS = {
 @pytest.mark.parametrize("tilt", TILTS)
 @pytest.mark.parametrize("frame", FRAMES)
 def test_vectors_are_turned_by_the_frame_s_whole_rotation_once(frame, tilt):
-    make, axes = FRAMES[frame]
+    message, axes = FRAMES[frame]
     board = Rotation.from_euler("ZYX", TILTS[tilt])
-    found = placed(make(BODY @ axes), turning(board * Rotation.from_matrix(axes)))
+    found = placed(message, turning(board * Rotation.from_matrix(axes)))
     # The message has vectors in the frame's own axes, which tf turns into those of the map.
     expected = SENSOR + board.apply(BODY)[:, :2]
     np.testing.assert_allclose(found, expected, atol=1e-3)

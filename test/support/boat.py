@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
 from support.ros_world import RELIABLE, World
@@ -49,19 +48,3 @@ def named(parameters: dict[str, Any]) -> dict[str, Any]:
     """Parameters by their names in ROS, from keywords: ``tsepm__window`` is ``tsepm.window``."""
     given = {name.replace("__", "."): value for name, value in parameters.items()}
     return {"diagnostics_period": OFTEN, **given}
-
-
-class SimulatedTime:
-    """Publishes /clock."""
-
-    def __init__(self, boat: Boat) -> None:
-        self.boat, self.world = boat, boat.world
-        self.clock = self.world.observer.create_publisher(Clock, "/clock", 10)
-        self.world.until_connected()
-
-    def set(self, nanoseconds: int) -> None:
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(nanoseconds, 10**9)
-        self.clock.publish(message)
-        clock = self.boat.node.get_clock()
-        self.world.until(lambda: clock.now().nanoseconds == nanoseconds, "the time")

@@ -1,11 +1,7 @@
 """Plain versions of the methods `sequential` and `logic`: loops, to be compared with.
 
-Equation numbers are those of
-
-    Ji, D., Li, D., 2014. An improved sequential initiation method for multitarget track in clutter
-    with large noise measurement. Mathematical Problems in Engineering, 394297.
-
-Conversion and least squares are those of `plain_tsepm`.
+Equations of Ji, D., Li, D., 2014. An improved sequential initiation method for multitarget track in
+clutter with large noise measurement. Mathematical Problems in Engineering, 394297.
 """
 
 import math

@@ -1,14 +1,8 @@
-"""Plain track initiation by splitting, evaluating, pruning and merging (TSEPM).
+"""Plain track initiation by splitting, evaluating, pruning and merging (TSEPM), in slow loops.
 
-A slow loop implementation, written to be compared with: every step is a short function that
-names the equation it stands for. Step and equation numbers are those of
-
-    Li, D. D., Lin, Y., Zhang, Y., 2018. A track initiation method for the underwater target
-    tracking environment. China Ocean Engineering 32(2), 206-215.
-    https://doi.org/10.1007/s13344-018-0022-0
-
-Units are metres, seconds and radians. Azimuth is counter-clockwise from the sensor's x axis, and
-a state is ``[x, vx, y, vy]`` in the fixed frame.
+Steps and equations are those of Li, D. D., Lin, Y., Zhang, Y., 2018. A track initiation method for
+the underwater target tracking environment. China Ocean Engineering 32(2), 206-215. Units are m, s
+and rad; azimuth is counter-clockwise from the sensor's x axis, a state ``[x, vx, y, vy]``.
 """
 
 import math

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -113,12 +114,17 @@ class World:
     def spin_once(self, timeout: float = 0.005) -> None:
         self.executor.spin_once(timeout_sec=timeout)
 
-    def until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until the condition holds."""
-        end = time.monotonic() + self.deadline
+    def until(
+        self, condition: Callable[[], object], what: str, send: Callable[[], object] | None = None
+    ) -> None:
+        """Spin until the condition holds; with `send`, that is called every 50 ms meanwhile."""
+        end, sent = time.monotonic() + self.deadline, -math.inf
         while not condition():
             if time.monotonic() > end:
                 pytest.fail(f"waited {self.deadline} s for {what}; logged: {self.logged()}")
+            if send and time.monotonic() - sent > 0.05:
+                send()
+                sent = time.monotonic()
             self.spin_once()
 
     def until_connected(self) -> None:
