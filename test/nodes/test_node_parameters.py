@@ -1,6 +1,7 @@
 """Parameters: declared from their table, refused with a sentence, changed while running."""
 
 from array import array
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from support.ros_world import as_messages
 from support.sonar_driver import pings
 
 from tsepm_ros import available_methods
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.node_options import SessionOptions
@@ -31,6 +32,7 @@ from tsepm_ros.settings.settings import NODES, full_table
 from tsepm_ros.tools.bridge.track_bridge import TrackBridge
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tracker.options import CommonOptions
 
 INITIATOR = "/track_initiator"
 ROS_TYPES = {
@@ -232,6 +234,19 @@ def test_the_method_may_change_and_values_that_fit_only_together_are_set_in_one_
         assert get_parameter(world, "method") == method
     assert set_together(world, tsepm__min_hits=10, tsepm__window=12) == ""
     assert_same(boat.send(sent[3:]), confirmed(sent[3:], min_hits=10, window=12))
+
+
+def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
+    def refuse(made):
+        assert made[CommonOptions].max_speed == 20.0
+        raise ZeroDivisionError("no")
+
+    node = world.make(partial(ParameterisedNode, "plain"))
+    NodeParameters(node, (("", CommonOptions),), pytest.fail, refuse, (ArithmeticError,))
+    [result] = node.set_parameters([Parameter("max_speed", value=20.0)])
+    assert result.reason == "max_speed cannot be used: ZeroDivisionError('no')"
+    assert not result.successful
+    assert node.get_parameter("max_speed").value == 10.0
 
 
 @pytest.mark.parametrize("kind", ["b", "q", "d"])
