@@ -15,13 +15,10 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_LOG_DIR", tempfile.mkdtemp(prefix="tsepm_ros_log_"))
 os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).parent / "fastdds.xml"))
 
-from support.patience import WAIT
 from support.ros_domains import own_domain
 from support.ros_process import RosProcess
 from support.ros_world import World
-
-SHORT_WAIT = 2.0
-"""Longest wait in a test that is known to fail, s."""
+from support.show import write_recording
 
 
 @pytest.fixture
@@ -32,10 +29,18 @@ def domain() -> Iterator[int]:
 
 
 @pytest.fixture
-def world(domain: int, request: pytest.FixtureRequest) -> Iterator[World]:
-    expected_to_fail = request.node.get_closest_marker("xfail")
-    with World(domain, SHORT_WAIT if expected_to_fail else WAIT) as made:
+def world(domain: int) -> Iterator[World]:
+    with World(domain) as made:
         yield made
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> str:
+    """Folder of a recording of 20 scans from an own ship that lies still."""
+    rows = [f"{12 * scan},{1000 + scan},0.5" for scan in range(20)]
+    detections = "\n".join(["time_s,range_m,azimuth_rad", *rows, ""])
+    own_ship = "time_s,east_m,north_m\n0,0,0\n228,0,0\n"
+    return write_recording(tmp_path, detections=detections, own_ship=own_ship)
 
 
 @pytest.fixture

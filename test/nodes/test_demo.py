@@ -12,11 +12,15 @@ from tsepm_ros.tools.demo import main
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
-def demo(*arguments):
-    command = [sys.executable, "-m", "tsepm_ros.tools.demo", *arguments]
+def run(*arguments):
+    command = [sys.executable, *arguments]
     return subprocess.run(
         command, capture_output=True, text=True, timeout=patient(10.0), check=False
     )
+
+
+def demo(*arguments):
+    return run("-m", "tsepm_ros.tools.demo", *arguments)
 
 
 @pytest.mark.long
@@ -60,6 +64,29 @@ def test_a_parameter_file_without_a_fitting_namespace_holds_for_the_demo(tmp_pat
     assert "0 of 4 targets" in done.stdout
 
 
+INTERRUPTED = """
+import os, signal, subprocess, sys
+from tsepm_ros.tools.demo import main
+
+class Popen(subprocess.Popen):
+    started = []
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.started.append(self)
+        if len(self.started) == {started}:
+            os.kill(os.getpid(), signal.{signal})
+
+subprocess.Popen = Popen
+code = 0
+try:
+    code = main(["--picture", {picture!r}])
+finally:
+    print(*(process.poll() for process in Popen.started))
+sys.exit(code)
+"""
+
+
 @pytest.mark.parametrize(
     ("number", "code", "said", "started"),
     [(signal.SIGTERM, 143, "", 1), (signal.SIGINT, 130, "interrupted\n", 2)],
@@ -67,27 +94,10 @@ def test_a_parameter_file_without_a_fitting_namespace_holds_for_the_demo(tmp_pat
 )
 def test_a_signal_ends_the_demo_and_its_nodes(tmp_path, number, code, said, started):
     """While its first or second node starts; nobody else tells the nodes to end."""
-    script = (
-        "import os, signal, subprocess, sys\n"
-        "from tsepm_ros.tools.demo import main\n"
-        "class Popen(subprocess.Popen):\n"
-        "    started = []\n"
-        "    def __init__(self, *arguments):\n"
-        "        super().__init__(*arguments)\n"
-        "        self.started.append(self)\n"
-        f"        if len(self.started) == {started}: os.kill(os.getpid(), signal.{number.name})\n"
-        "subprocess.Popen = Popen\n"
-        "code = 0\n"
-        "try:\n"
-        f"    code = main(['--picture', {str(tmp_path / 'a.png')!r}])\n"
-        "finally:\n"
-        "    print(*(process.poll() for process in Popen.started))\n"
-        "sys.exit(code)\n"
+    script = INTERRUPTED.format(
+        started=started, signal=number.name, picture=str(tmp_path / "a.png")
     )
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=patient(10.0), check=False
-    )
+    done = run("-c", script)
     assert (done.returncode, done.stderr) == (code, said)
     assert len(done.stdout.split()) == started and "None" not in done.stdout
 

@@ -1,68 +1,56 @@
 """The commands `tsepm health` and `tsepm record` beside running nodes."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+import urllib.request
 
 import pytest
 from support.boat import named
+from support.pages import Watcher
 from support.patience import WAIT
-from support.ros_world import BEST_EFFORT, RELIABLE
+from support.ros_world import BEST_EFFORT, RELIABLE, remapped
 from support.sonar_driver import Driver, pings
 
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.bag import Bag
-
-BOAT = ["--ros-args", "-r", "__ns:=/boat"]
+from tsepm_ros.tools.replay.bag import Bag, BagWriter
 
 
-def command(world, *arguments: str) -> subprocess.Popen[str]:
+def command(world, *arguments: str, stdout: int = subprocess.PIPE) -> subprocess.Popen[str]:
     """A command of tsepm in the domain of the test."""
     line = [sys.executable, "-m", "tsepm_ros.tools.commands.cli", *arguments]
     environment = {**os.environ, "ROS_DOMAIN_ID": str(world.domain)}
-    return subprocess.Popen(
-        line, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+    return subprocess.Popen(line, env=environment, text=True, stdout=stdout, stderr=subprocess.PIPE)
 
 
 def ended(world, process: subprocess.Popen[str]) -> tuple[int, str]:
     """Exit code and text of a command, while the nodes here go on."""
     world.until(lambda: process.poll() is not None, "the end of the command")
     out, error = process.communicate(timeout=WAIT)
-    return process.returncode, out + error
+    return process.returncode, (out or "") + error
 
 
-def test_health_says_each_entry_and_ends_with_the_worst_level(world):
-    world.make(TrackInitiator, named({}), cli_args=BOAT)
-    code, said = ended(world, command(world, "health"))
+def test_health_says_each_entry_of_every_node_or_of_the_one_named_and_ends_with_the_worst(world):
+    for name in ("port", "starboard"):
+        world.make(TrackInitiator, named({}), cli_args=remapped(f"__ns:=/{name}"))
+    code, said = ended(world, command(world, "health", "/port/track_initiator"))
     lines = said.splitlines()
     assert code == 1, "no driver yet is a warning"
-    assert lines[0].startswith("WARN  /boat/track_initiator: overall: detections: no publisher")
-    assert any(line.startswith("OK    /boat/track_initiator: latency") for line in lines)
-
-
-def test_health_is_of_every_node_or_of_the_one_that_is_named(world):
-    for name in ("port", "starboard"):
-        world.make(TrackInitiator, named({}), cli_args=["--ros-args", "-r", f"__ns:=/{name}"])
-    _, said = ended(world, command(world, "health"))
-    assert "/port/track_initiator: overall" in said
-    assert "/starboard/track_initiator: overall" in said
-    _, said = ended(world, command(world, "health", "/port/track_initiator"))
-    assert "/port/track_initiator: overall" in said
+    assert lines[0].startswith("WARN  /port/track_initiator: overall: detections: no publisher")
+    assert any(line.startswith("OK    /port/track_initiator: latency") for line in lines)
     assert "/starboard" not in said
-
-
-def test_an_error_is_exit_code_2(world):
     world.make(TrackInitiator, named({"detections_reliability": "reliable"}))
     driver = world.add(Driver(world.context, BEST_EFFORT))
-    world.until(lambda: world.status("quality of service").level == b"\x02", "the error")
     code, said = ended(world, command(world, "health"))
     assert driver
     assert code == 2
     assert "ERROR /track_initiator: quality of service" in said
+    for name in ("port", "starboard"):
+        assert f"/{name}/track_initiator: overall" in said
 
 
 def test_no_node_and_a_node_that_is_silent_are_stale(world):
@@ -93,6 +81,9 @@ def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
     code, said = ended(world, process)
     assert code == 0, said
     assert "/detections: 12 messages\n/nobody: 0 messages" in said
+    code, said = ended(world, command(world, "record", str(bag)))
+    assert code == 2
+    assert f"refused: {bag} exists; give a new folder" in said
     with Bag(bag) as opened:
         assert opened.topics == {"/detections": "sensor_msgs/msg/PointCloud2"}
         assert opened.count("/detections") == 12
@@ -100,16 +91,27 @@ def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
     assert "5 hits in 5 pings, by the rule 5/8" in capsys.readouterr().out
 
 
-def test_a_folder_that_exists_is_refused(world, tmp_path):
-    code, said = ended(world, command(world, "record", str(tmp_path)))
-    assert code == 2
-    assert f"refused: {tmp_path} exists; give a new folder" in said
-
-
-def test_without_a_library_the_remedy_is_said(world, tmp_path, monkeypatch):
-    from tsepm_ros.tools.replay.bag import BagWriter
-
+def test_without_a_library_the_remedy_is_said(tmp_path, monkeypatch):
     for library in ("rosbag2_py", "rosbags.rosbag2"):
         monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(ValueError, match="pip install rosbags"):
         BagWriter(tmp_path / "bag")
+
+
+def test_watch_serves_the_live_topics_until_interrupted(world):
+    rules = remapped("tracks/current:=/boat/current")
+    process = command(world, "watch", "--port", "0", *rules, stdout=subprocess.DEVNULL)
+    try:
+        found = None
+        while not found:
+            line = process.stderr.readline()
+            assert line, "it has ended"
+            found = re.search(r"open (http://\S+)", line)
+        with urllib.request.urlopen(found[1], timeout=WAIT) as page:
+            assert "Tracks on /boat/current" in page.read().decode()
+        with Watcher(found[1]) as watcher:
+            world.until(lambda: watcher.updates, "an update")
+        assert watcher.updates[0]["info"]["topic"] == "/boat/current"
+    finally:
+        process.send_signal(signal.SIGINT)
+    assert ended(world, process)[0] == 0

@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 import select
 import socket
-import time
 
 import numpy as np
 import pynmea2
 import pytest
 from nav_msgs.msg import Odometry
 from pyproj import Geod
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
-from support.ros_world import BEST_EFFORT
+from support.ros_world import BEST_EFFORT, LATCHED
 
 pytest.importorskip("pyproj")
 
 from msg_adapters import make_header, odometry_message, track_cloud
-from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.bridge.track_bridge import TrackBridge
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STAMP = 1_700_000_000.0
 
 
@@ -84,9 +80,10 @@ class Boat:
         sample = PoseSample(stamp, x, y, 0.3, rates=(vx, vy, 0.0), frame_id=self.frame)
         self.odometry.publish(odometry_message(sample))
 
-    def fix(self, latitude, longitude, status=NavSatStatus.STATUS_FIX, stamp=STAMP):
+    def fix(self, latitude, longitude, status=NavSatStatus.STATUS_FIX, nanosec=0):
         message = NavSatFix(latitude=latitude, longitude=longitude)
-        message.header = make_header(round(stamp * 1e9), "gps")
+        message.header = make_header(round(STAMP * 1e9), "gps")
+        message.header.stamp.nanosec = nanosec
         message.status.status = status
         self.fixes.publish(message)
 
@@ -99,29 +96,14 @@ def connected(world, plotter, frame="odom", **parameters):
     return boat
 
 
-def until(world, send, condition, what):
-    """Send every 50 ms until a condition holds: own ship may come after tracks."""
-    sent = -math.inf
-
-    def holds():
-        nonlocal sent
-        if time.monotonic() - sent > 0.05:
-            send()
-            sent = time.monotonic()
-        world.spin_once()
-        return condition()
-
-    world.until(holds, what)
-
-
 def sentences(world, plotter, number, send):
     """The first messages, parsed."""
-    until(world, send, lambda: len(plotter.read()) >= number, "sentences")
+    world.until(lambda: len(plotter.read()) >= number, "sentences", send)
     return plotter.messages[:number]
 
 
 def said(world, words, send):
-    until(world, send, lambda: any(words in line for line in world.logged()), words)
+    world.until(lambda: any(words in line for line in world.logged()), words, send)
 
 
 def test_a_plotter_gets_tracks_to_port_and_starboard_of_a_moving_boat(world, plotter):
@@ -148,11 +130,16 @@ def test_axes_of_a_frame_with_z_down_are_those_that_its_name_states(world, plott
     assert (one.data[1], one.data[2], one.data[5]) == ("1.000", "90.0", "90.0")
 
 
-def test_a_track_that_is_gone_is_lost_once(world, plotter):
-    boat = connected(world, plotter, own_ship_source="none")
-    sentences(world, plotter, 1, lambda: boat.hold(track(8, 50.0, 1.0, 0.0, 0.0)))
+def test_reports_keep_their_period_and_a_track_that_is_gone_is_lost_once(world, plotter):
+    boat = connected(world, plotter, own_ship_source="none", nmea_period=1.0)
+    said(world, "tracks/current is not used", lambda: boat.tracks.publish(PointCloud2()))
+    held = track(8, 50.0, 1.0, 0.0, 0.0)
+    sentences(world, plotter, 1, lambda: boat.hold(held))
+    boat.hold(held, stamp=STAMP + 0.5)
+    sentences(world, plotter, 2, lambda: boat.hold(held, stamp=STAMP + 1.0))
+    assert [one.data[13] for one in plotter.messages[:2]] == ["221320.0", "221321.0"]
     known = len(plotter.messages)
-    sentences(world, plotter, known + 1, lambda: boat.hold(stamp=STAMP + 1.0))
+    sentences(world, plotter, known + 1, lambda: boat.hold(stamp=STAMP + 2.0))
     world.until_connected()
     ends = [one for one in plotter.read() if "L" in one.data]
     assert [one.data[0] for one in ends] == ["00"]
@@ -164,24 +151,6 @@ def test_of_more_than_100_tracks_the_others_are_counted(world, plotter):
     said(world, "tracks beyond 100 are not sent (3 so far)", lambda: boat.hold(*held))
     sentences(world, plotter, 100, lambda: boat.hold(*held))
     assert {one.data[0] for one in plotter.read()} == {f"{k:02d}" for k in range(100)}
-
-
-def test_a_fix_whose_stamp_no_clock_gives_is_dropped(world, plotter):
-    boat = connected(world, plotter, nmea_sentences="TLL", own_ship_source="none")
-    broken = NavSatFix(latitude=10.0, longitude=10.0)
-    broken.status.status = NavSatStatus.STATUS_FIX
-    broken.header.stamp.nanosec = 2_000_000_000
-    said(world, "fix is not used: nanosec", lambda: boat.fixes.publish(broken))
-
-
-def test_between_two_reports_nothing_is_sent(world, plotter):
-    boat = connected(world, plotter, own_ship_source="none", nmea_period=1.0)
-    sentences(world, plotter, 1, lambda: boat.hold(track(8, 50.0, 1.0, 0.0, 0.0)))
-    boat.hold(track(8, 50.0, 1.0, 0.0, 0.0), stamp=STAMP + 0.5)
-    sentences(
-        world, plotter, 2, lambda: boat.hold(track(8, 50.0, 1.0, 0.0, 0.0), stamp=STAMP + 1.0)
-    )
-    assert [one.data[13] for one in plotter.messages[:2]] == ["221320.0", "221321.0"]
 
 
 def test_tll_is_where_the_fix_and_own_ship_say(world, plotter):
@@ -200,9 +169,8 @@ def test_tll_is_where_the_fix_and_own_ship_say(world, plotter):
 
 
 def test_the_origin_by_parameter_needs_neither_fix_nor_own_ship(world, plotter):
-    boat = connected(
-        world, plotter, nmea_sentences="both", origin="-33.9,151.2", own_ship_source="none"
-    )
+    given = {"nmea_sentences": "both", "origin": "-33.9,151.2", "own_ship_source": "none"}
+    boat = connected(world, plotter, **given)
     relative, on_earth = sentences(
         world, plotter, 2, lambda: boat.hold(track(8, 0.0, 0.0, -1852.0, 0.0))
     )
@@ -210,17 +178,26 @@ def test_the_origin_by_parameter_needs_neither_fix_nor_own_ship(world, plotter):
     assert on_earth.latitude == pytest.approx(-33.9 - 1852.0 / 110_922.0, abs=1e-4)
 
 
+LOST = NavSatStatus.STATUS_NO_FIX, 0
+NO_CLOCK = NavSatStatus.STATUS_FIX, 2_000_000_000
+TLL = {"nmea_sentences": "TLL", "own_ship_source": "none"}
+
+
 @pytest.mark.parametrize(
-    ("words", "prepare"),
+    ("words", "parameters", "prepare"),
     [
-        ("there is no message on own_ship/odometry", lambda boat: None),
-        ("more than own_ship_timeout of 5 s", lambda boat: boat.sail(stamp=STAMP - 60.0)),
+        ("there is no message on own_ship/odometry", {}, lambda boat: None),
+        ("more than own_ship_timeout of 5 s", {}, lambda boat: boat.sail(stamp=STAMP - 60.0)),
+        ("fix says that it has no position", TLL, lambda boat: boat.fix(10.0, 10.0, *LOST)),
+        ("near a pole", TLL, lambda boat: boat.fix(89.9, 10.0)),
+        ("fix is not used", TLL, lambda boat: boat.fix(math.nan, math.nan)),
+        ("fix is not used: nanosec", TLL, lambda boat: boat.fix(10.0, 10.0, *NO_CLOCK)),
     ],
 )
-def test_without_own_ship_nothing_relative_is_sent_and_the_log_says_why(
-    world, plotter, words, prepare
+def test_without_own_ship_or_fix_nothing_is_sent_and_the_log_says_why(
+    world, plotter, words, parameters, prepare
 ):
-    boat = connected(world, plotter)
+    boat = connected(world, plotter, **parameters)
 
     def send():
         prepare(boat)
@@ -228,43 +205,3 @@ def test_without_own_ship_nothing_relative_is_sent_and_the_log_says_why(
 
     said(world, words, send)
     assert plotter.read() == []
-
-
-@pytest.mark.parametrize(
-    ("words", "fix"),
-    [
-        ("fix says that it has no position", (10.0, 10.0, NavSatStatus.STATUS_NO_FIX)),
-        ("near a pole", (89.9, 10.0)),
-        ("fix is not used", (math.nan, math.nan)),
-    ],
-)
-def test_a_fix_that_is_none_is_dropped_with_its_cause(world, plotter, words, fix):
-    boat = connected(world, plotter, nmea_sentences="TLL", own_ship_source="none")
-
-    def send():
-        boat.fix(*fix)
-        boat.hold(track(8, 50.0, 1.0, 0.0, 0.0))
-
-    said(world, words, send)
-    assert plotter.read() == []
-
-
-def test_a_message_that_is_no_track_cloud_is_dropped_and_the_next_is_used(world, plotter):
-    boat = connected(world, plotter, own_ship_source="none")
-    said(world, "tracks/current is not used", lambda: boat.tracks.publish(PointCloud2()))
-    sentences(world, plotter, 1, lambda: boat.hold(track(8, 50.0, 1.0, 0.0, 0.0)))
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("nmea_address", "10110", "such as 127.0.0.1:10110"),
-        ("nmea_address", "plotter:10110", "an IP address"),
-        ("nmea_talker", "sonar", "two capital letters"),
-        ("origin", "north", "such as 59.65,10.63"),
-        ("origin", "90.0,0.0", "near a pole"),
-    ],
-)
-def test_a_parameter_of_no_meaning_is_refused_with_an_example(world, name, value, words):
-    with pytest.raises(ParameterError, match=words):
-        world.make(TrackBridge, {name: value})

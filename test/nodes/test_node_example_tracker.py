@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,47 +110,26 @@ def test_targets_are_started_once_and_followed_to_the_end(world, scenario):
     assert near(play.tracked[-1]) == started, "and followed under the id of its start"
     assert world.figures()["tracker"] == "alive"
     assert world.dropped() == {}
-    assert_filters_begin_as_told(play)
-    assert_held_is_what_is_tracked(play)
-
-
-def assert_filters_begin_as_told(play: Play) -> None:
-    """Check that each start goes back unchanged at its own ping, with its full covariance."""
-    compared = 0
     for start, said in zip(play.tracks, play.tracked, strict=True):
         told = {one["track_id"]: one for one in points(said)}
-        for one in points(start):
-            same = told[one["track_id"]]
-            assert [same[name] for name in NUMBERS] == [one[name] for name in NUMBERS]
-            compared += 1
-    assert compared >= len(TARGETS)
-
-
-def assert_held_is_what_is_tracked(play: Play) -> None:
-    """Check that the initiator holds what was said at the ping before, and what it started."""
+        for one in points(start):  # goes back unchanged at its own ping, with its covariance
+            assert [told[one["track_id"]][name] for name in NUMBERS] == [one[n] for n in NUMBERS]
     for said, held, new in zip(play.tracked[:-1], play.current[1:], play.tracks[1:], strict=True):
-        assert ids(held) == ids(said) | ids(new)
+        assert ids(held) == ids(said) | ids(new), "the initiator holds what was said before"
 
 
-def test_a_tracker_that_dies_leaves_its_tracks_to_the_initiator(world, scenario):
-    play = Play(world, scenario, tracked_timeout=30.0).until(SCANS - 8).answered()
+def test_tracks_of_a_tracker_that_dies_are_held_until_it_is_started_again(world, scenario):
+    play = Play(world, scenario, tracked_timeout=30.0).until(SCANS - 12).answered()
     followed = near(play.tracked[-1])
     assert [len(one) for one in followed] == [1, 1, 1]
     world.end(play.tracker)
-    play.until(SCANS)
+    before = len(play.tracked)
+    play.until(SCANS - 6)
     assert world.figures()["tracker"] == "silent"
     assert near(play.current[-1]) == followed
-
-
-def test_a_tracker_that_is_started_again_goes_on_with_what_is_held(world, scenario):
-    play = Play(world, scenario).until(SCANS - 10).answered()
-    followed = near(play.tracked[-1])
-    assert [len(one) for one in followed] == [1, 1, 1]
-    world.end(play.tracker)
     play.start_tracker()
-    before = len(play.tracked)
     play.until(SCANS).answered()
-    assert near(play.tracked[-1]) == followed
+    assert len(play.tracked) > before
     assert all(near(one) == followed for one in play.tracked[before:])
     assert sum(len(one) for message in play.tracks for one in near(message)) == len(TARGETS)
 
@@ -204,37 +182,26 @@ class Alone:
         return [ids(message) for message in self.tracked]
 
 
-def test_nothing_is_said_before_what_is_held_is_known(world):
+def test_it_says_nothing_of_what_it_does_not_know_and_starts_over_with_time(world):
     alone = Alone(world)
     for after in (0.0, 12.0):
         alone.say("tracks", after)
         alone.detect(after)
     alone.until_waiting(2, 2)
-    assert not alone.tracked
+    assert not alone.tracked, "what is held is not known"
     alone.say("tracks/current", 0.0, alone.TRACK)
     assert alone.answers(12.0) == [{7}]
-    assert alone.tracker._tracker.targets[7].misses == 0
-
-
-def test_a_ping_that_lacks_its_detections_is_passed_over_without_a_miss(world):
-    alone = Alone(world)
-    alone.say("tracks/current", 0.0, alone.TRACK)
-    alone.say("tracks", 12.0)
-    alone.say("tracks", 24.0)
-    alone.detect(24.0)
-    assert alone.answers(24.0) == [{7}]
+    alone.say("tracks", 24.0)  # a ping that lacks its detections
+    alone.say("tracks", 36.0)
+    alone.detect(36.0)
+    assert alone.answers(12.0, 36.0) == [{7}, {7}]
     world.until_logged("passed over", level=WARN)
     assert alone.tracker._tracker.targets[7].misses == 0
-    [said] = points(alone.tracked[0])
-    np.testing.assert_allclose([said[name] for name in STATE], [3096.0, 4.0, 1452.0, -2.0])
-
-
-def test_stamps_that_go_back_start_over(world):
-    alone = Alone(world)
-    alone.say("tracks/current", 1000.0, replace(alone.TRACK, stamp=1000.0))
-    alone.say("tracks", 0.0)
-    alone.detect(0.0)
-    assert alone.answers(0.0) == [set()]
+    [said] = points(alone.tracked[-1])
+    np.testing.assert_allclose([said[name] for name in STATE], [3144.0, 4.0, 1428.0, -2.0])
+    alone.say("tracks", -1000.0)
+    alone.detect(-1000.0)
+    assert alone.answers(12.0, 36.0, -1000.0)[-1] == set()
     world.until_logged("time went back", level=WARN)
 
 

@@ -4,14 +4,8 @@ import json
 import os
 
 import pytest
-from std_srvs.srv import Trigger
 from support.boat import Boat
 from support.sonar_driver import pings
-
-
-def density(world) -> float:
-    """The clutter density in use, from the diagnostics."""
-    return float(world.figures()["clutter_density"])
 
 
 def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
@@ -20,34 +14,23 @@ def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
     sent = pings()
     boat.send(sent)
     world.until(lambda: world.figures()["scans"] == str(len(sent)), "the diagnostics")
-    learned = density(world)
+    learned = float(world.figures()["clutter_density"])
     world.end(boat.node)
     assert json.loads(path.read_text())["clutter_scans"] > 0.0
-    Boat(world, learned_file=str(path))
+    again = Boat(world, learned_file=str(path))
     world.until(lambda: world.figures()["scans"] == "0", "the diagnostics of the new node")
-    assert density(world) == pytest.approx(learned, rel=0.1)
+    assert float(world.figures()["clutter_density"]) == pytest.approx(learned, rel=0.1)
     assert learned != 1e-6
     world.until_logged("is used from")
-
-
-def test_a_reset_forgets_the_file(world, tmp_path):
-    path = tmp_path / "learned.json"
-    boat = Boat(world, learned_file=str(path))
-    boat.send(pings())
-    world.end(boat.node)
-    assert path.exists()
-    again = Boat(world, learned_file=str(path))
-    response = world.call(Trigger, "/track_initiator/reset", Trigger.Request())
-    assert "what was learned" in response.message
+    assert "what was learned" in world.reset().message
     world.end(again.node)
-    assert not path.exists()
+    assert not path.exists(), "a reset forgets the file"
 
 
 @pytest.mark.parametrize(
     ("replaced", "named"),
     [
         ({"time": 10**400}, "time"),
-        ({"clutter_scans": 1e308}, "clutter_scans"),
         ({"clutter_counts": [[1e308]]}, "clutter_counts"),
         ({"seen_range": [1e308], "seen_azimuth": [0.0]}, "seen_range"),
     ],
@@ -87,7 +70,7 @@ def test_a_path_that_cannot_be_a_file_is_refused_with_a_short_sentence(world, tm
     assert all(len(line) < 800 for line in world.logged(30))
     sent = pings()
     assert len(boat.send(sent)) == len(sent)
-    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    world.reset()
     world.end(boat.node)
 
 

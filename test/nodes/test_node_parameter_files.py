@@ -1,5 +1,6 @@
 """Parameter files, overrides and their tools: in namespaces, under other names, and back again."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import yaml
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import parameter_dict_from_yaml_file
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from support.ros_world import remapped
 
 from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -14,26 +16,20 @@ from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import NODES, full_table
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
-NAMES = pytest.mark.parametrize(
+
+def arguments_of(path: Path, remaps: Sequence[str] = ()) -> list[str]:
+    return [*remapped(*remaps), "--params-file", str(path)]
+
+
+@pytest.mark.parametrize(
     "remaps",
     [[], ["__ns:=/boat"], ["__node:=starter"], ["__ns:=/fleet/boat", "__node:=starter"]],
     ids=["as_it_is", "namespace", "name", "both"],
 )
-
-
-def arguments_of(path: Path, remaps: list[str], *more: str) -> list[str]:
-    remapped = [part for remap in remaps for part in ("-r", remap)]
-    return ["--ros-args", *remapped, "--params-file", str(path), *more]
-
-
-@NAMES
 def test_a_generated_file_fits_any_name_and_namespace(world, tmp_path, remaps):
     path = tmp_path / "mine.yaml"
-    path.write_text(
-        as_yaml("track_initiator", NODES["track_initiator"]).replace(
-            "max_speed: 10.0", "max_speed: 7.5"
-        )
-    )
+    generated = as_yaml("track_initiator", NODES["track_initiator"])
+    path.write_text(generated.replace("max_speed: 10.0", "max_speed: 7.5"))
     node = world.make(TrackInitiator, cli_args=arguments_of(path, remaps))
     assert node.get_parameter("max_speed").value == 7.5
     for row in full_table(NODES["track_initiator"]):
@@ -45,8 +41,11 @@ def test_a_generated_file_fits_any_name_and_namespace(world, tmp_path, remaps):
 def test_a_file_that_does_not_fit_is_named(world, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("track_initiator:\n  ros__parameters: {max_speed: 7.5}\n")
-    node = world.make(TrackInitiator, cli_args=arguments_of(path, ["__ns:=/boat"]))
+    node = world.make(
+        TrackInitiator, {"plots": False}, cli_args=arguments_of(path, ["__ns:=/boat"])
+    )
     assert node.get_parameter("max_speed").value == 10.0
+    assert node.get_parameter("plots").value == "off", "off without quotes is the text"
     world.until_logged("mine.yaml is not used", "/boat/track_initiator", "/**", level=30)
 
 
@@ -69,22 +68,10 @@ def test_dumped_parameters_load_again(world, tmp_path):
     sent = parameter_dict_from_yaml_file(str(path))
     request = SetParameters.Request(parameters=list(sent.values()))
     results = world.call(SetParameters, "/track_initiator/set_parameters", request).results
-    reasons = {
-        name: result.reason
-        for name, result in zip(sent, results, strict=True)
-        if not result.successful
-    }
-    assert reasons == {}
+    assert [result.reason for result in results if not result.successful] == []
     assert {row.name: node.get_parameter(row.name).value for row in rows} == values
-    again = world.make(
-        TrackInitiator, cli_args=arguments_of(path, []), namespace="", enable_rosout=False
-    )
+    again = world.make(TrackInitiator, cli_args=arguments_of(path), enable_rosout=False)
     assert again.get_parameter("sensor.clutter_density").value == 1e-6
-
-
-def test_off_without_quotes_is_the_text(world):
-    node = world.make(TrackInitiator, {"plots": False})
-    assert node.get_parameter("plots").value == "off"
 
 
 def test_the_quality_of_service_of_publishers_may_be_overridden(world):
@@ -121,15 +108,3 @@ def test_other_overrides_are_refused_with_a_sentence(world, kind, name, value, p
     with pytest.raises(ParameterError, match="qos_overrides") as error:
         world.make(kind, {f"qos_overrides.{name}": value})
     assert part in str(error.value)
-
-
-def test_two_boats_are_two_on_diagnostics(world):
-    for name in ("red", "blue"):
-        arguments = ["--ros-args", "-r", f"__ns:=/{name}"]
-        world.make(TrackInitiator, {"diagnostics_period": 0.05}, cli_args=arguments)
-    world.until(lambda: len({one.status[0].name for one in world.diagnostics}) == 2, "both")
-    for message in world.diagnostics:
-        boat = message.status[0].hardware_id
-        assert boat in ("/red/track_initiator", "/blue/track_initiator")
-        assert {status.name.partition(": ")[0] for status in message.status} == {boat}
-        assert {status.hardware_id for status in message.status} == {boat}

@@ -5,18 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
-from support.expectation import STATE, as_scan, assert_stamps, initiator
+from support.expectation import STATE, as_scan, assert_same_track, assert_stamps, initiator
 from support.markers import drawn, shown_markers
 from support.ros_world import LATCHED, RELIABLE
 from support.sonar_driver import pings, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import read_placed_detections
-from tsepm_ros import SensorModel
+from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tracker.measurement import convert
 
@@ -24,12 +22,12 @@ PARTS = ["ellipse", "label", "position", "velocity"]
 """Namespaces of a track's markers."""
 
 
-def test_markers_show_a_track_until_its_hold_time_is_over(world):
+def test_markers_show_a_track_until_its_hold_time_is_over_also_to_who_was_away(world):
     boat = Boat(world, hold_time=30.0)
     markers = shown_markers(world)
-    seen_by_sonar, gone = pings(12, clutter=0)[:5], pings(12, clutter=0)[5:]
+    sent = pings(12, clutter=0)
     nothing = np.zeros(0, np.float32)
-    sent = seen_by_sonar + [replace(ping, range=nothing, azimuth=nothing) for ping in gone]
+    sent[5:] = [replace(ping, range=nothing, azimuth=nothing) for ping in sent[5:]]
     tracks = boat.send(sent)
     world.until(lambda: len(markers) == len(sent), "markers")
     first = next(index for index, message in enumerate(tracks) if message.width)
@@ -45,25 +43,10 @@ def test_markers_show_a_track_until_its_hold_time_is_over(world):
     assert sorted(marker.ns for marker in deleted) == PARTS
     assert {marker.action for marker in deleted} == {Marker.DELETE}
     assert not any(seen[first + 4 :])
-
-
-def test_markers_are_at_the_track_and_can_be_drawn(world):
-    boat = Boat(world)
-    markers = shown_markers(world)
-    tracks = boat.send(pings(5, clutter=0))
-    world.until(lambda: len(markers) == 5, "markers")
-    [point] = points(tracks[-1])
-    by_name = {marker.ns: marker for marker in markers[-1].markers}
-    position = by_name["position"].pose.position
-    assert (position.x, position.y) == (point["state_x"], point["state_y"])
-    ellipse = by_name["ellipse"].scale
-    largest = np.linalg.eigvalsh(
-        [[point["cov_00"], point["cov_02"]], [point["cov_02"], point["cov_22"]]]
-    )[-1]
-    assert ellipse.x == pytest.approx(2 * math.sqrt(5.9915 * largest), rel=1e-4)
-    for marker in markers[-1].markers:
-        assert marker.color.a > 0
-        assert marker.scale.z > 0
+    before = markers[: first + 1]
+    assert drawn(before) == {track_id}
+    again = world.listen(MarkerArray, "tracks/markers", LATCHED)
+    world.until(lambda: not drawn([*before, *again]), "the greeting of a viewer that was away")
 
 
 @pytest.mark.parametrize("qos", [RELIABLE, LATCHED], ids=["volatile", "latched"])
@@ -80,65 +63,33 @@ def test_a_viewer_that_joins_late_shows_the_tracks_that_are_held(world, qos):
         boat.send(sent[7:8])
         world.until(lambda: markers and stamp_ns(markers[-1].markers[-1]) == sent[7].stamp_ns, "it")
     assert drawn(markers) == ids != set()
-
-
-def test_a_viewer_that_was_away_does_not_show_what_ended_meanwhile(world):
-    boat = Boat(world, hold_time=30.0)
-    first = shown_markers(world)
-    sent = pings(12, clutter=0)
-    boat.send(sent[:5])
-    world.until(lambda: drawn(first), "a track")
-    world.observer.destroy_subscription(first.subscription)
-    world.until_connected()
-    nothing = np.zeros(0, np.float32)
-    boat.send([replace(ping, range=nothing, azimuth=nothing) for ping in sent[5:]])
-    again = world.listen(MarkerArray, "tracks/markers", LATCHED)
-    world.until(lambda: again and again[-1].markers[0].action == Marker.DELETEALL, "a greeting")
-    assert drawn(again) == set()
-
-
-def test_a_node_that_starts_again_removes_the_markers_of_the_one_before(world):
-    boat = Boat(world)
-    markers = shown_markers(world)
-    boat.send(pings(6, clutter=0))
-    world.until(lambda: drawn(markers), "a track")
     world.end(boat.node)
     world.make(TrackInitiator, named({}))
-    world.until(lambda: not drawn(markers), "the old markers to go")
+    world.until(lambda: not drawn(markers), "the new node to remove the markers of the old")
 
 
-def test_detections_are_shown_where_they_were_placed(world):
+def test_detections_are_handed_over_where_they_were_placed_with_what_a_filter_needs(world):
     boat = Boat(world)
-    placed = world.listen(PointCloud2, "detections/placed")
-    world.until_connected()
-    [ping] = pings(1)
-    boat.send([ping], intensity=np.arange(len(ping.range), dtype=np.float32))
-    world.until(lambda: placed, "detections")
-    assert (placed[0].header.frame_id, stamp_ns(placed[0])) == ("sonar", ping.stamp_ns)
-    found = points(placed[0])
-    # The mean of an azimuth that errs by 1 degree is nearer by exp(-sigma^2 / 2): undone.
-    unbiased = math.exp(math.radians(1.0) ** 2 / 2)
-    x, y = (unbiased * ping.range * turn(ping.azimuth) for turn in (np.cos, np.sin))
-    np.testing.assert_allclose([point["x"] for point in found], x, atol=0.5)
-    np.testing.assert_allclose([point["y"] for point in found], y, atol=0.5)
-    assert [point["intensity"] for point in found] == list(range(len(ping.range)))
-
-
-def test_detections_are_handed_over_with_what_a_filter_needs(world):
-    boat = Boat(world)
-    tracks = world.listen(PointCloud2, "tracks")
     placed = world.listen(PointCloud2, "detections/placed")
     world.until_connected()
     sent = pings(3)
-    delay = np.linspace(0.5, 11.0, len(sent[0].range))
-    boat.send(sent, time_offset=delay.astype(np.float32))
-    world.until(lambda: len(placed) == len(tracks) == len(sent), "detections")
+    delay = np.linspace(0.5, 11.0, len(sent[0].range)).astype(np.float32)
+    boat.send(sent, time_offset=delay, intensity=np.arange(len(delay)))
+    world.until(lambda: len(placed) == len(sent), "detections")
     assert_stamps(placed, sent)
     for message, ping in zip(placed, sent, strict=True):
+        assert message.header.frame_id == "sonar"
         found, expected = read_placed_detections(message), convert(as_scan(ping), SensorModel(), 0)
         np.testing.assert_allclose(found.position, expected["position"], rtol=1e-12)
         np.testing.assert_allclose(found.covariance, expected["covariance"], rtol=1e-9)
-        np.testing.assert_array_equal(found.time_offset, delay.astype(np.float32))
+        np.testing.assert_array_equal(found.time_offset, delay)
+        # The mean of an azimuth that errs by 1 degree is nearer by exp(-sigma^2 / 2): undone.
+        reach = math.exp(math.radians(1.0) ** 2 / 2) * np.asarray(ping.range)
+        shown = points(message)
+        for axis, turn in (("x", np.cos), ("y", np.sin)):
+            place = reach * turn(ping.azimuth)
+            np.testing.assert_allclose([point[axis] for point in shown], place, atol=0.5)
+        assert [point["intensity"] for point in shown] == list(range(len(delay)))
 
 
 def test_potential_tracks_are_drawn_by_their_evidence(world):
@@ -169,20 +120,11 @@ def test_potential_tracks_come_only_while_switched_on(world):
     markers = world.listen(MarkerArray, "potential_tracks/markers", LATCHED)
     world.until_connected()
     sent = pings(9, clutter=20)
-
-    def switch(on: bool) -> None:
-        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=on)
-        request = SetParameters.Request(
-            parameters=[Parameter(name="publish_potential_tracks", value=value)]
-        )
-        response = world.call(SetParameters, "/track_initiator/set_parameters", request)
-        assert response.results[0].successful, response.results[0].reason
-
     boat.send(sent[:3])
-    switch(True)
+    assert world.set_parameters(publish_potential_tracks=True) == [""]
     boat.send(sent[3:6])
     world.until(lambda: len(potential) >= 3, "potential tracks")
-    switch(False)
+    assert world.set_parameters(publish_potential_tracks=False) == [""]
     boat.send(sent[6:])
     world.statuses()  # after the last scan: whatever was published has come
     stamps = [ping.stamp_ns for ping in sent[3:6]]
@@ -202,3 +144,64 @@ def test_potential_tracks_come_only_while_switched_on(world):
     assert found == {tuple(track.state) for track in same.potential_tracks()}
     assert {point["hit_count"] for point in points(potential[-1])} <= {2, 3, 4}
     assert found
+
+
+OPTIONS = {"min_speed": 1.0, "max_speed": 10.0}
+TARGETS = ((3000.0, 0.0, 1500.0, 0.0), (-2000.0, -8.0, 2500.0, 4.0))
+"""A reflector, and a vessel at 9 m/s."""
+
+
+@pytest.mark.parametrize("method", ["score", "tsepm"])
+def test_fixed_echoes_are_published_beside_the_tracks_and_shown_to_late_viewers(world, method):
+    sent = pings(24, targets=TARGETS, clutter=5)
+    boat = Boat(world, method=method, **OPTIONS)
+    echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
+    markers = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    world.until_connected()
+    received = boat.send(sent)
+    world.until(lambda: len(echoes) >= len(sent) and markers, "an answer to every ping")
+    initiator = make_initiator(method, sensor=SensorModel(), **OPTIONS)
+    for ping, message, new in zip(sent, echoes, received, strict=True):
+        found = initiator.process(as_scan(ping))
+        assert stamp_ns(message) == ping.stamp_ns
+        assert message.width == len(initiator.fixed_echoes)
+        for point, echo in zip(points(message), initiator.fixed_echoes, strict=True):
+            assert_same_track(point, echo)
+        for point, track in zip(points(new), found, strict=True):
+            assert_same_track(point, track)
+            assert point["stationary_probability"] == track.stationary_probability <= 0.5
+    [echo] = points(echoes[-1])
+    assert np.hypot(echo["x"] - 3000.0, echo["y"] - 1500.0) < 60.0
+    assert echo["stationary_probability"] > 0.9
+    assert 0.0 < echo["age"] < 24.0 * 12.0
+    kinds = {marker.type for marker in markers[-1].markers if marker.action == Marker.ADD}
+    assert kinds == {Marker.CUBE_LIST, Marker.TEXT_VIEW_FACING}
+    assert world.figures()["fixed_echoes"] == "1"
+    starts = [point["track_id"] for message in received for point in points(message)]
+    assert len(starts) == len(set(starts)), "no echo is published as a second track"
+    assert echo["track_id"] not in [point["track_id"] for point in points(current[-1])]
+    late = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until(lambda: late, "markers of a late viewer")
+    assert len(late[-1].markers) == 3
+    world.reset()
+    after = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until(lambda: after, "markers after the reset")
+    assert [marker.action for marker in after[-1].markers] == [Marker.DELETEALL]
+
+
+def test_without_min_speed_the_topic_is_there_and_empty_and_a_reset_clears_it(world):
+    boat = Boat(world)
+    echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
+    markers = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
+    world.until_connected()
+    sent = pings(8, targets=TARGETS)
+    received = boat.send(sent)
+    world.until(lambda: len(echoes) == len(sent), "an answer to every ping")
+    assert {message.width for message in echoes} == {0}
+    probabilities = [p["stationary_probability"] for m in received for p in points(m)]
+    assert probabilities
+    assert all(0.0 <= probability <= 1.0 for probability in probabilities)
+    world.reset()
+    world.until(lambda: len(echoes) > len(sent), "the empty message")
+    assert [marker.action for marker in markers[-1].markers] == [Marker.DELETEALL]

@@ -1,19 +1,25 @@
-"""SROS 2: the policy is what the nodes use, and without its libraries no node runs unprotected."""
+"""Topics and services: nodes, page and SROS 2 policy agree; without its libraries none runs."""
 
 import os
+from importlib import import_module
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from rclpy.node import Node
 
-from tsepm_ros.nodes.sonar_detector import SonarDetector
-from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
+PAGE = Path(__file__).parents[2] / "docs" / "topics.md"
+OF_ROS = ("/rosout", "/parameter_events")
 POLICY = Path(__file__).parents[2] / "config" / "sros2" / "tsepm_ros.policy.xml"
 EVERYTHING = {
-    "track_initiator": {"own_ship_source": "odometry", "publish_potential_tracks": True},
+    "track_initiator": {
+        "own_ship_source": "odometry",
+        "publish_potential_tracks": True,
+        "detections_type": "sensor_msgs/msg/PointCloud2",
+        "detections_reliability": "reliable",
+    },
     "sonar_detector": {},
     "sonar_simulator": {"publish_clock": True},
     "scan_player": {"publish_clock": True},
@@ -21,6 +27,15 @@ EVERYTHING = {
     "track_bridge": {"nmea_address": ""},
 }
 """Parameters with which a node has all of its topics but `UNSEEN`."""
+MODULES = {
+    "track_initiator": ("tsepm_ros.nodes.track_initiator", "rclpy"),
+    "sonar_detector": ("tsepm_ros.nodes.sonar_detector", "rclpy"),
+    "sonar_simulator": ("tsepm_ros.tools.players.sonar_simulator", "rclpy"),
+    "scan_player": ("tsepm_ros.tools.players.scan_player", "rclpy"),
+    "track_viewer": ("tsepm_ros.tools.viewer.track_viewer", "tornado"),
+    "track_bridge": ("tsepm_ros.tools.bridge.track_bridge", "pyproj"),
+}
+"""Where a node is, and what it needs."""
 UNSEEN = {"/tf", "/tf_static", "/clock", "/tracks/objects", "/tracks/radar", "/image/plan"}
 """Topics of tf, of simulated time, of packages that are not installed, and of a browser's wish."""
 
@@ -45,43 +60,69 @@ def allowed(node: str) -> dict[str, set[str]]:
     return names
 
 
-@pytest.mark.parametrize("name", EVERYTHING)
-def test_the_policy_allows_a_node_exactly_its_topics_and_services(world, tmp_path, name):
-    (tmp_path / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,100,0\n1,100,0\n")
-    (tmp_path / "own_ship.csv").write_text("time_s,east_m,north_m\n0,0,0\n1,0,0\n")
-    kinds = {
-        "track_initiator": TrackInitiator,
-        "sonar_detector": SonarDetector,
-        "sonar_simulator": SonarSimulator,
-        "scan_player": ScanPlayer,
+def documented(node: str) -> set[tuple[str, str, str]]:
+    """Rows of a node's table: full name, direction, type."""
+    (section,) = (
+        part
+        for part in PAGE.read_text(encoding="utf-8").split("\n## ")
+        if part.startswith(f"`{node}`\n")
+    )
+    table = section.split("\n| name | direction | type | what |\n", 1)[1].split("\n\n", 1)[0]
+    rows = [[cell.strip(" `") for cell in line.split("|")[1:4]] for line in table.splitlines()[1:]]
+    return {(full_name(node, name), direction, kind) for name, direction, kind in rows}
+
+
+def full_name(node: str, name: str) -> str:
+    return name if name.startswith("/") else f"/{name.replace('~', node)}"
+
+
+def type_name(kind: type) -> str:
+    package, group, _ = kind.__module__.split(".", 2)
+    return f"{package}/{group}/{kind.__name__}"
+
+
+def existing(node: Node) -> set[tuple[str, str, str]]:
+    """What a node has beyond what every node has."""
+    plain = Node("plain", context=node.context)
+    services = {service.srv_type for service in plain.services}
+    plain.destroy_node()
+    found = {(one.topic_name, "out", type_name(one.msg_type)) for one in node.publishers}
+    found |= {(one.topic_name, "in", type_name(one.msg_type)) for one in node.subscriptions}
+    found |= {
+        (one.service_name, "service", type_name(one.srv_type))
+        for one in node.services
+        if one.srv_type not in services
     }
-    if name == "track_viewer":
-        pytest.importorskip("tornado")
-        from tsepm_ros.tools.viewer.track_viewer import TrackViewer
+    return {row for row in found if row[0] not in OF_ROS}
 
-        kinds["track_viewer"] = TrackViewer
-    if name == "track_bridge":
-        pytest.importorskip("pyproj")
-        from tsepm_ros.tools.bridge.track_bridge import TrackBridge
 
-        kinds["track_bridge"] = TrackBridge
-    more = {"recording": str(tmp_path)} if name == "scan_player" else {}
-    others = [] if name == "sonar_simulator" else [world.make(SonarSimulator)]
-    node = world.make(kinds[name], {**EVERYTHING[name], **more})
-    of = world.observer
-    found: dict[str, set[str]] = {}
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_the_policy_allows_a_node_exactly_its_topics_and_services_as_the_page_has_them(
+    world, recording, name
+):
+    module, needed = MODULES[name]
+    pytest.importorskip(needed)
+    kind = getattr(import_module(module), name.title().replace("_", ""))
+    more = {"recording": recording} if name == "scan_player" else {}
+    if name != "sonar_simulator":
+        world.make(SonarSimulator)
+    node = world.make(kind, {**EVERYTHING[name], **more})
+    if name in ("track_initiator", "sonar_simulator", "scan_player", "track_viewer"):
+        assert existing(node) == documented(name)
+    policy, of = allowed(name), world.observer
+    looks = {
+        "publish": of.get_publisher_names_and_types_by_node,
+        "subscribe": of.get_subscriber_names_and_types_by_node,
+        "reply": of.get_service_names_and_types_by_node,
+        "request": of.get_client_names_and_types_by_node,
+    }
 
     def complete() -> bool:
-        found["publish"] = {x for x, _ in of.get_publisher_names_and_types_by_node(name, "/")}
-        found["subscribe"] = {x for x, _ in of.get_subscriber_names_and_types_by_node(name, "/")}
-        found["reply"] = {x for x, _ in of.get_service_names_and_types_by_node(name, "/")}
-        found["request"] = {x for x, _ in of.get_client_names_and_types_by_node(name, "/")}
-        policy = allowed(name)
+        found = {what: {one for one, _ in look(name, "/")} for what, look in looks.items()}
         assert all(found[what] <= policy[what] for what in policy)
         return all(policy[what] - UNSEEN <= found[what] for what in policy)
 
-    world.until(complete, f"everything of {node.get_name()} that the policy allows")
-    assert len(others) <= 1
+    world.until(complete, f"everything of {name} that the policy allows")
 
 
 def test_security_that_cannot_be_had_ends_the_node_with_a_sentence(start, monkeypatch, tmp_path):

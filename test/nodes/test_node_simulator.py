@@ -5,15 +5,14 @@ import time
 
 import numpy as np
 import pytest
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2, PointField
-from support.boat import Boat, named
+from support.boat import named
 from support.expectation import STATE
 from support.ros_world import World
-from support.show import SECOND, Show, write_scenario
-from support.sonar_driver import START_NS, Ping, points, stamp_ns
+from support.show import SECOND, Show, fields, heading, write_scenario
+from support.sonar_driver import points, stamp_ns
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from msg_adapters import track_cloud
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
@@ -23,31 +22,22 @@ def scenario(tmp_path) -> str:
     return write_scenario(tmp_path)
 
 
-def fields(message: PointCloud2) -> dict[str, int]:
-    return {field.name: field.datatype for field in message.fields}
-
-
-def heading(message: Odometry) -> float:
-    return 2 * math.atan2(message.pose.pose.orientation.z, message.pose.pose.orientation.w)
-
-
 def test_the_simulator_publishes_what_a_driver_would_and_the_truth(world, scenario):
-    show = Show(world, SonarSimulator, scenario=scenario).play()
+    show = Show(world, SonarSimulator, scenario=scenario, own_ship_rate=2.0).play()
+    assert show.clock == []
+    assert world.observer.count_publishers("/clock") == 0
     assert len(show.detections) == len(show.truth) == 5
     for index, (scan, truth) in enumerate(zip(show.detections, show.truth, strict=True)):
         assert stamp_ns(scan) == stamp_ns(truth) == index * 4 * SECOND
         assert (scan.header.frame_id, truth.header.frame_id) == ("sonar", "odom")
+        assert truth.fields == track_cloud(truth.header, ()).fields, "the layout of tracks"
         kinds = fields(scan)
         assert list(kinds)[:3] == ["x", "y", "z"]
         assert {kinds[name] for name in "xyz"} == {PointField.FLOAT32}
         assert {"range", "azimuth", "time_offset"} <= kinds.keys()
         for point in points(scan):
-            assert point["x"] == pytest.approx(
-                point["range"] * math.cos(point["azimuth"]), rel=1e-5
-            )
-            assert point["y"] == pytest.approx(
-                point["range"] * math.sin(point["azimuth"]), rel=1e-5
-            )
+            x, y = (point["range"] * turn(point["azimuth"]) for turn in (math.cos, math.sin))
+            assert (point["x"], point["y"]) == pytest.approx((x, y), rel=1e-5)
             assert point["time_offset"] == pytest.approx(point["range"] / 1500.0)
         states = [[point[name] for name in STATE] for point in points(truth)]
         time_s = 4.0 * index
@@ -55,44 +45,37 @@ def test_the_simulator_publishes_what_a_driver_would_and_the_truth(world, scenar
             [1500.0 + 4 * time_s, 4.0, 700.0 - 3 * time_s, -3.0],
             [-900.0, 0.0, 1200.0 + 5 * time_s, 5.0],
         ]
-
-
-def test_the_simulated_truth_has_the_layout_of_tracks(world, scenario):
-    boat = Boat(world)
-    boat.driver.ping(Ping(START_NS, [], []))
-    [track] = boat.take(1, 0)
-    world.end(boat.driver)
-    world.end(boat.node)
-    show = Show(world, SonarSimulator, scenario=scenario).play()
-    assert show.truth[0].fields == track.fields
-    assert show.truth[0].point_step == track.point_step
-
-
-def test_the_simulated_own_ship_is_known_for_all_of_each_scan(world, scenario):
-    show = Show(world, SonarSimulator, scenario=scenario, own_ship_rate=2.0).play()
     stamps = [stamp_ns(message) for message in show.own_ship]
     assert np.diff(stamps).tolist() == [SECOND // 2] * (len(stamps) - 1)
     assert stamps[0] == 0
-    last = max(2 * point["time_offset"] for point in points(show.detections[-1]))
-    assert stamps[-1] >= stamp_ns(show.detections[-1]) + last * SECOND
-    first = show.own_ship[0]
+    assert stamps[-1] >= end_of_last_scan(show), "it is known for all of each scan"
+    first, _, second, *_ = show.own_ship
     assert (first.header.frame_id, first.child_frame_id) == ("odom", "sonar")
     assert (first.pose.pose.position.x, first.pose.pose.position.y) == (100.0, -50.0)
     assert heading(first) == pytest.approx(math.radians(40.0))
     assert first.twist.twist.linear.x == pytest.approx(5.0, rel=1e-3), "in the ship's own axes"
     assert first.twist.twist.angular.z == pytest.approx(math.radians(2.0))
-    second = show.own_ship[2]
     assert heading(second) == pytest.approx(math.radians(42.0))
 
 
-def test_the_simulators_frames_may_be_given(world, scenario):
-    frames = {"fixed_frame": "map", "sensor_frame": "head"}
-    show = Show(world, SonarSimulator, scenario=scenario, **frames).play()
+def end_of_last_scan(show: Show) -> float:
+    """Of what was played, ns."""
+    last = max(2 * point["time_offset"] for point in points(show.detections[-1]))
+    return stamp_ns(show.detections[-1]) + last * SECOND
+
+
+def test_frames_may_be_given_and_the_simulated_clock_goes_with_the_messages(world, scenario):
+    given = {"fixed_frame": "map", "sensor_frame": "head", "publish_clock": True}
+    show = Show(world, SonarSimulator, scenario=scenario, **given).play()
     assert {message.header.frame_id for message in show.detections} == {"head"}
     assert {message.header.frame_id for message in show.truth} == {"map"}
     assert {(m.header.frame_id, m.child_frame_id) for m in show.own_ship} == {("map", "head")}
     markers = [marker for array in show.markers for marker in array.markers]
     assert {marker.header.frame_id for marker in markers} == {"map"}
+    times = show.times()
+    assert times == sorted(times)
+    assert {stamp_ns(message) for message in show.own_ship} <= set(times)
+    assert times[-1] >= end_of_last_scan(show)
 
 
 def test_a_seed_makes_the_simulator_repeatable_bit_for_bit(world, scenario):
@@ -121,21 +104,6 @@ def test_the_simulators_start_may_be_given_or_the_clocks_time(world, scenario):
     assert before - SECOND < stamp_ns(show.detections[0]) < time.time_ns() + SECOND
 
 
-def test_the_simulated_clock_goes_with_the_messages(world, scenario):
-    show = Show(world, SonarSimulator, scenario=scenario, publish_clock=True).play()
-    times = [message.clock.sec * SECOND + message.clock.nanosec for message in show.clock]
-    assert times == sorted(times)
-    assert {stamp_ns(message) for message in show.own_ship} <= set(times)
-    last = max(2 * point["time_offset"] for point in points(show.detections[-1]))
-    assert times[-1] >= stamp_ns(show.detections[-1]) + last * SECOND
-
-
-def test_no_clock_is_published_unasked(world, scenario):
-    show = Show(world, SonarSimulator, scenario=scenario).play()
-    assert show.clock == []
-    assert world.observer.count_publishers("/clock") == 0
-
-
 def test_the_simulator_and_the_initiator_work_together_in_simulated_time(world, scenario):
     tracks = world.listen(PointCloud2, "tracks")
     given = {"own_ship_source": "odometry", "use_sim_time": True, "tsepm.min_hits": 4}
@@ -156,20 +124,3 @@ def test_the_simulator_and_the_initiator_work_together_in_simulated_time(world, 
         ]
         assert min(found) < 100.0
     assert world.dropped() == {}
-
-
-@pytest.mark.parametrize(
-    ("content", "named_in_it"),
-    [
-        ("{: [\n", "YAML"),
-        ("period: fast\n", "period"),
-        ("own_ship: {speed: fast}\n", "own_ship.speed"),
-    ],
-)
-def test_a_bad_scenario_is_refused_with_a_sentence(world, tmp_path, content, named_in_it):
-    path = tmp_path / "bad.yaml"
-    path.write_text(content)
-    with pytest.raises(ParameterError) as error:
-        world.make(SonarSimulator, {"scenario": str(path)})
-    assert named_in_it in str(error.value)
-    assert "\n" not in str(error.value)

@@ -13,7 +13,6 @@ from support.ros_world import BEST_EFFORT, WARN
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import make_header, read_detections
-from tsepm_ros.nodes.node_parameters import ParameterError
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
@@ -65,12 +64,22 @@ def pings(world, sonar, heard, number, targets=lambda k: ()):
     return heard
 
 
-def test_a_target_to_port_and_one_to_starboard_are_detected_where_they_are(world):
+def detecting(world, **parameters):
+    """A detector that has found its sonar, and its detections."""
     sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE)
-    world.until_connected()
+    world.make(SonarDetector, COVERAGE | parameters)
     world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
     world.until_connected()
+    return sonar, heard
+
+
+def test_targets_to_port_and_to_starboard_are_detected_and_shown_where_they_are(world):
+    markers = world.listen(MarkerArray, "detections/markers")
+    images = world.listen(Image, "image/normalised")
+    sonar, heard = detecting(world, publish_normalised=True)
+    plans = world.listen(OccupancyGrid, "image/plan")
+    world.until_connected()
+    begin = time.monotonic()
     places = [(15.0, 0.4), (25.0, -0.3)]
     clouds = pings(world, sonar, heard, 30, lambda k: places)
     found = [read_detections(cloud).scan for cloud in clouds[20:]]
@@ -84,36 +93,28 @@ def test_a_target_to_port_and_one_to_starboard_are_detected_where_they_are(world
     others = np.mean([len(scan) for scan in found]) - 2
     assert 5 <= others <= 60, "about 20 false detections a ping"
     assert set(found[0].features) >= {"intensity", "range_width", "azimuth_width"}
+    world.until(lambda: markers and images and plans, "what shows the image")
+    assert (images[-1].height, images[-1].width, images[-1].encoding) == (BEAMS, CELLS, "32FC1")
+    assert markers[-1].markers[-1].points
+    assert len(plans) <= 2.0 * (time.monotonic() - begin) + 1.0, "at most twice a second"
+    assert plans[-1].header.frame_id == "sonar"
+    assert max(plans[-1].data) > 50
 
 
-def test_both_nodes_start_a_track_on_a_target_to_port_that_moves(world):
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+def test_both_nodes_start_a_track_on_a_target_that_moves_in_spite_of_a_picture_in_colours(world):
     tracks = world.listen(PointCloud2, "tracks")
-    world.make(SonarDetector, COVERAGE)
-    world.make(
-        TrackInitiator,
-        COVERAGE | {"method": "score", "max_speed": 3.0, "score.false_tracks_per_hour": 10.0},
-    )
-    world.until_connected()
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    given = {"method": "score", "max_speed": 3.0, "score.false_tracks_per_hour": 10.0}
+    world.make(TrackInitiator, COVERAGE | given)
+    sonar, heard = detecting(world)
     world.until_logged("subscribed to /detections")
-    world.until_connected()
-    pings(world, sonar, heard, 50, lambda k: [(12.0 + 0.2 * k, 0.3)])  # 1 m/s away
-    world.until(lambda: any(cloud.width for cloud in tracks), "a track")
-
-
-def test_pictures_in_colours_are_dropped_with_the_remedy_and_the_next_ping_is_used(world):
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE)
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
     world.until_connected()
     sonar.ping(encoding="bgr8")
     world.until_logged("publish the driver's raw image")
-    sonar.ping()
-    world.until(lambda: heard, "detections of the next ping")
+    pings(world, sonar, heard, 50, lambda k: [(12.0 + 0.2 * k, 0.3)])  # 1 m/s away
+    world.until(lambda: any(cloud.width for cloud in tracks), "a track")
     world.until(
         lambda: any(
-            value.key == "dropped.bad_encoding" and value.value == "1"
+            (value.key, value.value) == ("dropped.bad_encoding", "1")
             for message in world.diagnostics
             for status in message.status
             for value in status.values
@@ -122,41 +123,20 @@ def test_pictures_in_colours_are_dropped_with_the_remedy_and_the_next_ping_is_us
     )
 
 
-def test_markers_and_the_normalised_image_are_published_where_they_are_asked_for(world):
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    markers = world.listen(MarkerArray, "detections/markers")
-    images = world.listen(Image, "image/normalised")
-    world.make(SonarDetector, COVERAGE | {"publish_normalised": True})
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
-    world.until_connected()
-    pings(world, sonar, heard, 3)
-    world.until(lambda: markers and images, "markers and the normalised image")
-    assert (images[-1].height, images[-1].width, images[-1].encoding) == (BEAMS, CELLS, "32FC1")
-    assert markers[-1].markers[-1].points
+def test_a_tracker_is_told_the_coverage_of_the_images_whenever_it_starts_and_until_it_takes_it(
+    world,
+):
+    tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0, "sensor.min_range": 100.0})
 
+    def refuse(_):
+        return SetParametersResult(successful=False, reason="not now")
 
-def test_the_plan_is_published_while_it_is_watched_and_at_most_twice_a_second(world):
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE)
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
-    plans = world.listen(OccupancyGrid, "image/plan")
-    world.until_connected()
-    begin = time.monotonic()
-    pings(world, sonar, heard, 20, lambda k: [(20.0, 0.5)])
-    world.until(lambda: plans, "a plan")
-    assert len(plans) <= 2.0 * (time.monotonic() - begin) + 1.0
-    assert plans[-1].header.frame_id == "sonar"
-    assert max(plans[-1].data) > 50
-
-
-def test_a_tracker_that_starts_later_or_again_is_told_the_coverage_of_the_images(world):
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE)
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
-    world.until_connected()
+    tracker.add_on_set_parameters_callback(refuse)
+    sonar, heard = detecting(world)
     pings(world, sonar, heard, 2)
+    world.until_logged("track_initiator: not now", level=WARN)
+    tracker.remove_on_set_parameters_callback(refuse)
     for _ in range(2):  # no image comes meanwhile
-        tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
         world.until(
             lambda one=tracker: one.get_parameter("sensor.max_range").value == pytest.approx(40.5),
             "the range of the images",
@@ -164,48 +144,9 @@ def test_a_tracker_that_starts_later_or_again_is_told_the_coverage_of_the_images
         assert tracker.get_parameter("sensor.min_range").value == pytest.approx(0.5)
         assert tracker.get_parameter("sensor.azimuth_max").value == pytest.approx(0.8)
         world.end(tracker)
-
-
-def test_a_tracker_that_refuses_a_coverage_is_told_again_and_the_reason_is_said(world):
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE)
-    other = world.make(TrackInitiator, {"sensor.max_range": 6000.0, "sensor.min_range": 100.0})
-
-    def refuse(_):
-        return SetParametersResult(successful=False, reason="not now")
-
-    other.add_on_set_parameters_callback(refuse)
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
-    world.until_connected()
-    pings(world, sonar, heard, 1)
-    world.until_logged("track_initiator: not now", level=WARN)
-    other.remove_on_set_parameters_callback(refuse)
-    world.until(
-        lambda: other.get_parameter("sensor.max_range").value == pytest.approx(40.5),
-        "the range of the images",
-    )
-
-
-def test_a_stated_coverage_that_fits_the_images_stays(world):
-    stated = COVERAGE | {"sensor.max_range": 40.1}
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE)
-    tracker = world.make(TrackInitiator, stated)
-    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
-    world.until_connected()
-    pings(world, sonar, heard, 2)
-    world.until(lambda: len(world.diagnostics) > 4, "some looks at the tracker")
-    assert tracker.get_parameter("sensor.max_range").value == 40.1
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("false_detections_per_ping", 0.0, "false_detections_per_ping"),
-        ("image.rows", "columns", "image.rows"),
-        ("image_type", "sensor_msgs/msg/CompressedImage", "image_type"),
-    ],
-)
-def test_a_parameter_of_no_meaning_is_refused(world, name, value, words):
-    with pytest.raises(ParameterError, match=words):
-        world.make(SonarDetector, {name: value})
+        tracker = world.make(TrackInitiator, {"sensor.max_range": 6000.0})
+    world.end(tracker)
+    tracker = world.make(TrackInitiator, COVERAGE | {"sensor.max_range": 40.1})
+    seen = len(world.diagnostics)
+    world.until(lambda: len(world.diagnostics) > seen + 4, "some looks at the tracker")
+    assert tracker.get_parameter("sensor.max_range").value == 40.1, "it fits the images"

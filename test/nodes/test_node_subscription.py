@@ -1,23 +1,20 @@
 """Finding the driver: its type, its reliability, and what is said where they do not fit."""
 
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, LaserScan, PointCloud2
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
 from support.boat import Boat, named
 from support.expectation import assert_same, confirmed
-from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
+from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World, remapped
 from support.sonar_driver import Driver, pings
 
 from msg_adapters import MessageError
-from tsepm_ros.diagnostics.health import unread_type
-from tsepm_ros.diagnostics.health_figures import Connections
+from tsepm_ros.nodes import subscriptions
 from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, newest, seconds_in_queue
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
@@ -30,50 +27,29 @@ def reliability(node: Node) -> ReliabilityPolicy:
     return subscription.qos_profile.reliability
 
 
-def test_an_unsupported_type_is_named_once_and_a_good_driver_is_still_found(world):
-    wrong = world.add(Node("camera", context=world.context))
-    publisher = wrong.create_publisher(Image, "detections", 10)
-    world.make(TrackInitiator, named({}))
-    line = world.until_logged("sensor_msgs/msg/Image", level=ERROR)
-    assert "/detections" in line
-    assert POINT_CLOUD in line, "the supported types"
-    world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
-    assert len(world.logged(ERROR)) == 1
-    said = "detections are published as sensor_msgs/msg/Image, which the node does not read"
-    assert world.status("detections").message == said
-
-    world.end(wrong)
-    assert publisher
-    driver = world.add(Driver(world.context))
-    tracks = world.listen(PointCloud2, "tracks")
-    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
-    world.until_connected()
-    for ping in SENT:
-        driver.ping(ping)
-    world.until(lambda: len(tracks) == len(SENT), "tracks")
-    assert_same(tracks, confirmed(SENT))
-
-
-def test_a_good_driver_beside_an_unsupported_one_is_read(world):
+@pytest.mark.parametrize(
+    "given",
+    [{}, {"detections_type": POINT_CLOUD, "detections_reliability": "reliable"}],
+    ids=["auto", "given"],
+)
+def test_an_unsupported_type_is_named_once_and_a_good_driver_beside_it_is_read(world, given):
     with World(world.domain) as elsewhere:  # one process cannot publish two types on one topic
-        talker = elsewhere.add(Node("talker", context=elsewhere.context))
-        publisher = talker.create_publisher(String, "detections", 10)
-        node = world.make(TrackInitiator, named({}))
-        world.until_logged("std_msgs/msg/String", level=ERROR)
-        driver = world.add(Driver(world.context))
-        world.until(driver.publisher.get_subscription_count, "the node to subscribe")
-        assert publisher.topic_name == "/detections"
-    assert reliability(node) == ReliabilityPolicy.RELIABLE
-
-
-def test_a_driver_of_another_type_is_named_where_type_and_reliability_are_given(world):
-    given = {"detections_type": POINT_CLOUD, "detections_reliability": "reliable"}
-    with World(world.domain) as elsewhere:
         camera = elsewhere.add(Node("camera", context=elsewhere.context))
-        publisher = camera.create_publisher(Image, "detections", 10)
-        world.make(TrackInitiator, named(given))
-        world.until_logged("sensor_msgs/msg/Image", POINT_CLOUD, level=ERROR)
-        assert publisher.topic_name == "/detections"
+        camera.create_publisher(Image, "detections", 10)
+        node = world.make(TrackInitiator, named(given))
+        world.until_logged("/detections", "sensor_msgs/msg/Image", POINT_CLOUD, level=ERROR)
+        world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
+        assert len(world.logged(ERROR)) == 1
+        said = "detections are published as sensor_msgs/msg/Image, which the node does not read"
+        assert world.status("detections").message == said
+        driver, tracks = world.add(Driver(world.context)), world.listen(PointCloud2, "tracks")
+        world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+        world.until_connected()
+        for ping in SENT:
+            driver.ping(ping)
+        world.until(lambda: len(tracks) == len(SENT), "tracks")
+        assert_same(tracks, confirmed(SENT))
+        assert reliability(node) == ReliabilityPolicy.RELIABLE
 
 
 def subscribe(world, **arguments) -> DetectionsSubscription:
@@ -105,20 +81,6 @@ def test_a_driver_that_comes_back_as_another_type_is_named_once(world):
     world.until(lambda: detections.unread == (), "the end of that driver")
 
 
-def test_a_readable_type_is_not_called_unreadable_on_diagnostics():
-    connections = Connections(
-        unread=(LASER_SCAN, "std_msgs/msg/String"),
-        subscribed_type=POINT_CLOUD,
-        other_readable=(LASER_SCAN,),
-    )
-    assert unread_type(SimpleNamespace(connections=connections)) == (
-        "detections are published as std_msgs/msg/String, which the node does not read; and as "
-        f"{LASER_SCAN}, which the node reads only after a new start: it has subscribed to "
-        f"{POINT_CLOUD}"
-    )
-    assert unread_type(SimpleNamespace(connections=Connections())) == ""
-
-
 def test_a_driver_whose_package_is_missing_is_named_and_another_still_found(world):
     def missing(name: str) -> type:
         if name == LASER_SCAN:
@@ -134,13 +96,6 @@ def test_a_driver_whose_package_is_missing_is_named_and_another_still_found(worl
         world.until(driver.publisher.get_subscription_count, "the node to subscribe")
         assert detections.subscribed == POINT_CLOUD
     assert len(world.logged(ERROR)) == 1
-
-
-def test_type_and_reliability_given_subscribe_before_there_is_a_driver(world):
-    given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
-    node = world.make(TrackInitiator, named(given))
-    assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
-    assert world.status("detections").message == "no scan yet"
 
 
 @pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
@@ -162,18 +117,6 @@ def test_the_graph_has_the_subscription_before_the_first_driver_and_then_its_typ
         assert world.warned() == [], "nothing is wrong with such a driver"
 
 
-def test_a_driver_that_fits_is_heard_from_its_first_message_on(world):
-    world.make(TrackInitiator, named({}))
-    tracks = world.listen(PointCloud2, "tracks")
-    world.until(lambda: world.observer.count_subscribers("detections"), "a subscription")
-    driver = world.add(Driver(world.context))
-    world.until(driver.publisher.get_subscription_count, "the match")
-    for ping in SENT:
-        driver.ping(ping)
-    world.until(lambda: len(tracks) == len(SENT), "tracks")
-    assert_same(tracks, confirmed(SENT))
-
-
 def test_a_best_effort_driver_beside_a_reliable_one_is_read(world):
     detections = subscribe(world)
     reliable, less = (world.add(Driver(world.context, qos)) for qos in (RELIABLE, BEST_EFFORT))
@@ -182,27 +125,33 @@ def test_a_best_effort_driver_beside_a_reliable_one_is_read(world):
     world.until(reliable.publisher.get_subscription_count, "a subscription to both")
 
 
-def test_best_effort_may_be_asked_of_a_reliable_driver(world):
-    boat = Boat(world, detections_reliability="best_effort")
-    assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
-    for number, ping in enumerate(SENT, 1):
-        boat.driver.ping(ping)
-        world.until(lambda number=number: len(boat.tracks) == number, "the tracks of this ping")
-    assert_same(boat.tracks, confirmed(SENT))
+def one_by_one(world, driver: Driver, tracks, sent) -> None:
+    """Send pings that best effort must not lose."""
+    for ping in sent:
+        seen = len(tracks)
+        driver.ping(ping)
+        world.until(lambda seen=seen: len(tracks) > seen, "the tracks of this ping")
 
 
-def test_reliable_asked_of_a_best_effort_driver_is_reported(world):
+def test_best_effort_may_be_asked_of_a_reliable_driver_before_it_is_there(world):
+    given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
+    node = world.make(TrackInitiator, named(given))
+    assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
+    assert world.status("detections").message == "no scan yet"
+    driver, tracks = world.add(Driver(world.context)), world.listen(PointCloud2, "tracks")
+    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
+    world.until_connected()
+    one_by_one(world, driver, tracks, SENT)
+    assert_same(tracks, confirmed(SENT))
+
+
+def test_reliable_asked_of_a_best_effort_driver_is_an_error_until_it_is_gone(world):
     node = world.make(TrackInitiator, named({"detections_reliability": "reliable"}))
-    world.add(Driver(world.context, BEST_EFFORT))
-    line = world.until_logged("does not offer reliable", level=ERROR)
-    assert "/detections" in line
-    assert "detections_reliability" in line
-    assert reliability(node) == ReliabilityPolicy.RELIABLE
-
-
-def test_a_mismatch_is_an_error_on_diagnostics_until_it_is_gone_and_a_reset_forgets_it(world):
-    world.make(TrackInitiator, named({"detections_reliability": "reliable"}))
     driver = world.add(Driver(world.context, BEST_EFFORT))
+    world.until_logged(
+        "does not offer reliable", "/detections", "detections_reliability", level=ERROR
+    )
+    assert reliability(node) == ReliabilityPolicy.RELIABLE
     quality = "quality of service"
     world.until(lambda: world.status(quality).level == b"\x02", "the error")
     assert "/detections" in world.status(quality).message
@@ -210,15 +159,25 @@ def test_a_mismatch_is_an_error_on_diagnostics_until_it_is_gone_and_a_reset_forg
     world.end(driver)
     world.until(lambda: world.status(quality).level == b"\x00", "its end")
     assert world.figures()["mismatches./detections"] == "1"
-    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    world.reset()
     assert "mismatches./detections" not in world.figures()
 
 
-def test_a_best_effort_driver_that_is_followed_is_no_error(world):
+def test_a_driver_may_start_again_and_then_offer_less(world):
     boat = Boat(world)
+    boat.send(SENT[:4])
+    assert reliability(boat.node) == ReliabilityPolicy.RELIABLE
+    world.end(boat.driver)
+    boat.driver = world.add(Driver(world.context))
+    boat.connect()
+    boat.send(SENT[4:8])
     world.end(boat.driver)
     boat.driver = world.add(Driver(world.context, BEST_EFFORT))
+    world.until_logged("best effort only")
     boat.connect()
+    assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
+    one_by_one(world, boat.driver, boat.tracks, SENT[8:])
+    assert_same(boat.tracks, confirmed(SENT))
     world.until(lambda: world.figures().get("mismatches./detections") == "1", "the event")
     world.until(lambda: world.status("quality of service").level == b"\x00", "that it fits")
 
@@ -229,30 +188,6 @@ def test_a_subscriber_that_asks_for_more_than_is_offered_is_named(world):
     world.until_logged("a subscriber of /tracks", level=WARN)
     world.until(lambda: world.status("quality of service").level == b"\x02", "the error")
     assert "/tracks" in world.status("quality of service").message
-
-
-def test_a_second_driver_that_offers_less_is_read_as_well(world):
-    boat = Boat(world)
-    assert reliability(boat.node) == ReliabilityPolicy.RELIABLE
-    world.end(boat.driver)
-    boat.driver = world.add(Driver(world.context, BEST_EFFORT))
-    world.until_logged("best effort only")
-    boat.connect()
-    assert reliability(boat.node) == ReliabilityPolicy.BEST_EFFORT
-    for number, ping in enumerate(SENT, 1):
-        boat.driver.ping(ping)
-        world.until(lambda number=number: len(boat.tracks) == number, "the tracks of this ping")
-    assert_same(boat.tracks, confirmed(SENT))
-
-
-def test_a_driver_may_start_again(world):
-    boat = Boat(world)
-    received = boat.send(SENT[:6])
-    world.end(boat.driver)
-    boat.driver = world.add(Driver(world.context))
-    boat.connect()
-    received += boat.send(SENT[6:])
-    assert_same(received, confirmed(SENT))
 
 
 def test_a_burst_longer_than_default_queues_survives(world):
@@ -274,11 +209,14 @@ def test_the_queue_may_be_kept_short(world):
 
 
 def test_two_sonars_are_tracked_apart_by_two_nodes_in_two_namespaces(world):
+    """The second has its own topic of detections."""
     boats = []
-    for name in ("port", "starboard"):
-        arguments = ["--ros-args", "-r", f"__ns:=/{name}"]
-        driver = world.add(Driver(world.context, RELIABLE, cli_args=arguments))
-        world.make(TrackInitiator, named({}), cli_args=arguments)
+    for name, topic in (("port", "detections"), ("starboard", "sonar/raw")):
+        driver = world.add(
+            Driver(world.context, cli_args=remapped(f"__ns:=/{name}", f"detections:={topic}"))
+        )
+        rules = f"__ns:=/{name}", f"detections:=/{name}/{topic}"
+        world.make(TrackInitiator, named({}), cli_args=remapped(*rules))
         boats.append((driver, world.listen(PointCloud2, f"/{name}/tracks")))
     for driver, _ in boats:
         world.until(driver.publisher.get_subscription_count, "the node to subscribe")
@@ -290,3 +228,45 @@ def test_two_sonars_are_tracked_apart_by_two_nodes_in_two_namespaces(world):
     for (_, tracks), of_sonar in zip(boats, sent, strict=True):
         world.until(lambda tracks=tracks: len(tracks) == len(SENT), "tracks")
         assert_same(tracks, confirmed(of_sonar))
+    world.until(lambda: len({one.status[0].name for one in world.diagnostics}) == 2, "both")
+    for message in world.diagnostics:
+        boat = message.status[0].hardware_id
+        assert boat in ("/port/track_initiator", "/starboard/track_initiator")
+        assert {status.name.partition(": ")[0] for status in message.status} == {boat}
+        assert {status.hardware_id for status in message.status} == {boat}
+
+
+NOW = 1_700_000_000_000_000_000
+
+
+def about(waited: float, received: bool = True) -> dict[str, int]:
+    stamp = NOW - round(waited * 1e9)
+    return {"received_timestamp": stamp * received, "source_timestamp": stamp - 7 * received}
+
+
+@pytest.mark.parametrize("received", [True, False])
+def test_the_time_in_the_queue_is_from_the_arrival_or_else_from_the_publication(received):
+    assert seconds_in_queue(about(1.5, received), NOW) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("waited", [-3.0, 1e4])
+def test_clocks_that_differ_tell_nothing(waited):
+    assert seconds_in_queue(about(waited), NOW) == 0.0
+    assert seconds_in_queue({"received_timestamp": 0, "source_timestamp": 0}, NOW) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("waited", "interval", "taken"),
+    [(1.0, 0.05, "oldest"), (3.0, 0.05, "newest"), (3.0, 12.0, "oldest"), (3.0, 0.0, "oldest")],
+)
+def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waited, interval, taken):
+    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
+    others: list[tuple[Any, Any]] = [("middle", about(2.0)), ("newest", about(0.5))]
+    message, late, skipped = newest("oldest", about(waited), interval, lambda: others)
+    assert message == taken
+    assert (late, skipped) == (pytest.approx(waited), 0) if taken == "oldest" else (0.5, 2)
+
+
+def test_alone_in_the_queue_it_is_taken_however_late(monkeypatch):
+    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
+    assert newest("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), 0)

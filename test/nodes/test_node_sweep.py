@@ -2,23 +2,26 @@
 
 from itertools import pairwise
 
-import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, PointCloud2
-from std_srvs.srv import Trigger
-from support.bag_files import PARAMETERS, POINTS, STORE, Entry, cloud, small_scenario, write_bag
+from support.bag_files import (
+    PARAMETERS,
+    POINTS,
+    STORE,
+    Entry,
+    detections,
+    small_scenario,
+    write_bag,
+)
 from support.boat import named
+from support.live_and_offline import assert_same_live_and_offline
 from support.ros_world import RELIABLE, World
 from support.sonar_driver import points, stamp_ns
-from support.sweeps import BEAMS, RADAR, TURN, in_parts, played, settings, turns, whole
+from support.sweeps import BEAMS, RADAR, in_parts, turns
 
+from msg_adapters import make_header
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.session.session import Session
-from tsepm_ros.settings.parameter_files import parse_values
-from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
-from tsepm_ros.tools.replay.bag import Bag
 from tsepm_ros.tools.simulation import Simulator
 
 SENSOR = {
@@ -32,19 +35,8 @@ SENSOR = {
 
 def message(one) -> LaserScan:
     """A real message of a stand-in."""
-    made = LaserScan(
-        angle_min=one.angle_min,
-        angle_max=one.angle_max,
-        angle_increment=one.angle_increment,
-        time_increment=one.time_increment,
-        range_min=one.range_min,
-        range_max=one.range_max,
-        ranges=one.ranges,
-    )
-    made.header.frame_id = one.header.frame_id
-    made.header.stamp.sec = one.header.stamp.sec
-    made.header.stamp.nanosec = one.header.stamp.nanosec
-    return made
+    values = {name: value for name, value in vars(one).items() if name != "header"}
+    return LaserScan(header=make_header(stamp_ns(one), one.header.frame_id), **values)
 
 
 class Radar:
@@ -72,20 +64,6 @@ class Radar:
         return self.tracks[seen:]
 
 
-@pytest.mark.parametrize(("sweep", "size"), [(TURN, 1), (f"{TURN}", 6)])
-def test_a_turn_in_parts_gives_the_tracks_of_the_turn_in_one_message(world, sweep, size):
-    ranges = turns(5)
-    expected = played(Session(settings("off")), whole(ranges))[:4]
-    received = Radar(world, sweep=sweep).send(in_parts(ranges, size), 4)[:4]
-    assert [stamp_ns(one) for one in received] == [one.stamp_ns for one in expected]
-    assert sum(len(one.new) for one in expected) == 2
-    for one, other in zip(received, expected, strict=True):
-        states = [[p[f"state_{name}"] for name in ("x", "vx", "y", "vy")] for p in points(one)]
-        assert states == [track.state.tolist() for track in other.new]
-        assert [p["hit_count"] for p in points(one)] == [len(track.hits) for track in other.new]
-    assert world.dropped() == {}
-
-
 def test_auto_learns_the_sweep(world):
     radar = Radar(world, sweep="auto")
     alone = BEAMS // 6  # messages of the first turn, each a scan
@@ -101,7 +79,7 @@ def test_when_messages_stop_the_open_scan_ends_and_a_reset_discards_one(world):
     radar.send(in_parts(turns(1), 6)[10:20], 0)
     for _ in range(20):  # they arrive
         world.spin_once()
-    world.call(Trigger, "/track_initiator/reset", Trigger.Request())
+    world.reset()
     radar.send(in_parts(turns(1), 6)[:10], 1)
     assert len(radar.tracks) == 2
     assert world.dropped() == {}
@@ -109,45 +87,15 @@ def test_when_messages_stop_the_open_scan_ends_and_a_reset_discards_one(world):
 
 def test_a_bag_of_parts_gives_the_same_tracks_through_the_node_and_offline(world, tmp_path):
     scenario = small_scenario(period=1.0, own_ship={"x": 100.0, "y": -50.0})
-    entries = []
-    for one in Simulator(scenario, 5, 1000.0).parts(12):
-        scan = one.scan
-        values = {"range": scan.range, "azimuth": scan.azimuth, "time_offset": scan.time_offset}
-        entries.append(
-            Entry(scan.stamp, "/detections", POINTS, cloud(scan.stamp, "sonar", **values))
-        )
+    entries = [
+        Entry(one.scan.stamp, "/detections", POINTS, detections(one.scan))
+        for one in Simulator(scenario, 5, 1000.0).parts(12)
+    ]
     path = write_bag(tmp_path / "bag", entries)
-    given = (*PARAMETERS, "sweep:=1.0")
-    arguments = [part for one in given for part in ("-p", one)]
-    assert main(["run", str(path), "--out", str(tmp_path / "out"), *arguments]) == 0
-    with Bag(tmp_path / "out" / "tracks.mcap") as bag:
-        offline = [message.data for message in bag.messages(["/tracks/current"])]
-    live: list[bytes] = []
-    world.observer.create_subscription(
-        PointCloud2, "tracks/current", live.append, RELIABLE, raw=True
-    )
-    world.make(TrackInitiator, named({**parse_values(given), "method": "score"}))
-    player = world.make(
-        ScanPlayer,
-        {
-            "recording": str(path),
-            "wait_for_subscribers": 2,
-            "rate_factor": 1e5,
-            "settling_time": 0.0,
-        },
-    )
-    world.until(lambda: world.observer.count_subscribers("/detections") == 1, "the initiator")
-    world.until_connected()
-    world.listen(PointCloud2, "detections")
-    world.until(player.finished.done, "the end")
-    world.until(lambda: len(live) == len(offline), "the last scan, after a silence")
-    assert 10 <= len(offline) <= 11
-
-    def canonical(data: bytes) -> bytes:
-        return bytes(STORE.serialize_cdr(STORE.deserialize_cdr(data, POINTS), POINTS))
-
-    assert [canonical(data) for data in live] == offline
-    assert STORE.deserialize_cdr(offline[-1], POINTS).width == 2
+    offline = assert_same_live_and_offline(world, path, tmp_path, *PARAMETERS, "sweep:=1.0")
+    current = offline["/tracks/current"]  # the last scan comes after a silence
+    assert 10 <= len(current) <= 11
+    assert STORE.deserialize_cdr(current[-1], POINTS).width == 2
 
 
 def test_the_simulator_plays_sweeps(world):

@@ -7,10 +7,9 @@ import pytest
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import ReliabilityPolicy
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
 from support.expectation import (
-    COVARIANCE,
     STATE,
     as_scan,
     assert_same,
@@ -19,11 +18,16 @@ from support.expectation import (
     confirmed,
     initiator,
 )
-from support.patience import WAIT
+from support.markers import shown_markers
+from support.patience import WAIT, patient
 from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN
-from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
+from support.sonar_driver import Driver, pings, points, stamp_ns
+from visualization_msgs.msg import Marker
 
+from tsepm_ros import available_methods
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
+from tsepm_ros.tools.simulation import load_scenario
 
 SECOND = 10**9
 TWO_TARGETS = ((3000.0, 4.0, 1500.0, -2.0), (-2000.0, -3.0, 2500.0, 1.0))
@@ -52,88 +56,15 @@ def test_a_driver_that_publishes_range_and_azimuth_gets_tracks(world, qos, drive
     assert subscription.qos_profile.reliability == qos.reliability
 
 
-def test_every_target_of_a_burst_is_tracked_and_ids_count_up(world):
-    boat = Boat(world)
-    sent = pings(30, targets=TWO_TARGETS, clutter=20)
-    received = boat.send(sent)
-    assert_same(received, confirmed(sent))
-    ids = [point["track_id"] for message in received for point in points(message)]
-    assert ids == list(range(len(ids)))
-    assert len(ids) >= 2
-
-
-def test_a_sonar_that_gives_no_times_is_said_once(world):
-    boat = Boat(world)
-    boat.send(pings())
-    world.until_logged("no time_offset", level=WARN)
-    assert len(world.warned()) == 1
-
-
-def test_every_scan_gives_one_message_even_without_tracks_or_detections(world):
-    boat = Boat(world)
-    sent = [Ping(START_NS + index * SECOND, [], []) for index in range(3)]
-    sent += pings(2, start_ns=START_NS + 12 * SECOND)
-    received = boat.send(sent)
-    assert_stamps(received, sent)
-    assert [message.width for message in received] == [0] * 5
-    fields = [[field.name for field in message.fields] for message in received]
-    assert all(names == fields[0] for names in fields)
-    assert fields[0][:4] == ["x", "y", "z", "track_id"]
-
-
-def test_tracks_have_the_documented_layout(world):
-    boat = Boat(world)
-    message = boat.send(pings())[-1]
-    names = [field.name for field in message.fields]
-    assert names == [
-        *("x", "y", "z", "track_id", *STATE, *COVARIANCE),
-        *("evaluation", "score", "hit_count", "scan_count", "age", "stationary_probability"),
-        *("signal_to_clutter_db", "revision", "existence_probability", "time_since_hit"),
-    ]
-    kinds = {field.name: field.datatype for field in message.fields}
-    # RViz and PCL need these three as float32.
-    assert {kinds.pop(name) for name in "xyz"} == {PointField.FLOAT32}
-    assert kinds.pop("track_id") == PointField.UINT32
-    counts = {kinds.pop(name) for name in ("hit_count", "scan_count", "revision")}
-    assert counts == {PointField.UINT16}
-    assert set(kinds.values()) == {PointField.FLOAT64}
-    doubles = [f.offset for f in message.fields if f.datatype == PointField.FLOAT64]
-    assert not any(offset % 8 for offset in [*doubles, message.point_step])
-    assert {field.count for field in message.fields} == {1}
-    assert message.height == 1 and not message.is_bigendian
-    assert message.row_step == message.width * message.point_step == len(message.data)
-
-
-def test_topics_follow_remapping_and_namespace(world):
-    driver = world.add(Driver(world.context, cli_args=["--ros-args", "-r", "__ns:=/sonar"]))
-    arguments = ["--ros-args", "-r", "__ns:=/boat", "-r", "detections:=/sonar/detections"]
-    world.make(TrackInitiator, named({}), cli_args=arguments)
-    tracks = world.listen(PointCloud2, "/boat/tracks")
-    world.until(driver.publisher.get_subscription_count, "the node to subscribe")
-    world.until_connected()
-    sent = pings()
-    for ping in sent:
-        driver.ping(ping)
-    world.until(lambda: len(tracks) == len(sent), "tracks")
-    assert_same(tracks, confirmed(sent))
-
-
-def test_tracks_are_offered_reliably_and_current_tracks_latched(world):
-    Boat(world)
-    [tracks] = world.observer.get_publishers_info_by_topic("/tracks")
-    [current] = world.observer.get_publishers_info_by_topic("/tracks/current")
-    assert tracks.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    assert current.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    assert current.qos_profile.durability == LATCHED.durability
-
-
-def test_each_new_track_is_an_odometry_message(world):
+def test_every_target_of_a_burst_is_tracked_and_each_track_is_an_odometry_message(world):
     boat = Boat(world)
     odometry = world.listen(Odometry, "tracks/odometry")
     world.until_connected()
-    sent = pings(20, targets=TWO_TARGETS)
+    sent = pings(30, targets=TWO_TARGETS, clutter=20)
     received = boat.send(sent)
+    assert_same(received, confirmed(sent))
     tracks = [(message, point) for message in received for point in points(message)]
+    assert [point["track_id"] for _, point in tracks] == list(range(len(tracks)))
     world.until(lambda: len(odometry) >= len(tracks), "odometry")
     assert len(odometry) == len(tracks) >= 2
     for (message, point), found in zip(tracks, odometry, strict=True):
@@ -144,13 +75,12 @@ def test_each_new_track_is_an_odometry_message(world):
         assert [position.x, velocity.x, position.y, velocity.y] == [point[n] for n in STATE]
         assert (orientation.x, orientation.y, orientation.z, orientation.w) == (0, 0, 0, 1)
         pose, twist = found.pose.covariance.reshape(6, 6), found.twist.covariance.reshape(6, 6)
-        assert [pose[0, 0], pose[0, 1], pose[1, 1]] == [
-            point[name] for name in ("cov_00", "cov_02", "cov_22")
-        ]
-        assert [twist[0, 0], twist[0, 1], twist[1, 1]] == [
-            point[name] for name in ("cov_11", "cov_13", "cov_33")
-        ]
-        assert min(*np.diag(pose)[2:], *np.diag(twist)[2:]) >= 1e5, "not observed"
+        for matrix, names in ((pose, ("00", "02", "22")), (twist, ("11", "13", "33"))):
+            known = [matrix[0, 0], matrix[0, 1], matrix[1, 1]]
+            assert known == [point[f"cov_{name}"] for name in names]
+            assert min(np.diag(matrix)[2:]) >= 1e5, "not observed"
+    world.until_logged("no time_offset", level=WARN)
+    assert len(world.warned()) == 1, "a sonar that gives no times is said once"
 
 
 def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
@@ -162,6 +92,9 @@ def test_a_late_subscriber_gets_the_current_tracks_as_of_the_last_scan(world):
     current = world.listen(PointCloud2, "tracks/current", LATCHED)
     world.until(lambda: current, "the current tracks")
     [latched] = current
+    for topic in ("/tracks", "/tracks/current"):
+        [offered] = world.observer.get_publishers_info_by_topic(topic)
+        assert offered.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     assert stamp_ns(latched) == sent[-1].stamp_ns
     [held] = points(latched)
     assert held["track_id"] == start["track_id"]
@@ -191,3 +124,48 @@ def test_results_are_published_in_the_callback_that_made_them(world):
     assert_same(boat.tracks, confirmed(sent))
     for latency in received:
         assert 0 < latency.core < latency.to_tracks < latency.to_all < 5.0
+
+
+def test_reset_forgets_scans_tracks_counts_and_the_frame_but_no_id_comes_twice(world):
+    boat = Boat(world)
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    markers = shown_markers(world)
+    world.until_connected()
+    sent = pings()
+    first = boat.send(sent)
+    boat.driver.ping(sent[-2])  # late: dropped and counted
+    world.until(lambda: world.dropped() == {"scan_late": 1}, "the count")
+    response = world.reset()
+    assert response.success and response.message
+    world.until(lambda: len(current) > len(sent) and len(markers) > len(sent), "what it cleared")
+    assert current[-1].width == 0
+    assert current[-1].header.frame_id == "sonar", "RViz cannot place a message without a frame"
+    assert [marker.action for marker in markers[-1].markers] == [Marker.DELETEALL]
+    figures = world.figures()
+    assert figures["scans"] == "0"
+    assert not [key for key in figures if key.startswith("dropped.")]
+    again = boat.send(
+        sent, frame_id="head"
+    )  # the same stamps once more are neither late nor a restart
+    assert_same(again, confirmed(sent))
+    assert {message.header.frame_id for message in again} == {"head"}
+    ids = [point["track_id"] for message in [*first, *again] for point in points(message)]
+    assert len(set(ids)) == len(ids)
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_every_method_answers_every_ping_of_the_demo(world, method):
+    scene = load_scenario("four_targets")
+    world.deadline = patient(10.0)
+    tracks = world.listen(PointCloud2, "tracks")
+    current = world.listen(PointCloud2, "tracks/current", LATCHED)
+    given = {"own_ship_source": "odometry", "own_ship_timeout": 60.0, "diagnostics_period": 0.05}
+    world.make(TrackInitiator, {"method": method, "max_scan_time": 3600.0, **given})
+    simulated = {"seed": 2, "rate_factor": 300.0, "own_ship_rate": 0.25, "wait_for_subscribers": 1}
+    world.make(SonarSimulator, simulated)
+    world.until(lambda: len(current) == scene.scans, "an answer to every ping")
+    stamps = [stamp_ns(message) for message in tracks]
+    assert (len(stamps), stamps) == (scene.scans, sorted(set(stamps)))
+    assert world.dropped() == {}
+    if method not in ("heuristic", "modified_hough"):  # limits as printed: nothing is found
+        assert sum(len(points(message)) for message in tracks) > 0

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
+import itertools
 import re
-import signal
-import subprocess
-import sys
 import threading
-import time
-import urllib.request
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
 from support.pages import Watcher, held
-from support.patience import WAIT
-from support.ros_world import BEST_EFFORT, RELIABLE, WARN
+from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, remapped
 from support.sonar_driver import cloud, pings
 
 pytest.importorskip("tornado")
@@ -32,12 +24,20 @@ from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+REMAPPED = remapped(
+    "__ns:=/boat", "tracks/current:=/elsewhere/held", "own_ship/odometry:=/navigation"
+)
 
 
 def tracks(stamp: float, *held_tracks):
     header = make_header(round(stamp * 1e9), "odom")
     return track_cloud(header, [track.predicted(stamp) for track in held_tracks])
+
+
+def live(world, **node_options):
+    """A viewer, and what a page of it gets."""
+    viewer = world.make(TrackViewer, {"port": 0}, **node_options)
+    return viewer, Watcher(viewer.url)
 
 
 def test_the_page_shows_what_the_track_initiator_publishes(world):
@@ -76,6 +76,10 @@ def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
         )
     assert watcher.frames[0]["tracks"][0][:3] == [3, 100, 200]
     assert watcher.facts["3"]["confirmed"] is None
+    unreadable = tracks(100.0, held(3, 1.0, 2.0))
+    unreadable.fields = unreadable.fields[:3]
+    publisher.publish(unreadable)
+    world.until_logged("a message on tracks/current cannot be shown: field 'track_id' is missing")
 
 
 @pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["volatile", "best_effort"])
@@ -83,54 +87,20 @@ def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
 def test_sources_that_offer_less_are_shown_too(world, qos, viewer_first):
     viewer = world.make(TrackViewer, {"port": 0}) if viewer_first else None
     publisher = world.observer.create_publisher(PointCloud2, "tracks/current", qos)
+    health = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
     viewer = viewer or world.make(TrackViewer, {"port": 0})
     with Watcher(viewer.url) as watcher:
         world.until(publisher.get_subscription_count, "the viewer to subscribe")
         world.until_connected()
-        number = 0
 
-        def shown():
-            nonlocal number
-            number += 1
-            publisher.publish(tracks(100.0 + number, held(3, 1.0, 2.0)))
-            return watcher.frames
+        stamps = itertools.count(101.0)
 
-        world.until(shown, "a frame")
-
-
-def test_the_own_ship_and_its_diagnostics_are_shown(world):
-    viewer = world.make(TrackViewer, {"port": 0})
-    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-    odometry = world.observer.create_publisher(Odometry, "own_ship/odometry", best_effort)
-    current = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
-    health = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
-    world.until_connected()
-    with Watcher(viewer.url) as watcher:
-        number = 0
-
-        def shown():
-            nonlocal number
-            number += 1
-            pose = PoseSample(100.0 + number, 5.0, 6.0, 0.25, None, frame_id="odom")
-            odometry.publish(odometry_message(pose))
+        def publish():
+            publisher.publish(tracks(next(stamps), held(3, 1.0, 2.0)))
             health.publish(diagnostics(0, "n", [Status("own ship", Level.ERROR, "bad", {})]))
-            current.publish(tracks(100.0 + number))
-            return watcher.health and watcher.frames and watcher.frames[-1]["own_ship"]
 
-        world.until(shown, "own ship and health")
-    assert watcher.frames[-1]["own_ship"][:3] == [500, 600, 250]
+        world.until(lambda: watcher.frames and watcher.health, "a frame and the health", publish)
     assert watcher.health["level"] == 2
-
-
-def test_a_message_that_cannot_be_read_is_a_warning(world):
-    viewer = world.make(TrackViewer, {"port": 0})
-    publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
-    world.until_connected()
-    cloud = tracks(100.0, held(3, 1.0, 2.0))
-    cloud.fields = cloud.fields[:3]
-    publisher.publish(cloud)
-    world.until_logged("a message on tracks/current cannot be shown: field 'track_id' is missing")
-    assert viewer.url.startswith("http://127.0.0.1:")
 
 
 @pytest.mark.parametrize(
@@ -140,61 +110,19 @@ def test_a_message_that_cannot_be_read_is_a_warning(world):
         ({"origin": "59.65"}, "origin must be latitude,longitude"),
         ({"host": "no-such-host.invalid"}, "cannot be served on no-such-host.invalid"),
         ({"prot": 1}, "prot is not a parameter; did you mean port?"),
+        ({"qos_overrides./nowhere.publisher.depth": 5}, "nowhere"),  # the server has started
     ],
 )
-def test_bad_parameters_are_refused(world, parameters, sentence):
+def test_a_node_with_bad_parameters_is_refused_and_serves_nothing(world, parameters, sentence):
+    before = threading.enumerate()
     with pytest.raises(ParameterError, match=re.escape(sentence)):
         world.make(TrackViewer, {"port": 0, **parameters})
-
-
-def test_a_node_that_is_refused_serves_nothing(world):
-    """The fault is found after the server has started."""
-    override = {"qos_overrides./nowhere.publisher.depth": 5}
-    before = threading.enumerate()
-    with pytest.raises(ParameterError, match="nowhere"):
-        world.make(TrackViewer, {"port": 0, **override})
     new = [thread.name for thread in threading.enumerate() if thread not in before]
     assert "page server" not in new
 
 
-def test_tsepm_watch_serves_the_live_topics_until_interrupted(domain, tmp_path):
-    said = tmp_path / "said.txt"
-    command = [sys.executable, "-m", "tsepm_ros.tools.commands.cli", "watch", "--port", "0"]
-    command += ["--ros-args", "-r", "tracks/current:=/boat/current"]
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
-    with said.open("wb") as file:
-        process = subprocess.Popen(command, env=environment, stdout=file, stderr=file)
-    try:
-        end = time.monotonic() + WAIT
-        while not (found := re.search(r"open (http://\S+)", said.read_text())):
-            assert time.monotonic() < end and process.poll() is None, said.read_text()
-            time.sleep(0.02)
-        with urllib.request.urlopen(found[1], timeout=WAIT) as page:
-            assert "Tracks on /boat/current" in page.read().decode()
-        with Watcher(found[1]) as watcher:
-            while not watcher.updates:
-                assert time.monotonic() < end
-                time.sleep(0.02)
-        assert json.loads(json.dumps(watcher.updates[0]["info"]))["topic"] == "/boat/current"
-        process.send_signal(signal.SIGINT)
-        assert process.wait(WAIT) == 0
-    finally:
-        process.kill()
-        process.wait()
-
-
-def live(world, **node_options):
-    """A viewer, and what a page of it gets."""
-    viewer = world.make(TrackViewer, {"port": 0}, **node_options)
-    return viewer, Watcher(viewer.url)
-
-
 def topic_shown(watcher):
     return ([update["info"]["topic"] for update in watcher.updates if "info" in update] or [""])[-1]
-
-
-REMAPPED = ["--ros-args", "-r", "__ns:=/boat", "-r", "tracks/current:=/elsewhere/held"]
-REMAPPED += ["-r", "own_ship/odometry:=/navigation"]
 
 
 def test_the_page_takes_the_remapped_topics_that_the_node_states(world):
@@ -206,27 +134,27 @@ def test_the_page_takes_the_remapped_topics_that_the_node_states(world):
         world.until(lambda: topic_shown(watcher) == "/elsewhere/held", "the node's topic")
         world.until(lambda: odometry.get_subscription_count() == 2, "node and page")
         world.until(sonar.get_subscription_count, "the node")
-        number = 0
 
-        def shown():
-            nonlocal number
-            number += 1
-            pose = PoseSample(100.0 + number, 5.0, 6.0, 0.25, None, frame_id="odom")
+        stamps = itertools.count(101.0)
+
+        def publish():
+            stamp = next(stamps)
+            pose = PoseSample(stamp, 5.0, 6.0, 0.25, None, frame_id="odom")
             odometry.publish(odometry_message(pose))
             columns = {"range": [500.0], "azimuth": [0.1]}
-            sonar.publish(cloud(round((99.5 + number) * 1e9), columns))
+            sonar.publish(cloud(round((stamp - 0.5) * 1e9), columns))
             for _ in range(40):  # all callbacks of this ping, before the next
                 world.spin_once(0.01)
-            return watcher.frames and watcher.frames[-1]["own_ship"]
 
-        world.until(shown, "a frame with the own ship")
+        world.until(lambda: watcher.frames and watcher.frames[-1]["own_ship"], "own ship", publish)
+    assert watcher.frames[-1]["own_ship"][:3] == [500, 600, 250]
     world.until_logged("shows /boat/track_initiator, with tracks on /elsewhere/held")
 
 
 def test_a_remapping_of_the_page_s_own_is_kept(world):
     world.make(TrackInitiator, named({}), cli_args=REMAPPED)
     world.observer.create_publisher(PointCloud2, "/mine", LATCHED)
-    viewer, page = live(world, cli_args=["--ros-args", "-r", "tracks/current:=/mine"])
+    viewer, page = live(world, cli_args=remapped("tracks/current:=/mine"))
     with page as watcher:
         world.until(lambda: len(world.diagnostics) > 3, "what the node states")
         assert topic_shown(watcher) == "/mine"
@@ -235,16 +163,16 @@ def test_a_remapping_of_the_page_s_own_is_kept(world):
 
 def test_a_page_in_a_namespace_shows_the_node_in_it_under_any_topic(world):
     for boat in ("port", "starboard"):
-        arguments = ["--ros-args", "-r", f"__ns:=/{boat}", "-r", f"tracks/current:=/held/{boat}"]
+        arguments = remapped(f"__ns:=/{boat}", f"tracks/current:=/held/{boat}")
         world.make(TrackInitiator, named({}), cli_args=arguments)
-    _, page = live(world, cli_args=["--ros-args", "-r", "__ns:=/starboard"])
+    _, page = live(world, cli_args=remapped("__ns:=/starboard"))
     with page as watcher:
         world.until(lambda: topic_shown(watcher) == "/held/starboard", "the topic of that node")
 
 
 def test_several_nodes_that_fit_are_named_and_none_is_guessed(world):
     for boat in ("port", "starboard"):
-        world.make(TrackInitiator, named({}), cli_args=["--ros-args", "-r", f"__ns:=/{boat}"])
+        world.make(TrackInitiator, named({}), cli_args=remapped(f"__ns:=/{boat}"))
     world.until(
         lambda: len({message.status[0].name for message in world.diagnostics}) == 2, "both nodes"
     )

@@ -1,29 +1,19 @@
 """Poses from tf: the whole rotation of the sensor's frame, once; and mountings beside odometry."""
 
 import math
-from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Point, Pose, Vector3
 from nav_msgs.msg import Odometry
-from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
-from support.boat import Boat, named
-from support.foreign_messages import (
-    BoundingBox3D,
-    Detection3D,
-    Detection3DArray,
-    PingInfo,
-    SonarRanges,
-)
+from support.boat import Boat
+from support.driver_messages import MAKERS, Echo
 from support.sonar_driver import START_NS, Ping, cloud, points
+from support.transforms import Transforms
 
 from msg_adapters import make_header, read_detections
 from tsepm_ros.nodes.subscriptions import TfOwnShip
-from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -32,27 +22,13 @@ START = START_NS * 1e-9
 SENSOR = np.array([10.0, 20.0])
 
 
-@dataclass
-class Rolling:
-    """A stand-in for tf2_ros.Buffer: a frame that turns at a constant rate about some axis."""
+def turning(begin: Rotation, rate: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Transforms:
+    """A frame that turns at a constant rate about some axis."""
 
-    begin: Rotation
-    rate: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    def pose(seconds: float) -> tuple[Any, list[float]]:
+        return SENSOR, (begin * Rotation.from_rotvec(np.array(rate) * seconds)).as_quat().tolist()
 
-    def rotation(self, seconds: float) -> Rotation:
-        """`seconds` after the start."""
-        return self.begin * Rotation.from_rotvec(self.rate * seconds)
-
-    def can_transform(self, *_: Any) -> bool:
-        return True
-
-    def lookup_transform(self, _target: str, _source: str, time: Any) -> Any:
-        turn = self.rotation((time.nanoseconds - START_NS) * 1e-9).as_quat()
-        translation = SimpleNamespace(x=SENSOR[0], y=SENSOR[1], z=-4.0)
-        rotation = SimpleNamespace(**dict(zip("xyzw", turn.tolist(), strict=True)))
-        return SimpleNamespace(
-            transform=SimpleNamespace(translation=translation, rotation=rotation)
-        )
+    return Transforms(pose)
 
 
 def session_with(buffer: Any) -> Session:
@@ -72,39 +48,29 @@ def placed(message: Any, buffer: Any) -> np.ndarray:
     return pose[:, :2] + scan.range[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def x_y_z(vectors: np.ndarray) -> Any:
-    columns = dict(zip("xyz", vectors.T.tolist(), strict=True))
-    return cloud(START_NS, columns)
-
-
-def sonar_ranges(vectors: np.ndarray) -> Any:
-    distances = np.linalg.norm(vectors, axis=1)
-    units = (vectors / distances[:, None]).tolist()
-    return SonarRanges(
-        header=make_header(START_NS, "sonar"),
-        ping_info=PingInfo(sound_speed=1500.0),
-        ranges=distances.tolist(),
-        beam_unit_vec=[Vector3(x=x, y=y, z=z) for x, y, z in units],
-    )
-
-
-def boxes(vectors: np.ndarray, frame_id: str = "camera_optical") -> Any:
-    size = Vector3(x=1.0, y=1.0, z=1.0)
-    made = [
-        Detection3D(bbox=BoundingBox3D(center=Pose(position=Point(x=x, y=y, z=z)), size=size))
-        for x, y, z in vectors.tolist()
-    ]
-    return Detection3DArray(header=make_header(START_NS, frame_id), detections=made)
-
-
 BODY = np.array([[900.0, 300.0, -200.0], [-500.0, 700.0, 100.0], [40.0, -60.0, 5.0]])
 """Places: ahead, port, up of the sensor."""
+HEADER = make_header(START_NS, "sonar")
+ECHOES = [
+    Echo(math.hypot(x, y), math.atan2(y, x), math.atan2(z, math.hypot(x, y))) for x, y, z in BODY
+]
+
+
+def vectors(axes: np.ndarray, frame_id: str) -> Any:
+    columns = dict(zip("xyz", (BODY @ axes).T.tolist(), strict=True))
+    return cloud(START_NS, columns, frame_id=frame_id), axes
+
+
+LEVEL = np.eye(3)
+OPTICAL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+LOOKS_UP = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
 FRAMES = {
-    # Columns: the frame's x, y, z in ahead, port, up.
-    "PointCloud2": (x_y_z, np.eye(3)),
-    "SonarRanges": (sonar_ranges, np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])),
-    "Detection3DArray": (boxes, np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])),
+    "PointCloud2": vectors(LEVEL, "sonar"),
+    "PointCloud2 of a camera": vectors(OPTICAL, "camera_optical"),
+    "SonarRanges": (MAKERS["marine_acoustic_msgs/msg/SonarRanges"](HEADER, ECHOES)[0], LOOKS_UP),
+    "Detection3DArray": (MAKERS["vision_msgs/msg/Detection3DArray"](HEADER, ECHOES)[0], LEVEL),
 }
+"""Messages, and axes: columns are the frame's x, y, z in ahead, port, up."""
 TILTS = {
     "level": (0.7, 0.0, 0.0),
     "roll": (0.7, 0.0, 0.35),
@@ -117,62 +83,40 @@ TILTS = {
 @pytest.mark.parametrize("tilt", TILTS)
 @pytest.mark.parametrize("frame", FRAMES)
 def test_vectors_are_turned_by_the_frame_s_whole_rotation_once(frame, tilt):
-    make, axes = FRAMES[frame]
+    message, axes = FRAMES[frame]
     board = Rotation.from_euler("ZYX", TILTS[tilt])
-    found = placed(make(BODY @ axes), Rolling(board * Rotation.from_matrix(axes)))
+    found = placed(message, turning(board * Rotation.from_matrix(axes)))
     # The message has vectors in the frame's own axes, which tf turns into those of the map.
     expected = SENSOR + board.apply(BODY)[:, :2]
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_echoes_take_the_attitude_of_their_arrival():
-    buffer = Rolling(Rotation.from_euler("ZYX", [0.3, 0.1, 0.2]), np.array([0.4, -0.1, 0.02]))
+    buffer = turning(Rotation.from_euler("ZYX", [0.3, 0.1, 0.2]), (0.4, -0.1, 0.02))
     slant = 1500.0 * np.array([0.5, 1.0, 2.0])
-    message = cloud(
-        START_NS,
-        {
-            "range": slant,
-            "azimuth": [0.2, 1.4, -2.0],
-            "elevation": [0.1, -0.3, 0.2],
-            "time_offset": slant / 1500.0,
-        },
-    )
-    direction = np.array(
-        [
-            [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]
-            for a, e in ((0.2, 0.1), (1.4, -0.3), (-2.0, 0.2))
-        ]
-    )
+    azimuth, elevation = np.array([0.2, 1.4, -2.0]), np.array([0.1, -0.3, 0.2])
+    columns = {"range": slant, "azimuth": azimuth, "elevation": elevation}
+    message = cloud(START_NS, {**columns, "time_offset": slant / 1500.0})
+    level = slant * np.cos(elevation)
+    echoes = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), slant * np.sin(elevation)])
     expected = [
-        SENSOR + buffer.rotation(2.0 * r / 1500.0).apply(r * d)[:2]
-        for r, d in zip(slant, direction, strict=True)
+        SENSOR + Rotation.from_quat(buffer.pose(2.0 * r / 1500.0)[1]).apply(echo)[:2]
+        for r, echo in zip(slant, echoes.T, strict=True)
     ]
     # Angles are interpolated over 0.2 s, in which the frame turns by 5 degrees.
     np.testing.assert_allclose(placed(message, buffer), expected, atol=1.5)
 
 
-def test_a_rotation_of_nothing_places_nothing():
-    rotation = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=0.0)
-    translation = SimpleNamespace(x=0.0, y=0.0, z=0.0)
-    transform = SimpleNamespace(
-        transform=SimpleNamespace(translation=translation, rotation=rotation)
-    )
-    buffer = SimpleNamespace(can_transform=lambda *_: True, lookup_transform=lambda *_: transform)
-    session = session_with(buffer)
-    session.own_ship.look_up("sonar", START, START + 0.1, "body")
+@pytest.mark.parametrize(
+    ("rotation", "axes"),
+    [([0.0, 0.0, 0.0, 0.0], "body"), ([0.0, 0.0, 0.0, 1.0], "sonar")],
+    ids=["nothing", "forward axis points up"],
+)
+def test_a_rotation_that_gives_no_heading_places_nothing(rotation, axes):
+    session = session_with(Transforms(lambda _: ((0.0, 0.0), rotation)))
+    session.own_ship.look_up("sonar", START, START + 0.1, axes)
     assert session.own_ship_stamp is None
     assert set(session.dropped) == {"own_ship_invalid"}
-
-
-def test_a_mounting_is_refused_while_running_without_odometry_and_taken_with_it(world):
-    yaw = [Parameter("mounting.yaw", value=0.5)]
-    standing = world.make(TrackInitiator, named({}))
-    [refused] = standing.set_parameters(yaw)
-    assert not refused.successful
-    assert "must be 0 if own_ship_source is none" in refused.reason
-    moving = world.make(TrackInitiator, named({"own_ship_source": "odometry"}))
-    [taken] = moving.set_parameters(yaw)
-    assert taken.successful, taken.reason
 
 
 def test_the_node_uses_roll_pitch_and_the_mounting(world):

@@ -48,14 +48,6 @@ class Spoken(list):
         self._announced.announce(result, lambda _: "why")
 
 
-def test_fifty_at_once_are_ten_lines_and_a_sum():
-    spoken = Spoken()
-    spoken.confirm(50)
-    assert len(spoken) == MAX_LINES + 1
-    assert [line.split()[1] for line in spoken[:-1]] == [str(n) for n in range(MAX_LINES)]
-    assert spoken[-1].startswith("40 more confirmed tracks (ids 10 to 49)")
-
-
 @pytest.mark.parametrize("reason", ENDS)
 def test_the_end_of_a_track_is_one_line_with_its_reason(reason):
     spoken = Spoken()

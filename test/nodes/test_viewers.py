@@ -33,52 +33,38 @@ def published(world) -> dict[str, tuple[str, DurabilityPolicy]]:
     world.make(TrackInitiator, named({"own_ship_source": "odometry"}))
     world.make(SonarSimulator)
     world.until_connected()
-    nodes = [("track_initiator", "/"), ("sonar_simulator", "/")]
-    topics = {
-        topic
-        for node in nodes
-        for topic, _ in world.observer.get_publisher_names_and_types_by_node(*node)
-    }
-    found = {}
-    for topic in topics:
-        for end in world.observer.get_publishers_info_by_topic(topic):
-            found[topic] = end.topic_type, end.qos_profile.durability
+    look, found = world.observer, {}
+    for node in ("track_initiator", "sonar_simulator"):
+        for topic, _ in look.get_publisher_names_and_types_by_node(node, "/"):
+            for end in look.get_publishers_info_by_topic(topic):
+                found[topic] = end.topic_type, end.qos_profile.durability
     return found
 
 
-def displays():
-    return [display for display in RVIZ["Displays"] if "Topic" in display]
-
-
 def test_rviz_shows_topics_that_exist_with_types_and_qualities_that_fit(published):
-    assert len(displays()) >= 6
-    for display in displays():
+    displays = [display for display in RVIZ["Displays"] if "Topic" in display]
+    assert len(displays) >= 6
+    for display in displays:
         topic = display["Topic"]
         kind, durability = published[topic["Value"]]
         assert kind == TYPES[display["Class"].removeprefix("rviz_default_plugins/")]
-        # A display that requests best effort shows reliable publishers too; navigation is often
-        # best effort.
+        # Best effort shows reliable publishers too; navigation is often best effort.
         navigation = topic["Value"] == "/own_ship/odometry"
         assert topic["Reliability Policy"] == ("Best Effort" if navigation else "Reliable")
+        # With less than is offered a viewer that joins late would see nothing for a ping.
         latched = durability == DurabilityPolicy.TRANSIENT_LOCAL
-        # Less than is offered would do, but a viewer that joins late would see nothing for a ping.
         assert topic["Durability Policy"] == ("Transient Local" if latched else "Volatile")
 
 
-def topics_of_panels():
-    panels = FOXGLOVE["configById"]
-    three_d = panels["3D!tracks"]["topics"]
-    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
-    in_paths = {re.match(r"[\w/]+", path)[0] for path in paths}
-    rendered = {panel["topicToRender"] for panel in panels.values() if "topicToRender" in panel}
-    return set(three_d), in_paths, rendered
-
-
 def test_foxglove_shows_topics_that_exist_with_types_that_fit(published):
-    three_d, in_paths, rendered = topics_of_panels()
-    assert three_d and in_paths and rendered == {"/diagnostics"}
-    assert {published[topic][0] for topic in three_d} <= set(TYPES.values())
-    assert {published[topic][0] for topic in in_paths} <= {TYPES["PointCloud2"], DIAGNOSTICS}
+    panels = FOXGLOVE["configById"]
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
+    rendered = {panel["topicToRender"] for panel in panels.values() if "topicToRender" in panel}
+    assert paths and rendered == {"/diagnostics"}
+    in_three_d = {published[topic][0] for topic in panels["3D!tracks"]["topics"]}
+    assert in_three_d and in_three_d <= set(TYPES.values())
+    in_paths = {published[re.match(r"[\w/]+", path)[0]][0] for path in paths}
+    assert in_paths <= {TYPES["PointCloud2"], DIAGNOSTICS}
     assert published["/diagnostics"][0] == DIAGNOSTICS
 
 
@@ -93,22 +79,20 @@ def test_foxglove_names_statuses_that_exist(world):
     assert panels["DiagnosticStatusPanel!latency"]["selectedName"] in there
 
 
-def test_both_look_at_the_frame_of_the_simulator():
-    frame = SimulatorNodeOptions().fixed_frame
-    assert RVIZ["Global Options"]["Fixed Frame"] == frame
-    assert FOXGLOVE["configById"]["3D!tracks"]["followTf"] == frame
-
-
-def test_every_panel_of_the_layout_is_described():
-    def panels(part):
-        return [part] if isinstance(part, str) else panels(part["first"]) + panels(part["second"])
-
-    assert sorted(panels(FOXGLOVE["layout"])) == sorted(FOXGLOVE["configById"])
-
-
 def test_the_launch_file_starts_rviz_with_a_file_that_exists():
     launch = ElementTree.parse(ROOT / "launch/tsepm.launch.xml").getroot()
     [rviz] = [node for node in launch.iter("node") if node.get("pkg") == "rviz2"]
     assert rviz.get("if") == "$(var shows)"
     [path] = re.findall(r"\$\(find-pkg-share tsepm_ros\)/(\S+)", rviz.get("args"))
     assert (ROOT / "config" / path).is_file()  # config/ is left out where it is installed
+
+
+def test_both_look_at_the_frame_of_the_simulator_and_every_panel_is_described():
+    frame = SimulatorNodeOptions().fixed_frame
+    assert RVIZ["Global Options"]["Fixed Frame"] == frame
+    assert FOXGLOVE["configById"]["3D!tracks"]["followTf"] == frame
+
+    def panels(part):
+        return [part] if isinstance(part, str) else panels(part["first"]) + panels(part["second"])
+
+    assert sorted(panels(FOXGLOVE["layout"])) == sorted(FOXGLOVE["configById"])

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from tsepm_ros import Scan
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import Scenario, scenario_from
 
@@ -80,22 +81,30 @@ def cloud(stamp: float, frame_id: str, **fields: Any) -> Any:
     )
 
 
+def geometry(name: str, **values: Any) -> Any:
+    return STORE.types[f"geometry_msgs/msg/{name}"](**values)
+
+
+def pose(x: float, y: float, yaw: float) -> Any:
+    turned = geometry("Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+    return geometry("Pose", position=geometry("Point", x=x, y=y, z=0.0), orientation=turned)
+
+
 def odometry(stamp: float, x: float, y: float, yaw: float) -> Any:
-    def make(name: str, **values: Any) -> Any:
-        return STORE.types[f"geometry_msgs/msg/{name}"](**values)
-
-    def zero() -> Any:
-        return make("Vector3", x=0.0, y=0.0, z=0.0)
-
-    turned = make("Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
-    pose = make("Pose", position=make("Point", x=x, y=y, z=0.0), orientation=turned)
-    twist = make("Twist", linear=zero(), angular=zero())
+    zero = geometry("Vector3", x=0.0, y=0.0, z=0.0)
+    twist = geometry("Twist", linear=zero, angular=zero)
     return STORE.types[ODOMETRY](
         header=header(stamp, "odom"),
         child_frame_id="sonar",
-        pose=make("PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
-        twist=make("TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+        pose=geometry("PoseWithCovariance", pose=pose(x, y, yaw), covariance=np.zeros(36)),
+        twist=geometry("TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
     )
+
+
+def detections(scan: Scan) -> Any:
+    """The cloud of a simulated scan."""
+    names = ("range", "azimuth", "time_offset")
+    return cloud(scan.stamp, "sonar", **{name: getattr(scan, name) for name in names})
 
 
 def simulated(
@@ -105,22 +114,13 @@ def simulated(
     scenario = scenario or small_scenario()
     entries, last = [], start
     for one in Simulator(scenario, seed, start):
-        scan = one.scan
-        message = cloud(
-            scan.stamp,
-            "sonar",
-            range=scan.range,
-            azimuth=scan.azimuth,
-            time_offset=scan.time_offset,
-        )
+        message = detections(one.scan)
         entries.append(Entry(one.complete, f"{namespace}/detections", POINTS, message))
         last = one.complete
     for index in range(math.ceil(last - start) + 1):
-        x, y, yaw = scenario.own_ship.pose(float(index)).tolist()
-        message = odometry(start + index, x, y, yaw)
-        entries.append(
-            Entry(start + index + LATENCY, f"{namespace}/own_ship/odometry", ODOMETRY, message)
-        )
+        stamp, topic = start + index, f"{namespace}/own_ship/odometry"
+        message = odometry(stamp, *scenario.own_ship.pose(float(index)).tolist())
+        entries.append(Entry(stamp + LATENCY, topic, ODOMETRY, message))
     return sorted(entries, key=lambda entry: entry.time)
 
 
@@ -155,11 +155,6 @@ GRID = "nav_msgs/msg/OccupancyGrid"
 
 def grid(stamp: float, frame_id: str, occupied: np.ndarray, resolution: float, x: float, y: float):
     """A chart, (rows, columns) of bool."""
-
-    def make(name: str, **values: Any) -> Any:
-        return STORE.types[f"geometry_msgs/msg/{name}"](**values)
-
-    level = make("Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
     head = header(stamp, frame_id)
     height, width = occupied.shape
     return STORE.types[GRID](
@@ -169,7 +164,7 @@ def grid(stamp: float, frame_id: str, occupied: np.ndarray, resolution: float, x
             resolution=resolution,
             width=width,
             height=height,
-            origin=make("Pose", position=make("Point", x=x, y=y, z=0.0), orientation=level),
+            origin=pose(x, y, 0.0),
         ),
         data=np.where(occupied, 100, -1).astype(np.int8).ravel(),
     )

@@ -45,15 +45,7 @@ def need_browser() -> None:
 
 
 class Tab:
-    """One page of a browser.
-
-    Attributes
-    ----------
-    complaints : list of str
-        Errors and warnings of the page and its console, violations of its policy included.
-    requests : list of str
-        Addresses that the page asked for.
-    """
+    """One page of a browser: its complaints, also of its policy, and the addresses it asked for."""
 
     def __init__(self, browser: Browser, session: str) -> None:
         self._browser = browser
@@ -66,13 +58,8 @@ class Tab:
         return self._browser.call(method, self.session, **parameters)
 
     def size(self, width: int, height: int, *, phone: bool = False) -> None:
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=2 if phone else 1,
-            mobile=phone,
-        )
+        size = {"width": width, "height": height, "deviceScaleFactor": 2 if phone else 1}
+        self.call("Emulation.setDeviceMetricsOverride", mobile=phone, **size)
 
     def theme(self, name: str) -> None:
         """Prefer "dark" or "light", as the system's setting does."""
@@ -85,9 +72,8 @@ class Tab:
 
     def value(self, expression: str) -> Any:
         """Value of a JavaScript expression."""
-        answer = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
-        )
+        how = {"returnByValue": True, "awaitPromise": True}
+        answer = self.call("Runtime.evaluate", expression=expression, **how)
         if "exceptionDetails" in answer:
             raise AssertionError(answer["exceptionDetails"])
         return answer["result"].get("value")
@@ -181,19 +167,16 @@ class Browser:
             self._note(message)
 
     def _note(self, event: dict[str, Any]) -> None:
-        tab, parameters = self._tabs.get(event.get("sessionId", "")), event.get("params", {})
+        tab, content = self._tabs.get(event.get("sessionId", "")), event.get("params", {})
         if tab is None:
             return
-        if event["method"] == "Network.requestWillBeSent":
-            tab.requests.append(parameters["request"]["url"])
-        elif event["method"] == "Network.webSocketCreated":
-            tab.requests.append(parameters["url"])
-        elif event["method"] == "Runtime.exceptionThrown":
-            tab.complaints.append(str(parameters["exceptionDetails"]))
-        elif event["method"] == "Log.entryAdded":
-            tab.complaints.append(parameters["entry"]["text"])
-        elif event["method"] == "Runtime.consoleAPICalled":
-            tab.complaints.append(str(parameters["args"]))
+        match event["method"]:
+            case "Network.requestWillBeSent":
+                tab.requests.append(content["request"]["url"])
+            case "Network.webSocketCreated":
+                tab.requests.append(content["url"])
+            case "Runtime.exceptionThrown" | "Log.entryAdded" | "Runtime.consoleAPICalled":
+                tab.complaints.append(str(content))
 
     def _address(self) -> str:
         end = time.monotonic() + WAIT

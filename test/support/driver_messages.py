@@ -1,9 +1,4 @@
-"""Messages of every supported type, as a driver would fill them in from what it measured.
-
-Each maker takes pings of any number of echoes and rounds as its type does: `float32` of what it
-carries. It gives the message and, worked out here from those rounded numbers, what a `Scan` of them
-must hold.
-"""
+"""Messages of every supported type, rounded as it rounds, and what a `Scan` of them must hold."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -64,18 +59,12 @@ def point_cloud(header: Header, echoes: Sequence[Echo]) -> tuple[PointCloud2, Nu
     """As simulators publish it: x, y, z and intensity, float32."""
     rows = [(*_place(echo), 7.0) for echo in echoes]
     data = np.array(rows, np.float32).reshape(-1, 4)
-    cloud = PointCloud2(
-        header=header,
-        height=1,
-        width=len(rows),
-        fields=[
-            PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-            for index, name in enumerate(("x", "y", "z", "intensity"))
-        ],
-        point_step=16,
-        row_step=data.nbytes,
-        data=data.tobytes(),
-    )
+    fields = [
+        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+        for index, name in enumerate(("x", "y", "z", "intensity"))
+    ]
+    sizes = {"height": 1, "width": len(rows), "point_step": 16, "row_step": data.nbytes}
+    cloud = PointCloud2(header=header, fields=fields, data=data.tobytes(), **sizes)
     places = [(rounded(x), rounded(y)) for x, y, _, _ in rows]
     return cloud, {
         "range": [math.hypot(x, y) for x, y in places],
@@ -152,13 +141,10 @@ def sonar_ranges(header: Header, echoes: Sequence[Echo]) -> tuple[SonarRanges, N
 
 def radar_scan(header: Header, echoes: Sequence[Echo]) -> tuple[RadarScan, Numbers]:
     """Returns with their elevation."""
+    slants = [echo.range / math.cos(echo.elevation) for echo in echoes]
     rows = [
-        (
-            rounded(echo.range / math.cos(echo.elevation)),
-            rounded(echo.azimuth),
-            rounded(echo.elevation),
-        )
-        for echo in echoes
+        (rounded(slant), rounded(echo.azimuth), rounded(echo.elevation))
+        for slant, echo in zip(slants, echoes, strict=True)
     ]
     returns = [RadarReturn(range=r, azimuth=a, elevation=e) for r, a, e in rows]
     return RadarScan(header=header, returns=returns), {
@@ -198,16 +184,8 @@ def echoes_of(index: int, *, period: float = 12.0, clutter: int = 10) -> list[Ec
     for x, vx, y, vy in ((3000.0, 4.0, 1500.0, -2.0), (5000.0, -6.0, -1000.0, 1.0)):
         at, across = x + vx * period * index, y + vy * period * index
         error = rng.normal(0.0, (0.005, 0.005))
-        elevation = math.radians(-4.0)
-        echoes.append(
-            Echo(
-                math.hypot(at, across) * (1 + error[0]),
-                math.atan2(across, at) + error[1],
-                elevation,
-            )
-        )
-    for square, azimuth, elevation in rng.uniform(
-        (0.01, -1.3, -0.1), (1.0, 1.3, 0.1), (clutter, 3)
-    ):
-        echoes.append(Echo(9000.0 * math.sqrt(square), float(azimuth), float(elevation)))
+        range_, azimuth = math.hypot(at, across) * (1 + error[0]), math.atan2(across, at) + error[1]
+        echoes.append(Echo(range_, azimuth, math.radians(-4.0)))
+    drawn = rng.uniform((0.01, -1.3, -0.1), (1.0, 1.3, 0.1), (clutter, 3)).tolist()
+    echoes += [Echo(9000.0 * math.sqrt(square), *angles) for square, *angles in drawn]
     return echoes

@@ -23,23 +23,32 @@ from geometry_msgs.msg import (
 from std_msgs.msg import Header
 
 FLOAT32_ARRAY = object()
+KINDS: dict[str, Callable[[], Any] | object] = {
+    **{kind.__name__: kind for kind in (float, int, bool, str, bytes, list)},
+    **{kind.__name__: kind for kind in (Duration, Header, Point, Polygon, Pose, Vector3)},
+    **{one.__name__: one for one in (AccelWithCovariance, PoseWithCovariance, TwistWithCovariance)},
+    "float32[]": FLOAT32_ARRAY,
+    "float32[6]": lambda: [0.0] * 6,
+    "uint8[16]": lambda: [0] * 16,
+}
+"""What makes the default of a field, by its type."""
+PACKAGES: dict[str, list[type]] = {}
 
 
-def message_type(type_name: str, **fields: Callable[[], Any] | object) -> type:
+def message_type(package: str, name: str, fields: dict[str, Callable[[], Any] | object]) -> type:
     """Make a message class of fields and what makes their defaults."""
 
     def __init__(self: Any, **values: Any) -> None:  # noqa: N807
-        for name, default in fields.items():
+        for field, default in fields.items():
             value = [] if default is FLOAT32_ARRAY else default()  # type: ignore[operator]
-            setattr(self, name, values.pop(name, value))
-        assert not values, f"{type_name} has no fields {sorted(values)}"
+            setattr(self, field, values.pop(field, value))
+        assert not values, f"{name} has no fields {sorted(values)}"
 
-    def __setattr__(self: Any, name: str, value: Any) -> None:  # noqa: N807
-        if fields.get(name) is FLOAT32_ARRAY:
+    def __setattr__(self: Any, field: str, value: Any) -> None:  # noqa: N807
+        if fields.get(field) is FLOAT32_ARRAY:
             value = array.array("f", value)
-        object.__setattr__(self, name, value)
+        object.__setattr__(self, field, value)
 
-    package, name = type_name.split("/msg/")
     members = {
         "__slots__": tuple(fields),
         "__init__": __init__,
@@ -49,180 +58,75 @@ def message_type(type_name: str, **fields: Callable[[], Any] | object) -> type:
     return type(name, (), members)
 
 
-PingInfo = message_type(
-    "marine_acoustic_msgs/msg/PingInfo",
-    frequency=float,
-    sound_speed=float,
-    tx_beamwidths=FLOAT32_ARRAY,
-    rx_beamwidths=FLOAT32_ARRAY,
-)
-DetectionFlag = message_type("marine_acoustic_msgs/msg/DetectionFlag", flag=int)
-SonarDetections = message_type(
-    "marine_acoustic_msgs/msg/SonarDetections",
-    header=Header,
-    ping_info=PingInfo,
-    flags=list,
-    two_way_travel_times=FLOAT32_ARRAY,
-    tx_delays=FLOAT32_ARRAY,
-    intensities=FLOAT32_ARRAY,
-    tx_angles=FLOAT32_ARRAY,
-    rx_angles=FLOAT32_ARRAY,
-)
-SonarRanges = message_type(
-    "marine_acoustic_msgs/msg/SonarRanges",
-    header=Header,
-    ping_info=PingInfo,
-    flags=list,
-    transmit_delays=FLOAT32_ARRAY,
-    intensities=FLOAT32_ARRAY,
-    beam_unit_vec=list,
-    ranges=FLOAT32_ARRAY,
-)
-RadarReturn = message_type(
-    "radar_msgs/msg/RadarReturn",
-    range=float,
-    azimuth=float,
-    elevation=float,
-    doppler_velocity=float,
-    amplitude=float,
-)
-RadarScan = message_type("radar_msgs/msg/RadarScan", header=Header, returns=list)
-ObjectHypothesis = message_type("vision_msgs/msg/ObjectHypothesis", class_id=str, score=float)
-ObjectHypothesisWithPose = message_type(
-    "vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=ObjectHypothesis, pose=PoseWithCovariance
-)
-BoundingBox3D = message_type("vision_msgs/msg/BoundingBox3D", center=Pose, size=Vector3)
-Detection3D = message_type(
-    "vision_msgs/msg/Detection3D", header=Header, results=list, bbox=BoundingBox3D, id=str
-)
-Detection3DArray = message_type("vision_msgs/msg/Detection3DArray", header=Header, detections=list)
+def messages(package: str, *definitions: str) -> list[type]:
+    """Make messages of a package by a name, and types each with the fields of it in their order."""
+    for definition in definitions:
+        name, _, content = definition.partition(": ")
+        fields = {}
+        for kind, *names in map(str.split, content.split(",")):
+            fields |= dict.fromkeys(names, KINDS[kind])
+        KINDS[name] = message_type(package, name, fields)
+        PACKAGES.setdefault(package, []).append(KINDS[name])
+    return PACKAGES[package]
 
 
-def six_zeros() -> list[float]:
-    """Default of a field `float32[6]`."""
-    return [0.0] * 6
-
-
-UUID = message_type("unique_identifier_msgs/msg/UUID", uuid=lambda: [0] * 16)
-RadarTrack = message_type(
-    "radar_msgs/msg/RadarTrack",
-    uuid=UUID,
-    position=Point,
-    velocity=Vector3,
-    acceleration=Vector3,
-    size=Vector3,
-    classification=int,
-    position_covariance=six_zeros,
-    velocity_covariance=six_zeros,
-    acceleration_covariance=six_zeros,
-    size_covariance=six_zeros,
+PingInfo, DetectionFlag, SonarDetections, SonarRanges, *_ = messages(
+    "marine_acoustic_msgs",
+    "PingInfo: float frequency sound_speed, float32[] tx_beamwidths rx_beamwidths",
+    "DetectionFlag: int flag",
+    "SonarDetections: Header header, PingInfo ping_info, list flags, float32[] "
+    "two_way_travel_times tx_delays intensities tx_angles rx_angles",
+    "SonarRanges: Header header, PingInfo ping_info, list flags, "
+    "float32[] transmit_delays intensities, list beam_unit_vec, float32[] ranges",
 )
-RadarTracks = message_type("radar_msgs/msg/RadarTracks", header=Header, tracks=list)
-ObjectClassification = message_type(
-    "autoware_perception_msgs/msg/ObjectClassification", label=int, probability=float
+*_, SonarImageData, ProjectedSonarImage, RawSonarImage = messages(
+    "marine_acoustic_msgs",
+    "SonarImageData: bool is_bigendian, int dtype beam_count, bytes data",
+    "ProjectedSonarImage: Header header, PingInfo ping_info, list beam_directions, "
+    "float32[] ranges, SonarImageData image",
+    "RawSonarImage: Header header, PingInfo ping_info, float sample_rate, int samples_per_beam "
+    "sample0, float32[] tx_delays tx_angles rx_angles, SonarImageData image",
 )
-Shape = message_type(
-    "autoware_perception_msgs/msg/Shape", type=int, footprint=Polygon, dimensions=Vector3
+(UUID,) = messages("unique_identifier_msgs", "UUID: uint8[16] uuid")
+RadarReturn, RadarScan, RadarTrack, RadarTracks = messages(
+    "radar_msgs",
+    "RadarReturn: float range azimuth elevation doppler_velocity amplitude",
+    "RadarScan: Header header, list returns",
+    "RadarTrack: UUID uuid, Point position, Vector3 velocity acceleration size, int classification"
+    ", float32[6] position_covariance velocity_covariance acceleration_covariance size_covariance",
+    "RadarTracks: Header header, list tracks",
 )
-TrackedObjectKinematics = message_type(
-    "autoware_perception_msgs/msg/TrackedObjectKinematics",
-    pose_with_covariance=PoseWithCovariance,
-    twist_with_covariance=TwistWithCovariance,
-    acceleration_with_covariance=AccelWithCovariance,
-    orientation_availability=int,
-    is_stationary=bool,
+ObjectHypothesis, ObjectHypothesisWithPose, BoundingBox3D, Detection3D, Detection3DArray = messages(
+    "vision_msgs",
+    "ObjectHypothesis: str class_id, float score",
+    "ObjectHypothesisWithPose: ObjectHypothesis hypothesis, PoseWithCovariance pose",
+    "BoundingBox3D: Pose center, Vector3 size",
+    "Detection3D: Header header, list results, BoundingBox3D bbox, str id",
+    "Detection3DArray: Header header, list detections",
 )
-TrackedObject = message_type(
-    "autoware_perception_msgs/msg/TrackedObject",
-    object_id=UUID,
-    existence_probability=float,
-    classification=list,
-    kinematics=TrackedObjectKinematics,
-    shape=Shape,
+ObjectClassification, Shape, TrackedObjectKinematics, TrackedObject, TrackedObjects = messages(
+    "autoware_perception_msgs",
+    "ObjectClassification: int label, float probability",
+    "Shape: int type, Polygon footprint, Vector3 dimensions",
+    "TrackedObjectKinematics: PoseWithCovariance pose_with_covariance, TwistWithCovariance "
+    "twist_with_covariance, AccelWithCovariance acceleration_with_covariance, "
+    "int orientation_availability, bool is_stationary",
+    "TrackedObject: UUID object_id, float existence_probability, list classification, "
+    "TrackedObjectKinematics kinematics, Shape shape",
+    "TrackedObjects: Header header, list objects",
 )
-TrackedObjects = message_type(
-    "autoware_perception_msgs/msg/TrackedObjects", header=Header, objects=list
+RadarEcho, RadarSector = messages(
+    "marine_sensor_msgs",
+    "RadarEcho: float32[] echoes",
+    "RadarSector: Header header, float angle_start angle_increment, Duration time_increment "
+    "scan_time, float range_min range_max, list intensities",
 )
-
-SonarImageData = message_type(
-    "marine_acoustic_msgs/msg/SonarImageData",
-    is_bigendian=bool,
-    dtype=int,
-    beam_count=int,
-    data=bytes,
+(SonarEcho,) = messages(
+    "ping360_sonar_msgs",
+    "SonarEcho: Header header, float angle, int gain number_of_samples transmit_frequency "
+    "speed_of_sound range, bytes intensities",
 )
-ProjectedSonarImage = message_type(
-    "marine_acoustic_msgs/msg/ProjectedSonarImage",
-    header=Header,
-    ping_info=PingInfo,
-    beam_directions=list,
-    ranges=FLOAT32_ARRAY,
-    image=SonarImageData,
-)
-RawSonarImage = message_type(
-    "marine_acoustic_msgs/msg/RawSonarImage",
-    header=Header,
-    ping_info=PingInfo,
-    sample_rate=float,
-    samples_per_beam=int,
-    sample0=int,
-    tx_delays=FLOAT32_ARRAY,
-    tx_angles=FLOAT32_ARRAY,
-    rx_angles=FLOAT32_ARRAY,
-    image=SonarImageData,
-)
-RadarEcho = message_type("marine_sensor_msgs/msg/RadarEcho", echoes=FLOAT32_ARRAY)
-RadarSector = message_type(
-    "marine_sensor_msgs/msg/RadarSector",
-    header=Header,
-    angle_start=float,
-    angle_increment=float,
-    time_increment=Duration,
-    scan_time=Duration,
-    range_min=float,
-    range_max=float,
-    intensities=list,
-)
-SonarEcho = message_type(
-    "ping360_sonar_msgs/msg/SonarEcho",
-    header=Header,
-    angle=float,
-    gain=int,
-    number_of_samples=int,
-    transmit_frequency=int,
-    speed_of_sound=int,
-    range=int,
-    intensities=bytes,
-)
-
-PACKAGES: dict[str, tuple[type, ...]] = {
-    "marine_acoustic_msgs": (
-        PingInfo,
-        DetectionFlag,
-        SonarDetections,
-        SonarRanges,
-        SonarImageData,
-        ProjectedSonarImage,
-        RawSonarImage,
-    ),
-    "autoware_perception_msgs": (
-        ObjectClassification,
-        Shape,
-        TrackedObjectKinematics,
-        TrackedObject,
-        TrackedObjects,
-    ),
-    "marine_sensor_msgs": (RadarEcho, RadarSector),
-    "ping360_sonar_msgs": (SonarEcho,),
-    "radar_msgs": (RadarReturn, RadarScan, RadarTrack, RadarTracks),
-    "vision_msgs": (
-        ObjectHypothesis,
-        ObjectHypothesisWithPose,
-        BoundingBox3D,
-        Detection3D,
-        Detection3DArray,
-    ),
-}
+del PACKAGES["unique_identifier_msgs"]  # comes with ROS
 
 
 def remove(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,10 +8,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "use_the_tracks.md"
 
 
 def run_page(*, stone_soup: bool = False) -> dict[str, Any]:
-    """Run the page's blocks in their order; returns what they define.
-
-    Those that need Stone Soup only if asked for.
-    """
+    """Run the page's blocks, those of Stone Soup only if asked for; returns what they define."""
     defined: dict[str, Any] = {}
     for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL):
         if stone_soup or "stonesoup" not in block:

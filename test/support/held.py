@@ -34,10 +34,7 @@ def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
 def step(
     maintenance: TrackMaintenance, stamp: float, scan=NOTHING, detectable: float = UNSEEN, **options
 ) -> np.ndarray:
-    """Process a scan; with `detectable` UNSEEN misses do not count, and tracks live for hold_time.
-
-    With 0 the targets are outside the coverage.
-    """
+    """Process a scan; with `detectable` UNSEEN misses do not count, 0 is outside the coverage."""
     return maintenance.step(
         stamp,
         scan,

@@ -13,18 +13,7 @@ LUMP = 500.0
 
 
 class LumpySea:
-    """Clutter of a log-normal density over the coverage, of a Gaussian covariance or in blocks.
-
-    Parameters
-    ----------
-    log_std : float
-        Standard deviation of ln(density); 0: even.
-    density : float
-        Mean, 1/m^2.
-    seed : int
-    kind : str
-        smooth or blocks.
-    """
+    """Clutter of a log-normal density (mean, 1/m^2, and std of its ln), smooth or in blocks."""
 
     def __init__(self, log_std: float, density: float, seed: int, kind: str = "smooth") -> None:
         self.sensor = replace(SensorModel(), clutter_density=density)

@@ -1,8 +1,4 @@
-"""Time limits of tests.
-
-A limit ends a test that hangs. It is ten times the time on a quiet machine, so that tests pass on a
-busy machine.
-"""
+"""Time limits of tests that hang: ten times what a quiet machine takes."""
 
 PATIENCE = 10.0
 

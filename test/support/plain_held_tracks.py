@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from support.plain_tsepm import MEASUREMENT_MATRIX as POSITION
 from support.plain_tsepm import (
     Detection,
     Parameters,
@@ -26,7 +27,6 @@ from support.plain_tsepm import (
 P_G = 0.99
 GATE, GATE_WITH_RANGE_RATE = chi2.ppf(P_G, [2, 3]).tolist()
 ON, TURN = 0, 1
-POSITION = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 VELOCITY = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(80)
@@ -311,11 +311,7 @@ def mixture(parts: Sequence[tuple[float, np.ndarray, np.ndarray]]) -> tuple[np.n
 
 
 def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Track:
-    """The track at the stamp of a scan.
-
-    The turn's acceleration is such that the velocity's variance grows to v_max^2 / 4 in 5 s, or
-    in the longest time of any track.
-    """
+    """The track at a scan; turning, the variance of velocity grows to v_max^2 / 4 in 5 s."""
     time = stamp - track.stamp
     change = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.5, 0.5]])
     modes = []
@@ -328,16 +324,8 @@ def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Tra
             ]
         )
         noise = 0.01 + (max_speed**2 / 4.0 / max(longest, 5.0) if to == TURN else 0.0)
-        q = np.kron(
-            np.eye(2),
-            noise
-            * np.array(
-                [
-                    [abs(time) ** 3 / 3.0, abs(time) * time / 2.0],
-                    [abs(time) * time / 2.0, abs(time)],
-                ]
-            ),
-        )
+        block = np.array([[time**2 / 3.0, time / 2.0], [time / 2.0, 1.0]])
+        q = np.kron(np.eye(2), noise * abs(time) * block)
         f = transition_matrix(time)
         modes.append(Mode(sum(weights), f @ state, f @ covariance @ f.T + q))
     return replace(track, stamp=stamp, modes=(modes[ON], modes[TURN]))
@@ -498,10 +486,7 @@ def largest(covariance: np.ndarray) -> float:
 def limited(
     state: np.ndarray, covariance: np.ndarray, max_speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The state given a speed of at most v_max, if the mean is faster.
-
-    Sums over a polar grid.
-    """
+    """The state given a speed of at most v_max, if the mean is faster: sums over a polar grid."""
     mean, spread = VELOCITY @ state, VELOCITY @ covariance @ VELOCITY.T
     if math.hypot(*mean) <= max_speed:
         return state, covariance
@@ -546,6 +531,28 @@ def counted(
     return updated
 
 
+Way = list[tuple[float, np.ndarray]]
+"""Poses of the sensor, each with the range of its echo."""
+
+
+def way_of_sensor(scan: Mapping[str, Any]) -> Way:
+    """Poses of the sensor by the range of the echo, ascending; or one pose for all."""
+    poses = np.reshape(scan.get("sensor_pose", (0.0, 0.0, 0.0)), (-1, 3))
+    if len(poses) == 1:
+        return [(0.0, poses[0])]
+    echoes = zip(scan["range"], poses, strict=True)
+    return sorted(((float(r), pose) for r, pose in echoes), key=lambda echo: echo[0])
+
+
+def pose_for(way: Way, position: np.ndarray) -> np.ndarray:
+    """Pose of the sensor as the echo of a position arrives, by linear interpolation."""
+    distance = math.dist(position, way[len(way) // 2][1][:2])
+    for (near, begin), (far, end) in itertools.pairwise(way):
+        if near <= distance < far:
+            return begin + (distance - near) / (far - near) * (end - begin)
+    return way[0][1] if distance < way[0][0] else way[-1][1]
+
+
 class Coverage:
     """Where the sensor detects: its poses by range, and the edges."""
 
@@ -553,28 +560,15 @@ class Coverage:
         self, min_range: float, max_range: float, azimuth_min: float, azimuth_max: float
     ) -> None:
         self.ranges, self.azimuths = (min_range, max_range), (azimuth_min, azimuth_max)
-        self.poses = [(0.0, np.zeros(3))]
+        self.way: Way = [(0.0, np.zeros(3))]
 
     def move(self, scan: Mapping[str, Any]) -> None:
-        """Take the poses of a scan: one, or that of each detection; without any, the last stay."""
-        poses = np.reshape(scan["sensor_pose"], (-1, 3))
-        if len(poses) == 1:
-            self.poses = [(0.0, poses[0])]
-        elif len(poses):
-            echoes = zip(scan["range"], poses, strict=True)
-            self.poses = sorted(((float(r), pose) for r, pose in echoes), key=lambda e: e[0])
+        """Take the poses of a scan; without any, the last stay."""
+        self.way = way_of_sensor(scan) or self.way
 
     def covers(self, position: np.ndarray) -> bool:
         """Whether the sensor covers a position, from where it is as the echo arrives."""
-        pose = self.poses[len(self.poses) // 2][1]
-        distance = math.dist(position, pose[:2])
-        for (near, begin), (far, end) in itertools.pairwise(self.poses):
-            if near <= distance < far:
-                pose = begin + (distance - near) / (far - near) * (end - begin)
-        if distance < self.poses[0][0]:
-            pose = self.poses[0][1]
-        elif distance >= self.poses[-1][0]:
-            pose = self.poses[-1][1]
+        pose = pose_for(self.way, position)
         offset = position - pose[:2]
         low, high = self.azimuths
         turned = (math.atan2(offset[1], offset[0]) - pose[2] - low) % (2.0 * math.pi)

@@ -1,11 +1,7 @@
 """Plain versions of the methods `sequential` and `logic`: loops, to be compared with.
 
-Equation numbers are those of
-
-    Ji, D., Li, D., 2014. An improved sequential initiation method for multitarget track in clutter
-    with large noise measurement. Mathematical Problems in Engineering, 394297.
-
-Conversion and least squares are those of `plain_tsepm`.
+Equations of Ji, D., Li, D., 2014. An improved sequential initiation method for multitarget track in
+clutter with large noise measurement. Mathematical Problems in Engineering, 394297.
 """
 
 import math
@@ -17,6 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from support.plain_tsepm import (
+    MEASUREMENT_MATRIX,
     Detection,
     Estimate,
     Parameters,
@@ -142,19 +139,12 @@ def plain_kalman(hits: list[Detection], stamp: float, noise: float) -> Estimate:
     velocity = (second.point - first.point) / dt
     x = np.array([second.point[0], velocity[0], second.point[1], velocity[1]])
     p = np.zeros((4, 4))
-    both = first.covariance + second.covariance
-    for a in range(2):
-        for b in range(2):
-            block = np.array(
-                [
-                    [second.covariance[a, b], second.covariance[a, b] / dt],
-                    [second.covariance[a, b] / dt, both[a, b] / dt**2],
-                ]
-            )
-            p[2 * a : 2 * a + 2, 2 * b : 2 * b + 2] = block
+    p[0::2, 0::2] = second.covariance
+    p[0::2, 1::2] = p[1::2, 0::2] = second.covariance / dt
+    p[1::2, 1::2] = (first.covariance + second.covariance) / dt**2
     p[1, 1] += noise * abs(dt) / 3.0
     p[3, 3] += noise * abs(dt) / 3.0
-    h = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    h = MEASUREMENT_MATRIX
     time = second.time
     for hit in hits[2:]:
         x, p = plain_predict(x, p, hit.time - time, noise)
@@ -218,10 +208,7 @@ def plain_logic(
                 waiting.append(path)
         complete = [path for path in grown if len(path.hits) >= settings.min_hits]
         tracks = best_apart(
-            [
-                finish(path.hits, stamp, unweighted_least_squares(path.hits, stamp))
-                for path in complete
-            ]
+            [finish(one.hits, stamp, unweighted_least_squares(one.hits, stamp)) for one in complete]
         )
         taken = {key for track in tracks for key in track.hits}
         left = [

@@ -6,7 +6,6 @@ window, and others with the same last detection that are ten thousand times as l
 are converted by `plain_tsepm`.
 """
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from support.plain_held_tracks import DISC, DISC_AREA, VELOCITY
+from support.plain_held_tracks import DISC, DISC_AREA, VELOCITY, Way, pose_for, way_of_sensor
 from support.plain_tsepm import (
     MEASUREMENT_MATRIX,
     Detection,
@@ -27,8 +26,6 @@ from support.plain_tsepm import (
 
 Key = tuple[int, int]
 """A detection: its scan, and its place in it."""
-Way = list[tuple[float, np.ndarray]]
-"""Positions of the sensor, each with the range of its echo."""
 
 
 @dataclass
@@ -66,10 +63,7 @@ class Grown:
 
 @dataclass
 class Start:
-    """A track: its hits, its evidence, the hypotheses that its state is the mean of.
-
-    And how probably each detection is its.
-    """
+    """A track: hits, evidence, hypotheses of which its state is the mean, detections likely its."""
 
     hits: set[Key]
     evidence: float
@@ -81,7 +75,7 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Gro
     """All hypotheses after each scan."""
     alive: list[Hypothesis] = []
     after = []
-    way = [(0.0, np.zeros(2))]
+    way: Way = [(0.0, np.zeros(3))]
     for index, scan in enumerate(scans):
         way = way_of_sensor(scan) or way
         detections = [
@@ -116,10 +110,7 @@ def pruned(hypotheses: Sequence[Hypothesis], rule: Rule) -> list[Hypothesis]:
 
 
 def at_max_speed(grown: Grown, max_speed: float) -> Grown:
-    """The hypotheses with their scores under the prior that ends at v_max; 1 - exp(-2) is inside.
-
-    That of a single hit is the prior itself.
-    """
+    """The hypotheses of several hits scored under the prior that ends at v_max: 1 - exp(-2)."""
 
     def scored(one: Hypothesis) -> Hypothesis:
         if len(one.keys) < 2:
@@ -244,43 +235,22 @@ def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:
     return measured <= rule.max_range + 3.0 * math.sqrt(variance)
 
 
-def way_of_sensor(scan: Mapping[str, Any]) -> Way:
-    """Positions of the sensor by the range of the echo, ascending; or one position for all."""
-    poses = np.asarray(scan.get("sensor_pose", (0.0, 0.0, 0.0)), float).reshape(-1, 3)
-    if len(poses) == 1:
-        return [(0.0, poses[0, :2])]
-    echoes = zip(scan["range"], poses[:, :2], strict=True)
-    return sorted(((float(range_), place) for range_, place in echoes), key=lambda echo: echo[0])
-
-
-def place_at(way: Way, distance: float) -> np.ndarray:
-    """Position of the sensor for an echo of a range, by linear interpolation."""
-    for (near, begin), (far, end) in itertools.pairwise(way):
-        if near <= distance < far:
-            return begin + (distance - near) / (far - near) * (end - begin)
-    return way[0][1] if distance < way[0][0] else way[-1][1]
-
-
 def covered(predicted: Hypothesis, way: Way, rule: Rule) -> bool:
     """Whether a target where the hypothesis expects it can be detected or missed."""
     expected = predicted.state[[0, 2]]
-    place = place_at(way, math.dist(expected, way[len(way) // 2][1]))
-    return math.dist(expected, place) <= rule.max_range
+    return math.dist(expected, pose_for(way, expected)[:2]) <= rule.max_range
 
 
 def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
     """Nearly constant velocity over the time since the scan before."""
     transition = transition_matrix(elapsed)
-    block = rule.process_noise * np.array(
-        [[elapsed**3 / 3, elapsed**2 / 2], [elapsed**2 / 2, elapsed]]
-    )
-    noise = np.kron(np.eye(2), block)
-    return Hypothesis(
-        hypothesis.keys,
-        transition @ hypothesis.state,
-        transition @ hypothesis.covariance @ transition.T + noise,
-        hypothesis.score,
-        0.4 + (hypothesis.faded - 0.4) * math.exp(-0.1),
+    block = np.array([[elapsed**3 / 3, elapsed**2 / 2], [elapsed**2 / 2, elapsed]])
+    noise = np.kron(np.eye(2), rule.process_noise * block)
+    return replace(
+        hypothesis,
+        state=transition @ hypothesis.state,
+        covariance=transition @ hypothesis.covariance @ transition.T + noise,
+        faded=0.4 + (hypothesis.faded - 0.4) * math.exp(-0.1),
     )
 
 
@@ -321,13 +291,8 @@ def missed(predicted: Hypothesis, way: Way, rule: Rule) -> Hypothesis:
         return predicted
     p_g = rule.gate_probability
     in_states = [share * (1.0 - p_d * p_g) for share, p_d in of_states(predicted, rule)]
-    return Hypothesis(
-        predicted.keys,
-        predicted.state,
-        predicted.covariance,
-        predicted.score + math.log(sum(in_states)),
-        in_states[1] / sum(in_states),
-    )
+    score = predicted.score + math.log(sum(in_states))
+    return replace(predicted, score=score, faded=in_states[1] / sum(in_states))
 
 
 def start(detection: Detection, stamp: float, rule: Rule) -> Hypothesis:

@@ -1,14 +1,8 @@
-"""Plain track initiation by splitting, evaluating, pruning and merging (TSEPM).
+"""Plain track initiation by splitting, evaluating, pruning and merging (TSEPM), in slow loops.
 
-A slow loop implementation, written to be compared with: every step is a short function that
-names the equation it stands for. Step and equation numbers are those of
-
-    Li, D. D., Lin, Y., Zhang, Y., 2018. A track initiation method for the underwater target
-    tracking environment. China Ocean Engineering 32(2), 206-215.
-    https://doi.org/10.1007/s13344-018-0022-0
-
-Units are metres, seconds and radians. Azimuth is counter-clockwise from the sensor's x axis, and
-a state is ``[x, vx, y, vy]`` in the fixed frame.
+Steps and equations are those of Li, D. D., Lin, Y., Zhang, Y., 2018. A track initiation method for
+the underwater target tracking environment. China Ocean Engineering 32(2), 206-215. Units are m, s
+and rad; azimuth is counter-clockwise from the sensor's x axis, a state ``[x, vx, y, vy]``.
 """
 
 import math
@@ -25,20 +19,12 @@ WEIGHTED_PASSES = 2
 MEASUREMENT_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 """H of Eqs. 10 and 18: the position within the state."""
 
-_CHOICES = {
-    "evaluation": ("normalized_distance", "clutter_statistic"),
-    "reading": ("literal", "squared"),
-    "merging": ("moments", "refit"),
-    "estimator": ("unweighted", "weighted"),
-}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """Parameters of the method, by the names of the node's; the choices are those of `_CHOICES`.
+    """Parameters of the method, by the names of the node's.
 
-    Range variance = range_std^2 + (range_std_fraction * range)^2; lambda of Eq. 1 per square
-    metre; `clutter_test_size` is the probability that a track of clutter passes the test of f2.
+    `clutter_test_size` is the probability that a track of clutter passes the test of f2;
     `across_as_along` is not of the published method.
     """
 
@@ -50,22 +36,14 @@ class Parameters:
     min_hits: int
     window: int
     gate_probability: float = 0.9
-    evaluation: str = "normalized_distance"
-    reading: str = "literal"
+    evaluation: str = "normalized_distance"  # or clutter_statistic
+    reading: str = "literal"  # or squared
     pruning_probability: float = 0.99
     clutter_test_size: float = 0.05
-    merging: str = "moments"
+    merging: str = "moments"  # or refit
     merging_probability: float = 0.9
-    estimator: str = "unweighted"
+    estimator: str = "unweighted"  # or weighted
     across_as_along: bool = False
-
-    def __post_init__(self) -> None:
-        """Refuse what no reading of the method covers."""
-        for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ValueError(f"{name} is {getattr(self, name)!r}, not one of {choices}")
-        if not 2 <= self.min_hits <= self.window:
-            raise ValueError("2 <= min_hits <= window does not hold")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +101,7 @@ class EvaluatedTrack:
 
 @dataclass(frozen=True, eq=False)
 class PlainTrack:
-    """A track that the method puts out, at the stamp of the confirming scan.
-
-    Hits, evaluation and f1 are those of the best of the merged tracks, the one of the smallest
-    evaluation; `members` holds the hits of every one.
-    """
+    """A track put out: hits, evaluation and f1 of the best member, and the hits of every one."""
 
     stamp: float
     hits: tuple[tuple[int, int], ...]
@@ -147,20 +121,10 @@ class PlainCounts:
     retained: int
 
 
-def plain_tsepm(scans: Sequence[Mapping[str, Any]], **parameters: Any) -> list[list[PlainTrack]]:
-    """For each scan its newly confirmed tracks; see `plain_tsepm_with_counts`."""
-    return plain_tsepm_with_counts(scans, **parameters)[0]
-
-
 def plain_tsepm_with_counts(
     scans: Sequence[Mapping[str, Any]], **parameters: Any
 ) -> tuple[list[list[PlainTrack]], list[PlainCounts]]:
-    """Run the method over scans in order of time, with the fields of `Parameters`.
-
-    Keys of a scan: ``stamp``; ``range`` and ``azimuth``, one value per detection; optional
-    ``sensor_pose``, (x, y, yaw) or one per detection; ``sensor_pose_covariance``, 3 x 3; and, per
-    detection, ``time_offset``, ``range_std`` and ``azimuth_std``.
-    """
+    """Run the method over scans, with the fields of `Scan` as keys and those of `Parameters`."""
     settings = Parameters(**parameters)
     potential: list[PotentialTrack] = []
     all_tracks = []
@@ -186,39 +150,23 @@ def plain_tsepm_with_counts(
 
 
 def convert_scan(scan: Mapping[str, Any], scan_index: int, settings: Parameters) -> list[Detection]:
-    """Convert every detection of a scan to the fixed frame (Step 1, Eqs. 6-11)."""
-    return [convert_detection(scan, scan_index, j, settings) for j in range(len(scan["range"]))]
-
-
-def convert_detection(
-    scan: Mapping[str, Any], scan_index: int, detection_index: int, settings: Parameters
-) -> Detection:
-    """Convert one detection without bias to z and R of Eqs. 9 and 11.
+    """Convert every detection of a scan without bias to z and R of Eqs. 9 and 11 (Step 1).
 
     E[cos(azimuth)] shrinks by exp(-azimuth_std^2 / 2), so the point is divided by it.
     """
-    measured_range = float(scan["range"][detection_index])
-    measured_azimuth = float(scan["azimuth"][detection_index])
-    time_offset = detection_value(scan, "time_offset", detection_index)
-    sensing = sensing_of(scan, detection_index, settings)
-
-    shrinkage = math.exp(-(sensing.azimuth_std**2) / 2.0)
-    sensor_point = np.array(
-        [
-            measured_range * math.cos(measured_azimuth) / shrinkage,
-            measured_range * math.sin(measured_azimuth) / shrinkage,
-        ]
-    )
-    offset = rotation_matrix(sensing.yaw) @ sensor_point
-    return Detection(
-        key=(scan_index, detection_index),
-        time=float(scan["stamp"]) + (0.0 if time_offset is None else time_offset),
-        point=sensing.position + offset,
-        covariance=fixed_frame_covariance(
-            measured_range, measured_azimuth, offset, sensing, settings
-        ),
-        sensing=sensing,
-    )
+    detections = []
+    for j, (range_, azimuth) in enumerate(zip(scan["range"], scan["azimuth"], strict=True)):
+        sensing = sensing_of(scan, j, settings)
+        shrinkage = math.exp(-(sensing.azimuth_std**2) / 2.0)
+        direction = np.array([math.cos(azimuth), math.sin(azimuth)])
+        offset = rotation_matrix(sensing.yaw) @ (float(range_) * direction / shrinkage)
+        covariance = fixed_frame_covariance(
+            float(range_), float(azimuth), offset, sensing, settings
+        )
+        time = float(scan["stamp"]) + (detection_value(scan, "time_offset", j) or 0.0)
+        point = sensing.position + offset
+        detections.append(Detection((scan_index, j), time, point, covariance, sensing))
+    return detections
 
 
 def detection_value(scan: Mapping[str, Any], name: str, detection_index: int) -> float | None:
@@ -229,13 +177,8 @@ def detection_value(scan: Mapping[str, Any], name: str, detection_index: int) ->
 
 def sensing_of(scan: Mapping[str, Any], detection_index: int, settings: Parameters) -> Sensing:
     """Return how one detection of a scan was measured."""
-    pose = scan.get("sensor_pose")
-    if pose is None:
-        pose = (0.0, 0.0, 0.0)
-    elif np.ndim(pose) == 2:
-        pose = pose[detection_index]
-    x, y, yaw = (float(value) for value in pose)
-
+    poses = np.reshape(scan.get("sensor_pose", (0.0, 0.0, 0.0)), (-1, 3))
+    x, y, yaw = poses[detection_index if len(poses) > 1 else 0].tolist()
     pose_covariance = scan.get("sensor_pose_covariance")
     azimuth_std = detection_value(scan, "azimuth_std", detection_index)
     return Sensing(
@@ -249,7 +192,7 @@ def sensing_of(scan: Mapping[str, Any], detection_index: int, settings: Paramete
 
 
 def rotation_matrix(angle: float) -> np.ndarray:
-    """Return the matrix that turns a vector counter-clockwise by an angle."""
+    """Return the matrix that turns a vector counter-clockwise."""
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
@@ -290,10 +233,7 @@ def converted_covariance(
 def fixed_frame_covariance(
     range_: float, azimuth: float, offset: np.ndarray, sensing: Sensing, settings: Parameters
 ) -> np.ndarray:
-    """Return R of Eq. 11 in the fixed frame, evaluated at a range and an azimuth.
-
-    The offset, from the sensor to the point in the fixed frame, is the lever of the sensor's yaw.
-    """
+    """Return R of Eq. 11 in the fixed frame; the offset is the lever of the sensor's yaw."""
     in_sensor_frame = converted_covariance(
         range_, azimuth, range_variance(range_, sensing, settings), sensing.azimuth_std
     )
@@ -337,10 +277,7 @@ def is_gated(track: PotentialTrack, detection: Detection, settings: Parameters) 
 def update_tracks(
     potential: list[PotentialTrack], detections: list[Detection], settings: Parameters
 ) -> list[PotentialTrack]:
-    """Extend every potential track by this scan (Step 2, Section 3.2).
-
-    A track with gated detections is replaced by one child for each; it keeps no missed branch.
-    """
+    """Replace each track by a child for each gated detection, or note a miss (Section 3.2)."""
     updated = []
     for track in potential:
         gated = [detection for detection in detections if is_gated(track, detection, settings)]
@@ -376,14 +313,7 @@ def confirm_tracks(
 
 def transition_matrix(duration: float) -> np.ndarray:
     """Return A of Eq. 17 for a duration in place of T; a negative one goes back in time."""
-    return np.array(
-        [
-            [1.0, duration, 0.0, 0.0],
-            [0.0, 1.0, 0.0, 0.0],
-            [0.0, 0.0, 1.0, duration],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
+    return np.kron(np.eye(2), [[1.0, duration], [0.0, 1.0]])
 
 
 def hit_matrix(hit: Detection, stamp: float) -> np.ndarray:
@@ -419,11 +349,7 @@ def unweighted_least_squares(hits: Sequence[Detection], stamp: float) -> Estimat
 def weighted_least_squares(
     hits: Sequence[Detection], stamp: float, settings: Parameters
 ) -> Estimate:
-    """Estimate with weights R^-1, each R evaluated where the last fit puts the target.
-
-    The weighted counterpart of Eqs. 19 and 20: the state is (H^T R^-1 H)^-1 H^T R^-1 Z and its
-    covariance (H^T R^-1 H)^-1. The first fit is the unweighted one; the points stay as converted.
-    """
+    """The weighted counterpart of Eqs. 19 and 20, each R where the last fit puts the target."""
     estimate = unweighted_least_squares(hits, stamp)
     for _ in range(WEIGHTED_PASSES):
         information = np.zeros((4, 4))  # H^T R^-1 H
@@ -481,11 +407,8 @@ def normalized_distance(hits: Sequence[Detection], estimate: Estimate, stamp: fl
 
 def clutter_statistic(hits: Sequence[Detection], clutter_density: float) -> float:
     """Return f2 of Eq. 25, V(k) being the disc (Eq. 24) out to the next associated point."""
-    total = 0.0
-    for previous, following in pairwise(hits):
-        area = math.pi * math.dist(previous.point, following.point) ** 2
-        total += clutter_density * area
-    return 2.0 * total
+    areas = [math.pi * math.dist(one.point, other.point) ** 2 for one, other in pairwise(hits)]
+    return 2.0 * clutter_density * sum(areas)
 
 
 def evaluation_of(track: EvaluatedTrack, settings: Parameters) -> float:
@@ -504,11 +427,7 @@ def is_retained(track: EvaluatedTrack, settings: Parameters) -> bool:
 
 
 def pruning_threshold(settings: Parameters) -> float:
-    """Return the largest evaluation that the pruning keeps (Eq. 26; for f2 Eq. 25).
-
-    A target gives small figures, so for f2 it is the lower tail of the chi-squared distribution
-    that is kept.
-    """
+    """Return the largest evaluation that the pruning keeps (Eq. 26; for f2 the lower tail)."""
     if settings.evaluation == "clutter_statistic":
         degrees_of_freedom = 2 * settings.min_hits - 2
         return float(chi2.ppf(settings.clutter_test_size, degrees_of_freedom))
@@ -525,10 +444,7 @@ def hit_keys(track: EvaluatedTrack) -> tuple[tuple[int, int], ...]:
 
 
 def may_merge(first: EvaluatedTrack, second: EvaluatedTrack, settings: Parameters) -> bool:
-    """Tell whether two tracks confirmed by the same scan meet Section 3.6's conditions (b), (c).
-
-    They share more than M/2 hits, and their states are close by Eq. 30.
-    """
+    """Tell whether two tracks share more than M/2 hits and are close by Eq. 30 (Section 3.6)."""
     shared = set(hit_keys(first)) & set(hit_keys(second))
     if len(shared) <= settings.min_hits / 2:
         return False
@@ -618,13 +534,9 @@ def refitted_state(
 def start_tracks(
     potential: list[PotentialTrack], detections: list[Detection], settings: Parameters
 ) -> list[PotentialTrack]:
-    """Start a potential track from every residual detection (Step 8).
-
-    Residual is what lies in no gate of the potential tracks that were alive when the scan came,
-    those that this scan confirms or terminates included.
-    """
-    started = []
-    for detection in detections:
-        if not any(is_gated(track, detection, settings) for track in potential):
-            started.append(PotentialTrack((detection,), 1))
-    return started
+    """Start a track from every detection in no gate of those alive when the scan came (Step 8)."""
+    return [
+        PotentialTrack((detection,), 1)
+        for detection in detections
+        if not any(is_gated(track, detection, settings) for track in potential)
+    ]

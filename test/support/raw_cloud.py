@@ -1,7 +1,7 @@
 """PointCloud2 messages packed byte by byte with struct: no code shared with the adapters."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -18,7 +18,7 @@ DATATYPES = {
 
 
 def raw_cloud(
-    fields: Sequence[tuple[str, str]],
+    fields: Iterable[tuple[str, str]],
     points: Sequence[Sequence[float]],
     *,
     gap: int = 0,
@@ -28,11 +28,7 @@ def raw_cloud(
     stamp: tuple[int, int] = (1_700_000_000, 123_456_789),
     frame_id: str = "sonar",
 ) -> PointCloud2:
-    """Pack points.
-
-    `fields` are names with struct format characters; `gap` bytes of rubbish stand before each field
-    and after the last one, `row_padding` bytes after each row.
-    """
+    """Pack points of fields (name, struct format); rubbish stands in the gaps and after rows."""
     order = ">" if big_endian else "<"
     cloud = PointCloud2(height=height, width=len(points) // height, is_bigendian=big_endian)
     cloud.header.stamp.sec, cloud.header.stamp.nanosec = stamp
@@ -45,12 +41,12 @@ def raw_cloud(
         offset += struct.calcsize(code)
     cloud.point_step = offset + gap
     cloud.row_step = cloud.width * cloud.point_step + row_padding
-    data = b""
+    data, codes = bytearray(), [order + code for _, code in fields]
     for start in range(0, len(points), max(cloud.width, 1)):
         for point in points[start : start + cloud.width]:
-            for (_, code), value in zip(fields, point, strict=True):
-                data += rubbish + struct.pack(order + code, value)
+            for code, value in zip(codes, point, strict=True):
+                data += rubbish + struct.pack(code, value)
             data += rubbish
         data += b"\xff" * row_padding
-    cloud.data = data
+    cloud.data = bytes(data)
     return cloud

@@ -16,13 +16,7 @@ _candidates = (1 + (os.getpid() + number) % DOMAINS for number in itertools.coun
 
 @contextmanager
 def own_domain() -> Iterator[int]:
-    """A domain that nobody else has now, or this process had lately.
-
-    Raises
-    ------
-    RuntimeError
-        If every domain is in use.
-    """
+    """A domain that nobody else has now, or this process had lately."""
     for number in itertools.islice(_candidates, DOMAINS):
         path = Path(tempfile.gettempdir()) / f"tsepm_ros_domain_{number}.lock"
         with ExitStack() as stack:

@@ -29,10 +29,7 @@ def executable(name: str) -> str:
 
 
 class RosProcess:
-    """A running executable, its output in a file.
-
-    With `script`, Python code or the path of a file of it takes the executable's place.
-    """
+    """A running executable, or a script (code, or the path of a file), its output in a file."""
 
     def __init__(
         self,

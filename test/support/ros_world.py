@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -11,12 +12,13 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.task import Future
+from std_srvs.srv import Trigger
 
 from support.patience import WAIT
 from tsepm_ros.nodes.track_initiator import TrackInitiator
@@ -29,6 +31,19 @@ BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 NodeType = TypeVar("NodeType", bound=Node)
+
+
+def remapped(*rules: str) -> list[str]:
+    """Arguments of ROS that give a node other names."""
+    return ["--ros-args", *(part for rule in rules for part in ("-r", rule))]
+
+
+def as_messages(values: dict[str, Any]) -> list[Any]:
+    """Parameters from keywords: ``tsepm__window`` is ``tsepm.window``."""
+    return [
+        Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+        for name, value in values.items()
+    ]
 
 
 class Messages(list):
@@ -63,9 +78,7 @@ class World:
             node.destroy_node()
         rclpy.try_shutdown(context=self.context)
         if self._refused:
-            # A node whose constructor failed lives until it is collected, and keeps the log of the
-            # next one with its name from /rosout.
-            gc.collect()
+            gc.collect()  # a refused node keeps the next one with its name from /rosout
 
     def add(self, node: NodeType) -> NodeType:
         self._nodes.append(node)
@@ -78,11 +91,7 @@ class World:
         parameters: dict[str, Any] | None = None,
         **node_options: Any,
     ) -> NodeType:
-        """Make a node with parameters, as from a file or the command line, and spin it from now.
-
-        A track initiator has the M/N rule unless another method is given: what it confirms, and
-        when, is plain to see.
-        """
+        """Make a node and spin it; a track initiator has the M/N rule if no method is given."""
         values = {"method": "tsepm"} if kind is TrackInitiator else {}
         values.update(parameters or {})
         overrides = [Parameter(name, value=value) for name, value in values.items()]
@@ -105,12 +114,17 @@ class World:
     def spin_once(self, timeout: float = 0.005) -> None:
         self.executor.spin_once(timeout_sec=timeout)
 
-    def until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until the condition holds."""
-        end = time.monotonic() + self.deadline
+    def until(
+        self, condition: Callable[[], object], what: str, send: Callable[[], object] | None = None
+    ) -> None:
+        """Spin until the condition holds; with `send`, that is called every 50 ms meanwhile."""
+        end, sent = time.monotonic() + self.deadline, -math.inf
         while not condition():
             if time.monotonic() > end:
                 pytest.fail(f"waited {self.deadline} s for {what}; logged: {self.logged()}")
+            if send and time.monotonic() - sent > 0.05:
+                send()
+                sent = time.monotonic()
             self.spin_once()
 
     def until_connected(self) -> None:
@@ -132,10 +146,22 @@ class World:
         """Call a service and return its response."""
         client = self.observer.create_client(kind, service)
         self.until(client.service_is_ready, f"the service {service}")
-        answer: Future = client.call_async(request)
+        answer = client.call_async(request)
         self.until(answer.done, f"an answer of {service}")
         self.observer.destroy_client(client)
         return answer.result()
+
+    def reset(self) -> Trigger.Response:
+        """Make the track initiator start over."""
+        return self.call(Trigger, "/track_initiator/reset", Trigger.Request())
+
+    def set_parameters(self, **values: Any) -> list[str]:
+        """Set the track initiator's parameters one by one; the reasons, empty for accepted."""
+        request = SetParameters.Request(parameters=as_messages(values))
+        results = self.call(SetParameters, "/track_initiator/set_parameters", request).results
+        for result in results:
+            assert result.successful == (not result.reason)
+        return [result.reason for result in results]
 
     def logged(self, level: int = 0) -> list[str]:
         """What the nodes have said, from a level of rcl_interfaces/Log on."""

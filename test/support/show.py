@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,14 @@ TARGET = """time_s,east_m,north_m,east_mps,north_mps,target
 """
 
 
+def fields(message: PointCloud2) -> dict[str, int]:
+    return {field.name: field.datatype for field in message.fields}
+
+
+def heading(message: Odometry) -> float:
+    return 2 * math.atan2(message.pose.pose.orientation.z, message.pose.pose.orientation.w)
+
+
 def write_scenario(folder: Path) -> str:
     """Write the scenario and return its path."""
     path = folder / "scene.yaml"
@@ -54,12 +63,13 @@ def write_scenario(folder: Path) -> str:
     return str(path)
 
 
-def write_recording(folder: Path, **files: str) -> str:
+def write_recording(folder: Path, **files: str | bytes) -> str:
     """Write a recording of files by name and return its folder."""
     recording = folder / "recording"
     recording.mkdir(exist_ok=True)
     for name, content in files.items():
-        (recording / f"{name}.csv").write_text(content)
+        data = content if isinstance(content, bytes) else content.encode()
+        (recording / f"{name}.csv").write_bytes(data)
     return str(recording)
 
 
@@ -80,6 +90,10 @@ class Show:
     @property
     def topics(self) -> list[list[Any]]:
         return [self.detections, self.own_ship, self.truth, self.markers, self.clock]
+
+    def times(self) -> list[int]:
+        """Of the clock, ns."""
+        return [message.clock.sec * SECOND + message.clock.nanosec for message in self.clock]
 
     def begin(self) -> None:
         self.world.listen(PointCloud2, "detections")  # the second subscriber

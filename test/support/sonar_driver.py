@@ -1,13 +1,10 @@
-"""A sonar's driver, and a consumer of tracks, by somebody who has read the topic table only.
-
-Nothing of the package is imported here: "publish sensor_msgs/PointCloud2 with the fields range and
-azimuth (float32) on `detections`; subscribe to `tracks`".
-"""
+"""A sonar's driver and a consumer of tracks, from the topic table alone: no import of ours."""
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,19 +14,13 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2, PointField
 
+from support.raw_cloud import DATATYPES, raw_cloud
 from support.ros_world import RELIABLE
 
 START_NS = 1_700_000_000_123_456_789
 """A date whose nanoseconds no float64 holds."""
 
-FORMATS = {
-    PointField.INT8: "i1",
-    PointField.UINT16: "u2",
-    PointField.UINT32: "u4",
-    PointField.FLOAT32: "f4",
-    PointField.FLOAT64: "f8",
-}
-SIZES = {kind: int(form[1]) for kind, form in FORMATS.items()}
+CODES = {kind: code for code, kind in DATATYPES.items()}
 
 
 @dataclass
@@ -74,32 +65,17 @@ def pings(
 
 def cloud(
     stamp_ns: int,
-    columns: dict[str, Sequence[float]],
+    columns: Mapping[str, Sequence[float]],
     *,
     frame_id: str = "sonar",
     datatype: int = PointField.FLOAT32,
+    datatypes: Mapping[str, int] = MappingProxyType({}),
 ) -> PointCloud2:
-    """Pack a cloud of one row, all fields of one datatype."""
-    size = SIZES[datatype]
-    names = list(columns)
-    array = np.zeros(len(columns[names[0]]), [(name, "<" + FORMATS[datatype]) for name in names])
-    for name in names:
-        array[name] = columns[name]
-    message = PointCloud2(
-        height=1,
-        width=len(array),
-        fields=[
-            PointField(name=name, offset=size * index, datatype=datatype, count=1)
-            for index, name in enumerate(names)
-        ],
-        point_step=array.dtype.itemsize,
-        row_step=array.nbytes,
-        is_dense=True,
-        data=array.tobytes(),
-    )
-    message.header.frame_id = frame_id
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-    return message
+    """Pack a cloud of one row, all fields of one datatype but those that have their own."""
+    codes = {name: CODES[datatypes.get(name, datatype)] for name in columns}
+    values = [np.asarray(columns[name]).astype(code).tolist() for name, code in codes.items()]
+    rows = list(zip(*values, strict=True))
+    return raw_cloud(codes.items(), rows, stamp=divmod(stamp_ns, 10**9), frame_id=frame_id)
 
 
 class Driver(Node):
@@ -138,17 +114,11 @@ def stamp_ns(message: Any) -> int:
 
 def points(message: PointCloud2) -> list[dict[str, float]]:
     """The points of a little-endian cloud, read value by value with struct."""
-    codes = {
-        PointField.FLOAT32: "<f",
-        PointField.FLOAT64: "<d",
-        PointField.UINT32: "<I",
-        PointField.UINT16: "<H",
-    }
     data = bytes(message.data)
     return [
         {
             field.name: struct.unpack_from(
-                codes[field.datatype], data, index * message.point_step + field.offset
+                "<" + CODES[field.datatype], data, index * message.point_step + field.offset
             )[0]
             for field in message.fields
         }

@@ -1,8 +1,4 @@
-"""A radar that turns its beam past targets, with a ship that may move and turn below it.
-
-Steps, angles and times are powers of 2: the numbers of one message of a turn and those of a message
-per beam are equal to the bit.
-"""
+"""A radar that turns past targets; steps are powers of 2, so turns and beams agree to the bit."""
 
 import math
 from collections.abc import Iterator
