@@ -107,7 +107,7 @@ EQUATIONS = (
     Equations("and phi_r from y, as theta", _FROM_NORTH, False, np.abs),
     Equations("and without the bars", _FROM_NORTH, False, np.positive),
     Equations("and with quadrants", _FROM_NORTH, True, np.positive),
-    Equations("and with the other sign", _FROM_NORTH, True, np.negative),
+    Equations("with all corrections", _FROM_NORTH, True, np.negative),
 )
 """Readings; each adds a correction to the previous reading."""
 
@@ -150,6 +150,7 @@ def _encounter_parts() -> list[Part]:
     )
     curves = {"closest approach, -r.v / |v|^2": exact}
     curves |= {equations.name: equations.times(states, times) for equations in EQUATIONS}
+    rows = [_figure_4_row(name, times, values, time) for name, values in curves.items()]
     combinations = all_equations()
     valid = [
         equations
@@ -162,8 +163,8 @@ def _encounter_parts() -> list[Part]:
         f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
         "counter-clockwise from the x axis and headings from north they only separate (closest "
         f"{-float(separating[0]):.0f} s before). The text's t_c is at least 0, gets smaller, is "
-        "below 0 when the targets separate, and then grows in size. Each line of the "
-        "table corrects one thing more in Eqs. 2, 8 and 9. Of all "
+        "below 0 when the targets separate, and then grows in size. The last line of the "
+        "table corrects Eqs. 2, 8 and 9. Of all "
         f"{len(combinations)} combinations this holds for: "
         f"{'; '.join(equations.name for equations in valid)}.",
         Table(
@@ -176,7 +177,8 @@ def _encounter_parts() -> list[Part]:
                 "at the end, s": ".1f",
                 "the text's description": "",
             },
-            [_figure_4_row(name, times, values, time) for name, values in curves.items()],
+            rows,
+            [*rows[:2], rows[-1]],
         ),
         _figure_4(states, times, curves, time),
     ]
@@ -320,7 +322,7 @@ def _decision_parts(setting: Setting) -> list[Part]:
                 "encounters right, smallest J first": ".3f",
             },
             rows,
-            [row for row in rows if row[0] != "3, 3"],
+            [row for row in rows if row[0] != "3, 3" and row[1] in (1.0, 2.0)],
             bounds=False,
         ),
         "With unequal histories the longer history attracts all plots.",

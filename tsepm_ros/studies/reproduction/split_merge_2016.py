@@ -225,7 +225,8 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
                 "5 % to 95 % of the squares": "",
             },
             [*rows, *disc],
-            [*rows[:4], *disc],
+            rows[:4],
+            bounds=False,
         ),
         f"Targets found of {len(runs) * targets}: "
         + ", ".join(
