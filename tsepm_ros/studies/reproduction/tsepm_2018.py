@@ -303,8 +303,8 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
         "or those of 5000 m everywhere; and in Eq. 22, with each hit in the fit, or predicted from "
         "the others or from those before. *Factor* is the root mean square of the ratio's "
         "logarithm, without 7/9, 8/9 and rows without a false track. "
-        f"The table has the closest of {len(factors)} readings, and of each scene the closest denominator with "
-        "Eq. 26 literal. P_F falls with M at each N in "
+        f"The table has the closest of {len(factors)} readings, and of each scene the closest "
+        "denominator with Eq. 26 literal. P_F falls with M at each N in "
         f"{sum(row[-1] == readings[0][-1] for row in shown)} of {len(shown)} rows.",
         Table("tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[2::2]),
         "P_F(2) of the closest denominators, Eq. 26 literal:",
