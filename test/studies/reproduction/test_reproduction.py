@@ -538,7 +538,7 @@ def test_the_chapter_is_written(tmp_path):
     parts = sequential_2014.reproduce(setting, {MAIN: monte_carlo.hexagon_case(*MAIN)})
     write(parts, tmp_path / "report.md")
     rows = list(csv.reader((tmp_path / "sequential_2014_starts.csv").open()))
-    assert rows[1][:4] == ["-", "-", "published", "-"]
+    assert rows[1][:4] == ["-", "-", "-", "published"]
     assert {(row[2], row[3]) for row in rows[2:]} == set(monte_carlo.MATCHED)
     errors = list(csv.reader((tmp_path / "sequential_2014_table_1.csv").open()))
     assert [row[2] for row in errors[1:4]] == ["82.3", "114.5", "210.6"]

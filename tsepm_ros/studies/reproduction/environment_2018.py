@@ -309,10 +309,9 @@ def _decision_parts(setting: Setting) -> list[Part]:
         "plot 1 is said to be A's, plot 2 B's. By the smaller J of each plot alone it would be "
         f"{alone}; the smallest J of all first, each plot and track once, "
         f"{'gives' if pairs else 'does not give'} the published decision.",
-        "The source prints neither units nor variances of the features. Simulated instead: three "
-        "independent Gaussian features, in units of one plot's standard deviation, each with an "
-        f"offset between the targets; {trials} encounters with a plot of each target; J by Eqs. 10 "
-        "and 11.",
+        "The source prints neither units nor variances. Simulated are three independent Gaussian "
+        "features, each with an offset between the targets in standard deviations of a plot; "
+        f"{trials} encounters with a plot of each target; J by Eqs. 10 and 11.",
         Table(
             "environment_2018_table_1",
             {

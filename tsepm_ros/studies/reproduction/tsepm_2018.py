@@ -77,7 +77,7 @@ FITTED_MARGIN = 159.78
 """g that fits most of P_F(1), m. The fit confirms only the form of the equation."""
 SLIP_RULE = (4, 6)
 MIN_SHOWN = 7
-"""Minimum N of the rows of P_D in the report."""
+"""Minimum N of the rows of P_D and P_F(2) in the report."""
 MAX_DETECTION_DIFFERENCE = 1e-4
 MAX_FALSE_DIFFERENCE = 1e-3
 
@@ -298,20 +298,20 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
     ]
     return [
         "**P_F(2)** is simulated: N scans, the 9 km disc, one target, p_d = 0.9. The readings "
-        "differ in its denominator; in Eq. 26's threshold, literal or squared; in the "
-        f"gate margin, as stated or the {STATED_MARGIN:.0f} m of P_F(1); in the errors, as stated "
-        "or those of 5000 m everywhere; and in Eq. 22, with each hit in the fit, or predicted from "
+        "differ in its denominator; in Eq. 26's threshold, literal or squared; in the gate "
+        f"margin, as stated or the {STATED_MARGIN:.0f} m of P_F(1); in the errors, as stated or "
+        "those of 5000 m everywhere; and in Eq. 22, with each hit in the fit, or predicted from "
         "the others or from those before. *Factor* is the root mean square of the ratio's "
-        "logarithm, without 7/9, 8/9 and rows without a false track. "
-        f"The table has the closest of {len(factors)} readings, and of each scene the closest "
-        "denominator with Eq. 26 literal. P_F falls with M at each N in "
-        f"{sum(row[-1] == readings[0][-1] for row in shown)} of {len(shown)} rows.",
+        f"logarithm, without 7/9, 8/9 and rows without a false track. Of {len(factors)} readings "
+        "the table has the closest, and of each scene the closest denominator with Eq. 26 literal; "
+        f"P_F falls with M at each N in {sum(row[-1] == readings[0][-1] for row in shown)}.",
         Table("tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[2::2]),
         "P_F(2) of the closest denominators, Eq. 26 literal:",
         Table(
             "tsepm_2018_table_1_after",
             {"M/N": "", "published": ".4f"} | dict.fromkeys(names, ".4f"),
             rows,
+            [cells for cells, row in zip(rows, TABLE_1, strict=True) if row.rule[1] >= MIN_SHOWN],
             bounds=False,
             hidden=[names[2], names[-1]],
         ),
@@ -547,7 +547,6 @@ def _style(name: str, k: int) -> dict[str, object]:
 
 SHOWN = (
     "tsepm, f1 literal",
-    "tsepm, f2 size 0.5",
     "clutter test, size 0.5",
     "multiple model",
     OWN_GATE,
@@ -678,13 +677,14 @@ def _merging_parts(densities: Curves) -> list[Part]:
         for name, own in zip(WEIGHTS, by_weight, strict=True)
     ]
     return [
-        f"**The burden** ({literal}). Merging is said to reduce it; tracks per run in 8 scans:",
+        f"**The burden** ({literal}). Merging is said to reduce it. At {burden[-1][0]:.0e} per m², "
+        f"{burden[-1][1]:.3g} tracks per run reach M hits in 8 scans, pruning leaves "
+        f"{burden[-1][2]:.3g}, and merging {burden[-1][3]:.3g}.",
         Table(
             "tsepm_2018_burden",
             {"density [1/m²]": ".1e"} | names,
             burden,
-            burden[1::2],
-            hidden=[name for name in names if name.startswith(squared)],
+            reported=(),
         ),
         f"**Merging by evaluation values** (Eq. 31, {literal}): the position of "
         f"{by_weight.shape[1]} merged groups with a member from the target has an rms error of "
@@ -842,8 +842,7 @@ def _gate_parts() -> list[Part]:
     return [
         "**The gate.** The text explains Fig. 7 by the probability that a detected target falls "
         "into the gate of Eq. 4: roughly 1 below 75 m, 0.9 from 120 m on. Computed, and P_D by "
-        "the closed form with it; its limit for equal axes is 1 - sqrt(1 - P) = "
-        f"{1 - np.sqrt(1 - GATE_PROBABILITY):.3f}.",
+        "the closed form with it:",
         Table(
             "tsepm_2018_gate",
             columns,
