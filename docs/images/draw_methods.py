@@ -105,14 +105,14 @@ def table(rows: Sequence[Row], method: str, horizons: Sequence[str]) -> str:
     own = {(row["point"], row["scans"]): row for row in rows if row["method"] == method}
     lines = []
     for point in dict.fromkeys(point for point, _ in own):
-        cells = [point]
+        cells = [f"`{method}` {point}"]
         for scans in horizons:
             row = own[point, scans]
             share = estimate(row, "detection")
             cells.append(f"{share.value:.2f} ({share.low:.2f}-{share.high:.2f})")
             cells.append(with_interval(row, "false_per_hour"))
         lines.append([*cells, *(with_interval(row, key) for key in ("redundant_per_run", "nees"))])
-    return markdown_table(["point", *heads, "redundant per run", "NEES"], lines)
+    return markdown_table(["method and setting", *heads, "redundant per run", "NEES"], lines)
 
 
 def main() -> None:

@@ -168,10 +168,11 @@ def test_every_method_has_a_page_of_all_its_parts(method):
         "What it needs",
         "Options",
         "When to use it",
-        "On the operating curve",
         "Readings",
     ]
-    assert f"](methods/{method}.md)" in (DOCS / "methods.md").read_text(encoding="utf-8")
+    overview = (DOCS / "methods.md").read_text(encoding="utf-8")
+    assert f"](methods/{method}.md)" in overview
+    assert f"| **`{method}` " in overview, "the figures of its default setting"
 
 
 def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
