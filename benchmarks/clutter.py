@@ -12,8 +12,8 @@ import argparse
 from pathlib import Path
 
 import fixed_threads  # noqa: F401  # before numpy
-from clutter_figures import Timing, requirements, theory_of
-from clutter_report import as_json, environment, growth_text, requirements_text, timing_text
+from clutter_figures import Timing, theory_of
+from clutter_report import agreement_text, as_json, environment, growth_text, timing_text
 from contenders import CONTENDERS
 from fixed_threads import BUILD
 from peer_timing import time_peers
@@ -68,7 +68,7 @@ def main() -> None:
         print(timing_text(timings[-1]), flush=True)
     if len(timings) > 1:
         print("\n" + growth_text(timings))
-    print("\n" + requirements_text(requirements(timings)))
+    print("\n" + agreement_text(timings))
     options.output.mkdir(parents=True, exist_ok=True)
     content = as_json(timings, {key: str(value) for key, value in vars(options).items()})
     write_text(options.output / "clutter.json", content + "\n")

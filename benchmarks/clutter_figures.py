@@ -1,4 +1,4 @@
-"""Figures from raw times: summaries, ratios, exponents and requirements.
+"""Figures from raw times: summaries, ratios and exponents.
 
 Times are wall time. Ratios and growth are of processor time, which equals wall time on an idle
 machine. On a busy machine wall time penalises contenders that run long enough to be interrupted.
@@ -22,7 +22,6 @@ from tsepm_ros.tracker.options import CommonOptions
 REFERENCE = "tsepm-5/8"
 """Contender that the ratios refer to."""
 ORACLE = "oracle-5/8"
-PEERS = ("stonesoup-5/8", "stonesoup-tuned-5/8", "stonesoup-xy-5/8")
 SETTLED = max(entry.window for entry in CONTENDERS.values()) - 1
 """First scan at which the window of every rule is full."""
 MIN_PAIRS = 5
@@ -75,15 +74,6 @@ class Summary:
     of_target: int
     first_of_target: int  # scan; -1: none
     stopped: str  # reason for an early end; empty if finished
-
-
-@dataclass(frozen=True)
-class Requirement:
-    """A requirement with its measured value; `holds` is None if it was not measured."""
-
-    text: str
-    measured: str = "not measured"
-    holds: bool | None = None
 
 
 def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
@@ -255,66 +245,3 @@ def _grown(timings: Sequence[Timing]) -> dict[str, list[float]]:
 def raw_before_cut(counts: dict[str, float]) -> float:
     """Raw confirmations, those cut by the limit included."""
     return counts.get("raw", 0.0) + counts.get("cut_raw", 0.0)
-
-
-def requirements(timings: Sequence[Timing]) -> list[Requirement]:
-    """All requirements with their measured values."""
-    by_name = {timing.name: timing for timing in timings}
-    return [
-        *(_at_least(by_name.get("1e-06"), peer, 150.0, "median ratio at 1e-6") for peer in PEERS),
-        _oracle_ratio(by_name.get("3e-06")),
-        _same_output(timings),
-        *_bounded(by_name.get("5e-06"), 0.1, 1000.0),
-        *_bounded(by_name.get("1e-05"), 1.0, None),
-        *(_at_least(by_name.get("calm"), peer, 20.0, "median ratio, calm") for peer in PEERS),
-    ]
-
-
-def _at_least(timing: Timing | None, peer: str, needed: float, text: str) -> Requirement:
-    text = f"{text}: {peer} / {REFERENCE} at least {needed:g}"
-    ratio = summarise(timing, peer).ratio if timing and peer in timing.peers else None
-    if ratio is None:
-        return Requirement(text)
-    measured = f"{ratio.median:.0f} ({ratio.low:.0f} to {ratio.high:.0f}, {ratio.pairs} scans)"
-    if not ratio.settled:
-        return Requirement(text, f"{measured}: too few scans", None)
-    return Requirement(text, measured, bool(ratio.median >= needed))
-
-
-def _oracle_ratio(timing: Timing | None) -> Requirement:
-    text = f"over the run at 3e-6: {ORACLE} / {REFERENCE} at least 20"
-    ratio = summarise(timing, ORACLE).ratio if timing and ORACLE in timing.peers else None
-    if timing is None or ratio is None:
-        return Requirement(text)
-    scans = len(timing.peers[ORACLE].seconds)
-    return Requirement(text, f"{ratio.over_run:.0f} (first {scans} scans)", ratio.over_run >= 20)
-
-
-def _same_output(timings: Sequence[Timing]) -> Requirement:
-    text = "the oracle's tracks in every scan that it finished"
-    scans, same_tracks, same_hits = agreement(timings)
-    if not scans:
-        return Requirement(text)
-    measured = f"{same_tracks} of {scans} scans, with the same hits {same_hits}"
-    return Requirement(text, measured, same_tracks == scans)
-
-
-def _bounded(timing: Timing | None, share: float, megabytes: float | None) -> list[Requirement]:
-    """Worst scan within a share of the period, peak memory within a bound."""
-    if timing is None or REFERENCE not in timing.peers:
-        return [Requirement(f"worst scan within {share:g} of the period")]
-    summary = summarise(timing, REFERENCE)
-    limit = share * timing.scene.sea.period
-    finished = not summary.stopped
-    bounds = [
-        Requirement(
-            f"worst scan at {timing.name}: {REFERENCE} at most {limit:g} s",
-            f"{summary.worst:.2f} s, {summary.cut} cut in {summary.scans} scans",
-            finished and summary.worst <= limit,
-        )
-    ]
-    if megabytes is not None:
-        text = f"peak memory at {timing.name}: {REFERENCE} under {megabytes:g} MB"
-        holds = finished and summary.memory < megabytes
-        bounds.append(Requirement(text, f"{summary.memory:.0f} MB", holds))
-    return bounds

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import clutter_figures as figures
-from clutter_figures import Requirement, Summary, Timing, raw_before_cut, settled, summarise
+from clutter_figures import Summary, Timing, raw_before_cut, settled, summarise
 
 from tsepm_ros.tools.terminal import text_table
 
@@ -96,10 +96,10 @@ def growth_text(timings: Sequence[Timing]) -> str:
     return "\n".join(lines)
 
 
-def requirements_text(results: Sequence[Requirement]) -> str:
-    """A line per requirement."""
-    words = {True: "holds", False: "FALLS SHORT", None: "-"}
-    return "\n".join(f"{words[item.holds]:11s}  {item.text}: {item.measured}" for item in results)
+def agreement_text(timings: Sequence[Timing]) -> str:
+    """In how many scans the tracks are those of the oracle."""
+    scans, same_tracks, same_hits = figures.agreement(timings)
+    return f"the oracle's tracks in {same_tracks} of {scans} scans, its hits in {same_hits}"
 
 
 def environment() -> dict[str, Any]:
@@ -129,7 +129,6 @@ def as_json(timings: Sequence[Timing], options: dict[str, Any]) -> str:
         "options": options,
         "densities": [_timing_content(timing) for timing in timings],
         "exponents": figures.exponents(timings),
-        "requirements": [dataclasses.asdict(item) for item in figures.requirements(timings)],
     }
     # nan becomes null: JSON has no nan.
     return json.dumps(json.loads(json.dumps(content), parse_constant=lambda _: None), indent=1)

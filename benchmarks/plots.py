@@ -6,8 +6,7 @@
 - vessels: starts and tracks of a vessel at 3 m/s with 3 to 8 highlights a ping along its hull;
 - pool: swimmers held around a fast imaging sonar, by their echoes and the false detections;
 - box: the largest likelihood ratio over the pings of the paper's box, uniform and lumpy, and
-  whether the tracks are those of `plots` off to the bit;
-- time: of the grouping, by the number of detections.
+  whether the tracks are those of `plots` off to the bit.
 
     python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
                                         [--sensor given|unknown]
@@ -20,7 +19,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -28,13 +26,11 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
-from plots_scenes import AREA, HALF_SECTOR, MAX_RANGE, Pool, Swimmers, box
+from plots_scenes import Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, clusters_of, grouped
 from tsepm_ros.tracker.clusters.multi_detection import LOG_RATIO
-from tsepm_ros.tracker.scan import Scan
 
 MAX_SPEED = 5.0
 POOL_SPEED = 3.0
@@ -284,40 +280,10 @@ def paper_box(options: argparse.Namespace) -> None:
         )
 
 
-def times(options: argparse.Namespace) -> None:
-    """Print the time of grouping detections and making plots of them, on the swimmers' sector."""
-    rng = np.random.default_rng(options.seed)
-    sensor = Swimmers().sensor
-    for number, size, extent in (
-        (100, 4, ClusterExtent(4.0, 4.0, 0.06, 32.0)),
-        (1000, 4, ClusterExtent(2.0, 2.0)),
-        (1000, 4, ClusterExtent(4.0, 4.0, 0.06, 32.0)),
-        (1000, 1, ClusterExtent(2.0, 2.0)),
-    ):
-        centres = number // size
-        range_ = np.repeat(MAX_RANGE * np.sqrt(rng.random(centres)) + 1.0, size)
-        azimuth = np.repeat(rng.uniform(-HALF_SECTOR, HALF_SECTOR, centres), size)
-        range_ = range_ + rng.uniform(-0.5, 0.5, len(range_))
-        scan = Scan(0.0, range_, azimuth + rng.uniform(-0.5, 0.5, len(range_)) / range_)
-        spent = []
-        for _ in range(200):
-            begin = time.perf_counter()
-            label = grouped(scan.range, scan.azimuth, extent)
-            middle = time.perf_counter()
-            made = clusters_of(scan, label, ClusterErrors(), sensor)
-            spent.append((middle - begin, time.perf_counter() - middle))
-        grouping, making = 1e3 * np.median(spent, axis=0)
-        print(
-            f"{len(scan)} detections within {extent}: {len(made.scan)} plots; grouping "
-            f"{grouping:.2f} ms, making {making:.2f} ms ({len(scan) / AREA:.2g} a m^2)"
-        )
-
-
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     jobs = {"swimmers": swimmers, "two": two, "vessels": vessels, "pool": pool, "box": paper_box}
-    jobs["time"] = times
     parser.add_argument("job", choices=jobs)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
