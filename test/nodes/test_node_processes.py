@@ -70,14 +70,21 @@ def test_a_signal_ends_every_executable_while_its_node_is_made(start, given, num
         assert_clean_end(process)
 
 
-@pytest.mark.parametrize("pause", [0.0, 0.3], ids=["at_once", "waiting"])
-def test_a_signal_ends_every_executable_that_waits(start, given, pause):
+def test_a_signal_ends_every_executable_as_soon_as_it_speaks(start, given):
+    processes = [start(name, given[name]) for name in EXECUTABLES]
+    for process, number in zip(processes, 2 * (signal.SIGTERM, signal.SIGINT), strict=True):
+        process.until_said("waiting for")
+        process.interrupt(number)
+    for process in processes:
+        assert_clean_end(process)
+
+
+def test_a_signal_ends_every_executable_that_waits(start, given):
     processes = [start(name, given[name]) for name in EXECUTABLES]
     for process in processes:
         process.until_said("waiting for")
-    processes[-1].wait_for(pause)
-    numbers = (signal.SIGINT, signal.SIGTERM) if pause else (signal.SIGTERM, signal.SIGINT)
-    for process, number in zip(processes, 2 * numbers, strict=True):
+    processes[-1].wait_for(0.3)  # nothing tells that they wait
+    for process, number in zip(processes, 2 * (signal.SIGINT, signal.SIGTERM), strict=True):
         process.interrupt(number)
     for process in processes:
         assert_clean_end(process)
