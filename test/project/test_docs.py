@@ -3,7 +3,6 @@
 import ast
 import contextlib
 import functools
-import importlib.util
 import io
 import json
 import re
@@ -14,6 +13,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from support.scripts import loaded
 
 from tsepm_ros import __version__, available_methods
 from tsepm_ros.methods.registry import option_names
@@ -217,10 +217,7 @@ REFERENCE = ("parameters.md", "topics.md", "messages.md", "diagnostics.md", "tim
 
 @pytest.fixture(scope="module")
 def figures():
-    spec = importlib.util.spec_from_file_location("figures", DOCS / "figures.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(DOCS / "figures.py")
 
 
 def test_every_page_shows_its_result_files_and_every_one_stands_on_a_page(figures):

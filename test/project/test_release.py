@@ -1,6 +1,5 @@
 """The version is the same wherever it stands, and the release's files are what they say."""
 
-import importlib.util
 import re
 import runpy
 from datetime import datetime
@@ -9,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from support.scripts import loaded
 
 import tsepm_ros
 
@@ -84,10 +84,7 @@ def test_the_container_is_made_by_the_commands_of_the_readme():
 
 @pytest.fixture
 def changelog():
-    specification = importlib.util.spec_from_file_location("changelog", ROOT / "docs/changelog.py")
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return loaded(ROOT / "docs/changelog.py")
 
 
 def test_the_changelog_of_ros_is_made_from_the_other_with_signs_that_mean_the_same(changelog):
