@@ -10,7 +10,7 @@ import yaml
 from tsepm_ros import SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.studies.reproduction import published as published
+from tsepm_ros.studies.reproduction import monte_carlo as published
 from tsepm_ros.tools.commands import design_command as design_report
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.design import prediction as scenes_module
