@@ -28,14 +28,19 @@ import fixed_threads
 import numpy as np
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tools.commands.arguments import add_runs, workers_of
-from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.prediction import Case, false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.commands.arguments import add_runs
+from tsepm_ros.tools.design.prediction import (
+    Case,
+    clutter_scans,
+    false_tracks_per_hour,
+    score_thresholds,
+    score_window,
+    target_statistics,
+)
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.performance import Comparison, Evaluated, Plan, evaluate
 from tsepm_ros.tools.evaluation.result_files import add_result, code_key, printed, write_table
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
 from tsepm_ros.tools.terminal import with_progress
@@ -89,11 +94,11 @@ def score_at(rate: float, **options: Any) -> OperatingPoint:
     return OperatingPoint("score", label, options, version=code_key())
 
 
-def rate_ratio(density: float, rate: float, hours: float, seed: int, workers: Workers) -> Estimate:
+def rate_ratio(density: float, rate: float, hours: float, seed: int, processes: int) -> Estimate:
     """Rate of false tracks over the target rate."""
     case = clutter_alone(density)
     scans = math.ceil(hours * case.scans_per_hour)
-    given = {"seed": seed, "workers": workers, "progress": with_progress}
+    given = {"seed": seed, "processes": processes, "progress": with_progress}
     options = {"false_tracks_per_hour": float(rate)}
     return false_tracks_per_hour(case, "score", options, scans=scans, **given) / rate
 
@@ -292,12 +297,12 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     sensor = replace(SensorModel(), clutter_density=density)
     case = Case(sensor=sensor, scans=scans, target_speed=SPEED)
     score = ScoreOptions(false_tracks_per_hour=TARGET_RATE)
-    score = replace(score, window=search.score_window(case, score))
-    [(_, planned)] = search.score_thresholds(case, score, [score.window])
+    score = replace(score, window=score_window(case, score))
+    [(_, planned)] = score_thresholds(case, score, [score.window])
     given = {**asdict(case.common), **asdict(score)}
-    simulation = {"seed": options.seed, "workers": options.workers, "progress": with_progress}
+    simulation = {"seed": options.seed, "processes": options.workers, "progress": with_progress}
     simulated = target_statistics(case, "score", given, runs=options.runs, **simulation).detection
-    clutter = search.clutter_scans(case, TARGET_RATE)
+    clutter = clutter_scans(case, TARGET_RATE)
     false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
@@ -334,7 +339,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
-    options.workers = workers_of(options)
     table = printed(COMMANDS[options.command][0](options))
     line = f"python benchmarks/promises.py {options.command} --runs {options.runs}"
     line += "".join(f" --scene {shlex.quote(name)}" for name in options.scene or ())

@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 
 import tsepm_ros
-from tsepm_ros.tools.commands.arguments import add_out, add_runs, workers_of
+from tsepm_ros.tools.commands.arguments import add_out, add_runs
 from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
-from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete
-from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete, mapped
 from tsepm_ros.tools.terminal import Progress, markdown_table, silent, with_progress
 from tsepm_ros.whole_files import opened_whole, write_text, written_whole
 
@@ -54,7 +53,7 @@ class Setting:
         Folder of the stored runs.
     runs, seed : int
         Run i is seeded with (seed, i) on every worker.
-    workers : Workers
+    processes : int
     progress : callable
         Shows the progress of the missing runs.
     """
@@ -62,7 +61,7 @@ class Setting:
     folder: Path
     runs: int
     seed: int = 1
-    workers: Workers = field(default_factory=Workers)
+    processes: int = 1
     progress: Progress = silent
 
     def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
@@ -83,7 +82,7 @@ class Setting:
 
         def results_of(missing: list[tuple[int, int]]) -> Iterator[Result]:
             jobs = [(function, cases[place], [self.seed, index]) for place, index in missing]
-            return self.workers.mapped(_run, jobs)
+            return mapped(_run, jobs, self.processes)
 
         complete(files, self.runs, results_of, self.progress)
         return [[file.results[index] for index in range(self.runs)] for file in files]
@@ -345,7 +344,7 @@ def run_reproduction(options: argparse.Namespace) -> None:
         folder=options.out / "runs",
         runs=options.runs,
         seed=options.seed,
-        workers=workers_of(options),
+        processes=options.workers,
         progress=with_progress,
     )
     parts: list[Part] = [

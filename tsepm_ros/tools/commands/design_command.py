@@ -23,22 +23,22 @@ from tsepm_ros.tools.commands.arguments import (
     add_arguments,
     add_runs,
     positive,
-    workers_of,
 )
-from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.prediction import Case, target_scenes
-from tsepm_ros.tools.design.search import (
-    WINDOWS,
+from tsepm_ros.tools.design.prediction import (
     Candidate,
+    Case,
     FirstEstimate,
-    PingIncrements,
     Rule,
+    candidates,
+    clutter_scans,
     first_estimate,
     remedied_detection,
+    rules_within,
+    target_scenes,
 )
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.terminal import named_progress, text_table
-from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import write_text
 
@@ -121,10 +121,8 @@ def run_design(options: argparse.Namespace) -> None:
     print(case_lines(case, target_rate), flush=True)
     first = first_estimate(case, score, given_window="score.window" in values)
     score = dataclasses.replace(score, window=first.window)
-    increments = search.ping_increments(case, score.gate_probability)
-    print(increments_line(increments, first.threshold))
     print(first_line(first, case), flush=True)
-    rules = search.rules_within(case, tsepm, target_rate, workers_of(options))
+    rules = rules_within(case, tsepm, target_rate, options.workers)
     print(
         "\nM/N rules of the method tsepm that keep the target false-track rate:"
         + ("" if rules else " none")
@@ -134,35 +132,33 @@ def run_design(options: argparse.Namespace) -> None:
     simulation = {
         "runs": options.runs,
         "seed": options.seed,
-        "workers": workers_of(options),
+        "processes": options.workers,
         "progress": named_progress,
     }
-    candidates = list(
-        search.candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation)
-    )
-    hours = search.clutter_scans(case, target_rate) / case.scans_per_hour
+    found = list(candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation))
+    hours = clutter_scans(case, target_rate) / case.scans_per_hour
     print(
         f"\nsimulated: up to {options.runs} targets, {hours:.1f} h of clutter alone, seed "
         f"{options.seed}; score with window {score.window}; 95 % intervals; a dash: not simulated, "
         "since fewer targets are found"
     )
-    print(candidate_table(candidates, case.sensor.coverage_area))
+    print(candidate_table(found, case.sensor.coverage_area))
     assumed = ""
     if "sensor.clutter_density" not in values:
         assumed = (
             f"the clutter is not given; with the default, {case.detections_per_scan:.3g} false "
             "detections per ping (yours: --false-detections NUMBER), "
         )
-    print(f"\n{assumed}{verdict(candidates, options.wanted, target_rate)}", flush=True)
-    if max(candidate.targets.detection.high for candidate in candidates) < options.wanted:
+    print(f"\n{assumed}{verdict(found, options.wanted, target_rate)}", flush=True)
+    if max(candidate.targets.detection.high for candidate in found) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
         changes = remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
-        now = ("as it is", candidates[0].targets.detection)
+        now = ("as it is", found[0].targets.detection)
         print(remedy_table([now, *changes]))
     if options.write:
-        _write_parameters(options, values, candidates)
+        _write_parameters(options, values, found)
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -211,19 +207,6 @@ def case_lines(case: Case, false_per_hour: float) -> str:
     )
 
 
-def increments_line(increments: PingIncrements, threshold: float) -> str:
-    """Mean increments of a ping and the number of pings up to the threshold."""
-    text = (
-        f"mean increment of the log-likelihood ratio, the target's position known: hit "
-        f"{increments.hit:+.1f}, miss {increments.miss:+.1f}, ping {increments.scan:+.2f} at most; "
-        f"threshold {threshold:.1f}: "
-    )
-    pings = max(math.ceil(threshold / max(increments.scan, 1e-9)), MIN_HITS)
-    if pings > WINDOWS[-1]:
-        return f"{text}more pings than the longest window, {WINDOWS[-1]}"
-    return f"{text}about {pings} pings, plus those needed to estimate the velocity"
-
-
 def first_line(estimate: FirstEstimate, case: Case) -> str:
     """The first estimate in a line."""
     if not estimate.detection > 0.0:
@@ -232,8 +215,8 @@ def first_line(estimate: FirstEstimate, case: Case) -> str:
     if half is not None:
         text = f", half of the targets within {half} pings ({(half - 1) * case.interval:g} s)"
     return (
-        f"first estimate, without simulation: score finds about {estimate.detection:.2f} of the "
-        f"targets in time{text}"
+        f"first estimate, without simulation: score (threshold {estimate.threshold:.1f}) finds "
+        f"about {estimate.detection:.2f} of the targets in time{text}"
     )
 
 

@@ -18,7 +18,6 @@ from tsepm_ros.tools.commands.arguments import (
     add_runs,
     positive,
     scenario_names,
-    workers_of,
 )
 from tsepm_ros.tools.evaluation.performance import (
     Evaluated,
@@ -33,7 +32,6 @@ from tsepm_ros.tools.evaluation.performance import (
 )
 from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.whole_files import opened_whole, write_text
@@ -104,8 +102,8 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         seed=options.seed,
         horizons=options.horizon,
     )
-    _announce(plan, workers_of(options))
-    evaluated = evaluate(plan, options.out / "runs", workers_of(options), with_progress)
+    _announce(plan, options.workers)
+    evaluated = evaluate(plan, options.out / "runs", options.workers, with_progress)
     for evaluation in evaluated:
         print(short_text(plan, evaluation) + "\n")
     _write(plan, evaluated, options.out, options.line)
@@ -123,7 +121,7 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         write_result(options.result, result)
 
 
-def _announce(plan: Plan, workers: Workers) -> None:
+def _announce(plan: Plan, processes: int) -> None:
     """Say what will be done and, from a run of each method, about how long it takes."""
     for point in plan.points:
         point.make(plan.scenarios[0])  # refused options are refused before anything is said
@@ -139,11 +137,11 @@ def _announce(plan: Plan, workers: Workers) -> None:
         return
     trials = [(one, [plan.seed, 0], point) for one in plan.scenarios for point in firsts.values()]
     begin = time.perf_counter()
-    for _ in with_progress(runs_of(trials, None), len(trials), "trial"):
+    for _ in with_progress(runs_of(trials), len(trials), "trial"):
         pass
-    minutes = (time.perf_counter() - begin) / len(trials) * total / workers.processes / 60.0
+    minutes = (time.perf_counter() - begin) / len(trials) * total / processes / 60.0
     print(
-        f"about {minutes:.2g} minutes on {workers.processes} processes; fewer: --runs, --method",
+        f"about {minutes:.2g} minutes on {processes} processes; fewer: --runs, --method",
         file=sys.stderr,
     )
 

@@ -21,8 +21,7 @@ from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.design.prediction import Case
-from tsepm_ros.tools.design.search import FirstEstimate, first_estimate
+from tsepm_ros.tools.design.prediction import Case, FirstEstimate, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel

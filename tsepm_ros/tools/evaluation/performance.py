@@ -26,9 +26,8 @@ from tsepm_ros.tools.evaluation.measures import (
     measures_of,
     summarise,
 )
-from tsepm_ros.tools.evaluation.result_files import RunFile, complete
+from tsepm_ros.tools.evaluation.result_files import RunFile, complete, mapped
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.terminal import Progress, markdown_table, silent, text_table
 
@@ -198,40 +197,12 @@ def run(job: Job) -> RunSummary:
     return summarise(simulate(*job))
 
 
-def runs_of(jobs: Sequence[Job], workers: Workers | None = None) -> Iterator[RunSummary]:
-    """Do runs in their order, in this process if no workers are given."""
-    return (workers or Workers()).mapped(run, jobs, CHUNK)
+def runs_of(jobs: Sequence[Job], processes: int = 1) -> Iterator[RunSummary]:
+    """Do runs in their order.
 
-
-def study(
-    scenario: Scenario,
-    point: OperatingPoint,
-    runs: Sequence[int],
-    seed: int,
-    workers: Workers | None = None,
-) -> Iterator[RunSummary]:
-    """Run a scenario many times.
-
-    Run i is seeded with (seed, i), so the results do not depend on the worker, and all methods get
-    the same scenes.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    point : OperatingPoint
-        The method and its options.
-    runs : sequence of int
-        Indices of the runs.
-    seed : int
-    workers : Workers, optional
-        This process if not given.
-
-    Yields
-    ------
-    RunSummary
-        In the order of `runs`.
+    A run depends on its scenario, seed and point alone, not on the process that does it.
     """
-    return runs_of([(scenario, [seed, index], point) for index in runs], workers)
+    return mapped(run, jobs, processes, CHUNK)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,7 +272,7 @@ class Evaluated:
 def evaluate(
     plan: Plan,
     folder: Path,
-    workers: Workers | None = None,
+    processes: int = 1,
     progress: Progress = silent,
 ) -> list[Evaluated]:
     """Do the runs missing in the folder's files, and compute measures and comparisons.
@@ -311,8 +282,7 @@ def evaluate(
     plan : Plan
     folder : Path
         Folder of the files of runs.
-    workers : Workers, optional
-        This process if not given.
+    processes : int, optional
     progress : callable, optional
         Shows the number of missing runs that are done.
 
@@ -334,7 +304,7 @@ def evaluate(
 
     def results_of(missing: list[tuple[int, int]]) -> Iterator[dict[str, Any]]:
         jobs = [(tasks[k][0], [plan.seed, index], tasks[k][1]) for k, index in missing]
-        return (summary.as_json() for summary in runs_of(jobs, workers))
+        return (summary.as_json() for summary in runs_of(jobs, processes))
 
     complete(files, plan.runs, results_of, progress)
     runs = [
@@ -389,7 +359,7 @@ TABLES = {
         "redundant_per_run",
         "held",
     ),
-    "Time to confirm": ("confirmation_time", "confirmation_median", "confirmation_95"),
+    "Time to confirm": ("confirmation_time", "confirmation_median"),
     "Pure starts": (
         "pure_position_error",
         "position_to_bound",
@@ -398,7 +368,6 @@ TABLES = {
         "pure_nees",
     ),
     "True starts": ("position_error", "velocity_error", "nees"),
-    "Held tracks": ("gospa_mean", "gospa", "gospa_localisation", "gospa_missed", "gospa_false"),
 }
 """Measures of each table."""
 SHORT = {
@@ -410,7 +379,6 @@ SHORT = {
     "confirmation_median": "median s",
     "pure_nees": "NEES pure",
     "nees": "NEES true",
-    "gospa_mean": "GOSPA m",
 }
 """Measures of the terminal's table, with their headings."""
 NOTES = """\
@@ -428,9 +396,6 @@ farther from it. *redundant*: another true start of a target.
 Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
 ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.
 - *NEES*: 4 is ideal; a larger value means an over-confident covariance.
-- *GOSPA* of the held tracks against the truth: p = 2, alpha = 2, c = 3 sigma of the measurement \
-error's larger axis, the mean over the targets; mean and root mean square over the scans and runs. \
-The squares of the three parts add up to that of the latter.
 """
 EQUAL_RATE_NOTE = """\
 The curve passes through a method's best points, P_D linear in the logarithm of the false + \
