@@ -26,6 +26,8 @@ from typing import Any
 
 import fixed_threads
 import numpy as np
+from equal_rates import Comparison, compare
+from result_tables import printed, write_table
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.commands.arguments import add_runs
@@ -38,8 +40,8 @@ from tsepm_ros.tools.design.prediction import (
     target_statistics,
 )
 from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.evaluation.performance import Comparison, Evaluated, Plan, evaluate
-from tsepm_ros.tools.evaluation.result_files import add_result, code_key, printed, write_table
+from tsepm_ros.tools.evaluation.performance import Evaluated, Plan, evaluate
+from tsepm_ros.tools.evaluation.result_files import add_result, code_key
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
@@ -217,7 +219,9 @@ def equal_rate_row(result: Evaluated) -> list[str]:
     for a P_D below its first point's it has *at most* that point's false starts. Above its highest
     P_D, or below its fewest false starts, it is not compared.
     """
-    [row] = [row for row in result.comparisons if row.method == "tsepm" and row.other == "score"]
+    names = [(point.method, point.label) for point in result.points]
+    compared = compare(dict(zip(names, result.runs, strict=True)))
+    [row] = [row for row in compared if row.method == "tsepm" and row.other == "score"]
     pairs = list(zip(result.points, result.measures, strict=True))
     [published] = [measures for point, measures in pairs if point.method == "tsepm"]
     false = [measures.false_per_run.value for point, measures in pairs if point.method == "score"]

@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
+from result_tables import printed, write_table
 from strength_scenes import (
     BOX,
     CLUTTER,
@@ -48,7 +49,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     mean_count,
     proportion,
 )
-from tsepm_ros.tools.evaluation.result_files import add_result, mapped, printed, write_table
+from tsepm_ros.tools.evaluation.result_files import add_result, mapped
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.terminal import with_progress
 

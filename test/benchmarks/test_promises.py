@@ -12,7 +12,7 @@ from support.run_summaries import run_of, start
 
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.measures import measures_of
-from tsepm_ros.tools.evaluation.performance import Evaluated, compare
+from tsepm_ros.tools.evaluation.performance import Evaluated
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
 
@@ -38,8 +38,8 @@ def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) ->
             SCENE,
             4,
             [OperatingPoint(*name) for name in records],
+            list(records.values()),
             [measures_of(SCENE, runs, 4) for runs in records.values()],
-            compare(records),
         )
     )
 

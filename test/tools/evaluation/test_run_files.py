@@ -14,10 +14,8 @@ from tsepm_ros.tools.evaluation.performance import run, run_file
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
     RunFile,
-    printed,
     read_result,
     write_result,
-    write_table,
 )
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
 from tsepm_ros.tools.simulation import Scenario, load_scenario
@@ -104,20 +102,6 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     path.write_text("[1]")
     with pytest.raises(ValueError, match="not a result file"):
         read_result(path)
-
-
-def test_a_table_is_printed_row_by_row_and_written_only_where_a_file_is_named(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    path, table = tmp_path / "a.json", (["a", "b"], [["1", "2"], ["3", "4"]])
-    write_table(None, "python a.py", table, seed=3, runs=7)
-    assert not list(tmp_path.iterdir())
-    write_table(path, "python a.py", table, seed=3, runs=7)
-    expected = Result(command="python a.py", seed=3, runs=7, header=table[0], rows=table[1])
-    assert read_result(path) == expected
-    assert printed(iter([["a", "b"], ["1", "2"]])) == (["a", "b"], [["1", "2"]])
-    assert capsys.readouterr().out == "| a | b |\n|---|---|\n| 1 | 2 |\n"
 
 
 MANY = {

@@ -62,7 +62,6 @@ ARGUMENTS: Arguments = {
         "help": "pings within which a target is to be found",
     },
     "--speed": {"type": float, "help": "speed of the targets, m/s; default half max_speed"},
-    "--range": {"type": float, "help": "range of the targets, m; default anywhere in the coverage"},
     "--ratio": {
         "type": float,
         "metavar": "DB",
@@ -112,7 +111,6 @@ def run_design(options: argparse.Namespace) -> None:
         interval=options.interval,
         scans=options.scans,
         target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
-        target_range=options.range,
         ratio_db=options.ratio,
     )
     target_scenes(case, options.runs, options.seed)  # refuses targets that leave the coverage
@@ -193,17 +191,14 @@ def _write_parameters(
 def case_lines(case: Case, false_per_hour: float) -> str:
     """The case of a design in two lines."""
     sensor = case.sensor
-    where = "anywhere in the coverage"
-    if case.target_range is not None:
-        where = f"at {case.target_range:g} m in the middle of the run"
-    if case.ratio_db is not None:
-        where += f", {case.ratio_db:g} dB above the clutter"
+    strength = "" if case.ratio_db is None else f", {case.ratio_db:g} dB above the clutter"
     return (
         f"sonar: {sensor.coverage_area / 1e6:.4g} km^2, a ping every {case.interval:g} s, "
         f"{case.detections_per_scan:.3g} false detections in each: {case.starts_per_hour:.0f} "
         f"an hour; target false-track rate {false_per_hour:g} per hour\n"
-        f"targets: {case.target_speed:g} m/s (up to {case.max_speed:g} allowed), {where}, to be "
-        f"found within {case.scans} pings ({(case.scans - 1) * case.interval:g} s) inside it"
+        f"targets: {case.target_speed:g} m/s (up to {case.max_speed:g} allowed), anywhere in the "
+        f"coverage{strength}, to be found within {case.scans} pings "
+        f"({(case.scans - 1) * case.interval:g} s) inside it"
     )
 
 

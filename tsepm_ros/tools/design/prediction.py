@@ -70,8 +70,6 @@ class Case:
         Number of pings within which a target should be found.
     target_speed : float
         m/s.
-    target_range : float, optional
-        Range of the targets in the middle of the run, m; anywhere in the coverage if not given.
     ratio_db : float, optional
         Signal-to-clutter ratio of the targets, dB, fluctuating in Rayleigh clutter; without it
         detections have no strength.
@@ -87,12 +85,10 @@ class Case:
     interval: float = 12.0
     scans: int = 16
     target_speed: float = 5.0
-    target_range: float | None = None
     ratio_db: float | None = None
 
     def __post_init__(self) -> None:
-        sensor, speed = self.sensor, self.target_speed
-        nearest, farthest, place = sensor.min_range, sensor.max_range, self.target_range
+        speed = self.target_speed
         for allowed, sentence in (
             (
                 0.0 < self.interval < math.inf,
@@ -106,11 +102,6 @@ class Case:
             (
                 self.ratio_db is None or -100.0 <= self.ratio_db <= 100.0,
                 f"ratio must be from -100 to 100 dB; got {self.ratio_db!r}",
-            ),
-            (
-                place is None or (nearest <= place <= farthest and place > 0.0),
-                f"range must be above 0 and within the coverage, {nearest:g} to {farthest:g} m; "
-                f"got {place!r}",
             ),
         ):
             if not allowed:
@@ -213,13 +204,13 @@ def _fits(case: Case, target: _Target, others: list[_Target], times: FloatArray)
 
 
 def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
-    """A target that stays in the coverage, anywhere in it or at the case's range."""
+    """A target that stays in the coverage, anywhere in it."""
     sensor = case.sensor
     for _ in range(MAX_PLACEMENT_TRIES):
         share, bearing, turn = rng.random(3)
         azimuth = sensor.azimuth_min + bearing * sensor.sector_width
         square = sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share
-        range_ = case.target_range or math.sqrt(square)
+        range_ = math.sqrt(square)
         heading = 2.0 * math.pi * turn
         target = _Target(
             range_ * np.array([math.cos(azimuth), math.sin(azimuth)]),
@@ -734,16 +725,14 @@ def remedies(case: Case) -> list[tuple[str, Case]]:
         name: 0.5 * getattr(sensor, name) for name in ("range_std", "range_std_fraction")
     }
     farthest = max(0.7 * sensor.max_range, 0.5 * (sensor.min_range + sensor.max_range))
-    changes = [
+    return [
         ("twice as many pings", dataclasses.replace(case, scans=2 * case.scans)),
         ("half the sector", changed(azimuth_max=sensor.azimuth_min + 0.5 * sensor.sector_width)),
         ("half the bearing error", changed(azimuth_std=0.5 * sensor.azimuth_std)),
         ("half the range error", changed(**range_errors)),
         ("half the clutter", changed(clutter_density=0.5 * sensor.clutter_density)),
+        (f"a range of {farthest:.0f} m", changed(max_range=farthest)),
     ]
-    if case.target_range is None:
-        changes.append((f"a range of {farthest:.0f} m", changed(max_range=farthest)))
-    return changes
 
 
 def remedied_detection(

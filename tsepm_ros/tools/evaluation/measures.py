@@ -374,8 +374,8 @@ class Measures:
     redundant_per_run : Estimate
     held : Estimate
         Share of targets with a held track within 3 sigma at the end.
-    confirmation_time, confirmation_median : Estimate
-        Time from the first scan to the true starts, s: mean and median.
+    confirmation_time, confirmation_median, confirmation_95 : Estimate
+        Time from the first scan to the true starts, s: mean, median and 95 % quantile.
     position_error, velocity_error : Estimate
         Root mean square over the true starts, m and m/s.
     pure_position_error, pure_velocity_error : Estimate
@@ -399,6 +399,7 @@ class Measures:
     held: Estimate = field(metadata=_shown("targets held at the end", ".4f"))
     confirmation_time: Estimate = field(metadata=_shown("time to confirm, mean [s]", ".1f"))
     confirmation_median: Estimate = field(metadata=_shown("time to confirm, median [s]", ".0f"))
+    confirmation_95: Estimate = field(metadata=_shown("time to confirm, 95 % quantile [s]", ".0f"))
     position_error: Estimate = field(metadata=_shown("position error, RMS [m]", ".1f"))
     velocity_error: Estimate = field(metadata=_shown("velocity error, RMS [m/s]", ".2f"))
     pure_position_error: Estimate = field(
@@ -449,6 +450,7 @@ def measures_of(
         **_counts(scenario, runs, scans),
         confirmation_time=mean(times),
         confirmation_median=quantile(times, 0.5),
+        confirmation_95=quantile(times, 0.95),
         **_errors(true, pure),
     )
 

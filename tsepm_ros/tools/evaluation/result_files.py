@@ -216,7 +216,6 @@ def complete(
 
 
 Row = Mapping[str, Any]
-Table = tuple[list[str], list[list[str]]]  # header and rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,32 +282,3 @@ def read_result(path: Path) -> Result:
         return Result(**json.loads(path.read_text(encoding="utf-8")))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} is not a result file: {error}") from None
-
-
-def printed(rows: Iterable[Sequence[str]]) -> Table:
-    """Print rows as a Markdown table, each at once, and return the header and the others."""
-    table = []
-    for index, cells in enumerate(rows):
-        print(f"| {' | '.join(cells)} |", flush=True)
-        if not index:
-            print("|---" * len(cells) + "|", flush=True)
-        table.append(list(cells))
-    return table[0], table[1:]
-
-
-def write_table(path: Path | None, command: str, table: Table, *, seed: int, runs: int) -> None:
-    """Write a printed table as a result file, if `add_result`'s option names the file.
-
-    Parameters
-    ----------
-    path : Path or None
-        None: nothing is written.
-    command : str
-        The command that repeats the table.
-    table : header and rows
-        As `printed` returns them.
-    seed, runs : int
-    """
-    if path:
-        header, rows = table
-        write_result(path, Result(command=command, seed=seed, runs=runs, header=header, rows=rows))
