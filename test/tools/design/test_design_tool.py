@@ -5,12 +5,10 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 from support.run_summaries import study
 
 from tsepm_ros import SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.studies.reproduction import monte_carlo as published
 from tsepm_ros.tools.commands import design_command as design_report
 from tsepm_ros.tools.commands.cli import main
@@ -148,18 +146,12 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
 
 @pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
-def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path):
-    file = tmp_path / "sonar.yaml"
+def test_the_command_says_what_to_expect(capsys):
     given = ["-p", "sensor.clutter_density:=1.0e-7", "-p", "sensor.max_range:=5000.0"]
     given += ["--runs", "10", "--wanted", "0.5"]
-    assert main(["design", "--workers", "1", "--write", str(file), *given]) == 0
+    assert main(["design", "--workers", "1", *given]) == 0
     said = capsys.readouterr().out
     assert "78.54 km^2" in said and "\nfeasible: " in said
-    text = file.read_text()
-    assert "method: score" in text and "sensor.clutter_density: 1.0e-07" in text
-    values = yaml.safe_load(text)["/**"]["ros__parameters"]
-    assert settings_from(make_groups(TRACK_INITIATOR, values)).session.method == "score"
-    assert {"score.window", "score.false_tracks_per_hour", "max_speed"} <= set(values)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +160,6 @@ def test_the_command_says_what_to_expect_and_writes_parameters(capsys, tmp_path)
         ("-p method:=tsepm", "method"),
         ("--wanted 2", "wanted"),
         ("--speed 50", "speed"),
-        ("--write /nowhere/at/all.yaml", "write"),
         ("--speed 10 -p sensor.max_range:=500.0", "coverage"),
         ("--false-detections 0", "--false-detections"),
         ("--false-detections 5 -p sensor.clutter_density:=1e-6", "--false-detections"),
@@ -193,15 +184,12 @@ def test_an_angle_that_looks_like_degrees_is_asked_about(capsys):
 @pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_a_first_set_up_is_designed_further(capsys, tmp_path):
-    file, further = tmp_path / "sonar.yaml", tmp_path / "further.yaml"
+    file = tmp_path / "sonar.yaml"
     assert main(["init", str(file), "--max-range", "3000", "--max-speed", "4"]) == 0
     given = ["design", "--params-file", str(file), "--runs", "3", "--workers", "1"]
     given += ["--wanted", "0.1", "-p", "sensor.clutter_density:=1.0e-7"]
-    assert main([*given, "--write", str(further)]) == 0
+    assert main(given) == 0
     assert "28.27 km^2" in capsys.readouterr().out
-    values = yaml.safe_load(further.read_text())["/**"]["ros__parameters"]
-    assert values["sensor.max_range"] == 3000.0 and values["max_speed"] == 4.0
-    assert values["sensor.clutter_density"] == 1.0e-7
     assert main(["design", "--params-file", str(tmp_path / "none.yaml")]) == 2
     assert "none.yaml cannot be read" in capsys.readouterr().err
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros.methods.tsepm import Candidates
 from tsepm_ros.numerics import grouped
@@ -107,11 +108,9 @@ def disjoint_pairs() -> list[tuple[int, int]]:
 
 def chained() -> int:
     """Number of tracks of Table I after chaining of the text's pairs to groups."""
-    label = {track: track for track in TABLE_I}
-    for first, second in SAID_TO_MERGE:
-        kept, merged = label[first], label[second]
-        label = {track: kept if name == merged else name for track, name in label.items()}
-    return len(set(label.values()))
+    pairs = np.zeros((len(TABLE_I), len(TABLE_I)))
+    pairs[tuple(np.array(SAID_TO_MERGE).T - 1)] = 1.0
+    return int(connected_components(pairs, directed=False)[0])
 
 
 class SplitOnly(SplitMerge):

@@ -7,16 +7,12 @@ import dataclasses
 import math
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-
-import yaml
 
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.parameters import Value
 from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.settings.parameter_files import ANY_NODE, add_values, given_values, parse_values
+from tsepm_ros.settings.parameter_files import add_values, given_values, parse_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
@@ -40,7 +36,6 @@ from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.terminal import named_progress, text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.whole_files import write_text
 
 MAX_REMEDY_RUNS = 100
 """Maximum number of targets simulated for each proposed change."""
@@ -68,7 +63,6 @@ ARGUMENTS: Arguments = {
         "help": "signal-to-clutter ratio of the targets, dB, where detections have an intensity",
     },
     "--wanted": {"type": float, "default": 0.9, "help": "required share of targets that are found"},
-    "--write": {"metavar": "FILE", "help": "write a parameter file for the node"},
 }
 
 
@@ -80,12 +74,12 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_design(options: argparse.Namespace) -> None:
-    """Design, print the predicted performance, and write parameters.
+    """Design, and print the predicted performance.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_design_arguments`, and `line`, the command line.
+        From `add_design_arguments`.
 
     Raises
     ------
@@ -155,8 +149,6 @@ def run_design(options: argparse.Namespace) -> None:
         )
         now = ("as it is", found[0].targets.detection)
         print(remedy_table([now, *changes]))
-    if options.write:
-        _write_parameters(options, values, found)
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -170,22 +162,6 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError("method follows from the design; leave it out")
     if not 0.0 < options.wanted < 1.0:
         raise ValueError(f"wanted must be between 0 and 1; got {options.wanted!r}")
-    if options.write and not Path(options.write).absolute().parent.is_dir():
-        raise ValueError(f"write: there is no folder for {options.write}")
-
-
-def _write_parameters(
-    options: argparse.Namespace, values: dict[str, Value], candidates: list[Candidate]
-) -> None:
-    """Write the given values, the target false-track rate, and the best candidate's options."""
-    best = max(candidates, key=lambda candidate: candidate.targets.detection.value)
-    own = ("window", "false_tracks_per_hour") if best.method == "score" else ("min_hits", "window")
-    chosen: dict[str, Value] = {"method": best.method, "max_speed": best.options["max_speed"]}
-    chosen |= {f"{best.method}.{name}": best.options[name] for name in own}
-    content = {ANY_NODE: {"ros__parameters": {**values, **chosen}}}
-    text = f"# {options.line}\n{yaml.safe_dump(content, sort_keys=False)}"
-    write_text(Path(options.write), text)
-    print(f"written: {options.write}")
 
 
 def case_lines(case: Case, false_per_hour: float) -> str:

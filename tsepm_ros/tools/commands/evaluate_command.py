@@ -24,14 +24,13 @@ from tsepm_ros.tools.evaluation.performance import (
     evaluate,
     markdown,
     measures_rows,
-    short_text,
     table_of,
     write_csv,
 )
 from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.terminal import text_table, with_progress
 from tsepm_ros.whole_files import opened_whole, write_text
 
 ARGUMENTS: Arguments = {
@@ -98,8 +97,7 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
     )
     _announce(plan)
     evaluated = evaluate(plan, options.out / "runs", options.workers, with_progress)
-    for evaluation in evaluated:
-        print(short_text(plan, evaluation) + "\n")
+    print(f"{plan.runs} runs, seed {plan.seed}\n{text_table(*table_of(evaluated, interval=False))}")
     _write(plan, evaluated, options.out, options.line)
     if options.result:
         header, rows = table_of(evaluated)

@@ -336,7 +336,7 @@ def _targets_held(run: SimulatedRun, scan: int) -> int:
     targets = run.simulator.truth(stamp)[:, 0::2]
     if held is None or not len(targets):
         return -1
-    sensor = run.sensor_position(stamp)
+    sensor = run.scenario.own_ship.pose(stamp)[:2]
     sigmas = [measurement_sigma(run.scenario.sensor, target - sensor) for target in targets]
     offset = held[:, None, :] - targets
     near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.array(sigmas)

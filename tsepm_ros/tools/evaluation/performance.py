@@ -28,7 +28,7 @@ from tsepm_ros.tools.evaluation.measures import (
 from tsepm_ros.tools.evaluation.result_files import RunFile, complete, mapped
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, simulate
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.terminal import Progress, markdown_table, silent, text_table
+from tsepm_ros.tools.terminal import Progress, markdown_table, silent
 
 MIN_FALSE_STARTS = 0.5
 """Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
@@ -155,6 +155,19 @@ class Evaluated:
     runs: Sequence[Sequence[RunSummary]]
     measures: list[Measures]
 
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        scans: int,
+        points: Sequence[OperatingPoint],
+        runs: Sequence[Sequence[RunSummary]],
+    ) -> Evaluated:
+        """Measures of each point's runs, as they are after a number of scans."""
+        runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
+        measures = [measures_of(scenario, summaries, scans) for summaries in runs]
+        return cls(scenario, scans, points, runs, measures)
+
 
 def evaluate(
     plan: Plan,
@@ -199,7 +212,7 @@ def evaluate(
     ]
     count = len(plan.points)
     return [
-        _evaluated(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
+        Evaluated.of(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
         for place, scenario in enumerate(plan.scenarios)
         for scans in plan.horizons_of(scenario)
     ]
@@ -217,40 +230,6 @@ def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int)
     return RunFile(folder, (scenario.name, point.method, point.label), header)
 
 
-def _evaluated(
-    scenario: Scenario,
-    scans: int,
-    points: Sequence[OperatingPoint],
-    runs: Sequence[Sequence[RunSummary]],
-) -> Evaluated:
-    runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
-    measures = [measures_of(scenario, summaries, scans) for summaries in runs]
-    return Evaluated(scenario, scans, points, runs, measures)
-
-
-TABLES = {
-    "Detection and false starts": (
-        "detection",
-        "detection_by_position",
-        "detection_corrected",
-        "corrections_per_run",
-        "false_per_run",
-        "false_density",
-        "false_per_hour",
-        "redundant_per_run",
-        "held",
-    ),
-    "Time to confirm": ("confirmation_time", "confirmation_median", "confirmation_95"),
-    "Pure starts": (
-        "pure_position_error",
-        "position_to_bound",
-        "pure_velocity_error",
-        "velocity_to_bound",
-        "pure_nees",
-    ),
-    "True starts": ("position_error", "velocity_error", "nees"),
-}
-"""Measures of each table."""
 SHORT = {
     "detection": "P_D",
     "detection_by_position": "by position",
@@ -295,22 +274,13 @@ def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
         f"```\n{command}\n```\n",
         f"{plan.runs} runs of each point on each scenario, seed {plan.seed}. {NOTES}",
     ]
-    for scenario in plan.scenarios:
-        parts.append(f"## Scenario {scenario.name}\n")
-        parts += [_section(result) for result in evaluated if result.scenario is scenario]
-    return "\n".join(parts)
-
-
-def _section(result: Evaluated) -> str:
-    after = f"after {result.scans} scans"
-    parts = []
-    for title, names in TABLES.items():
-        header = ["method", "point", *(HEADINGS[name] for name in names)]
+    for result in evaluated:
         rows = [
-            [point.method, point.label, *(measures.text(name) for name in names)]
+            [point.method, point.label, *(measures.text(name) for name in HEADINGS)]
             for point, measures in zip(result.points, result.measures, strict=True)
         ]
-        parts.append(f"### {title}, {after}\n\n{markdown_table(header, rows)}\n")
+        table = markdown_table(["method", "point", *HEADINGS.values()], rows)
+        parts.append(f"## {result.scenario.name}, {result.scans} scans\n\n{table}\n")
     return "\n".join(parts)
 
 
@@ -353,29 +323,19 @@ def _values(estimate: Estimate) -> list[float | None]:
     return [None if math.isnan(value) else float(f"{value:.6g}") for value in values]
 
 
-def table_of(evaluated: Sequence[Evaluated]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of one table with the measures of the terminal's."""
+def table_of(
+    evaluated: Sequence[Evaluated], *, interval: bool = True
+) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of one table with the measures of `SHORT`."""
     header = ["scenario", "pings", "method", *SHORT.values()]
     rows = [
         [
             result.scenario.name,
             str(result.scans),
             f"{point.method} {point.label}",
-            *(measures.text(name) for name in SHORT),
+            *(measures.text(name, interval=interval) for name in SHORT),
         ]
         for result in evaluated
         for point, measures in zip(result.points, result.measures, strict=True)
     ]
     return header, rows
-
-
-def short_text(plan: Plan, result: Evaluated) -> str:
-    """A short table for the terminal."""
-    rows = [
-        [f"{point.method} {point.label}", *(measures.text(name, interval=False) for name in SHORT)]
-        for point, measures in zip(result.points, result.measures, strict=True)
-    ]
-    return (
-        f"scenario {result.scenario.name}, {result.scans} scans, {plan.runs} runs, "
-        f"seed {plan.seed}\n" + text_table(["method", *SHORT.values()], rows)
-    )

@@ -288,10 +288,6 @@ class SimulatedScene:
         """The simulator's scenario."""
         return self.simulator.scenario
 
-    def sensor_position(self, stamp: float) -> FloatArray:
-        """Position of the sensor at a time (s), (2,)."""
-        return self.scenario.own_ship.pose(stamp)[:2]
-
     def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
         """Judge tracks that were started on the scans, see `judge_starts`."""
         return judge_starts(self.simulator, tracks, self.origins)
