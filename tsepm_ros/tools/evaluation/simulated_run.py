@@ -87,44 +87,39 @@ def nees(error: FloatArray, covariance: FloatArray) -> float:
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def judge(
-    tracks: Sequence[ConfirmedTrack],
-    origins: Sequence[NDArray[np.int64]],
-    truth_at: Callable[[float], FloatArray],
-    sensor: SensorModel,
-    sensor_position_at: Callable[[float], FloatArray],
+def judge_starts(
+    simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
 ) -> list[Judged]:
-    """Judge the confirmed tracks of one run.
+    """Judge the confirmed tracks of a run on a simulator's scans.
 
     Parameters
     ----------
+    simulator : Simulator
+        With the scenario and the truth.
     tracks : sequence of ConfirmedTrack
         In the order of confirmation.
     origins : sequence of (n,) ndarray of int
-        Per scan, the target index of each detection, negative for clutter.
-    truth_at : callable
-        States (k, 4) of all targets at a stamp, s.
-    sensor : SensorModel
-        Measurement errors.
-    sensor_position_at : callable
-        Sensor position (2,) at a stamp, s.
+        Per processed scan, to which the tracks' hits refer, the target index of each detection,
+        negative for clutter.
 
     Returns
     -------
     list of Judged
         In the order of the tracks.
     """
+    scenario = simulator.scenario
     started: set[int] = set()
     judged = []
     for track in tracks:
         sources = np.array([origins[scan][index] for scan, index in track.hits])
         target = _majority(sources)
-        truths, sensor_position = truth_at(track.stamp), sensor_position_at(track.stamp)
+        truths = simulator.truth(track.stamp)
+        sensor_position = scenario.own_ship.pose(track.stamp)[:2]
         at = frozenset(
             index
             for index, truth in enumerate(truths)
             if _distance(track, truth)
-            <= SIGMAS * measurement_sigma(sensor, truth[0::2] - sensor_position)
+            <= SIGMAS * measurement_sigma(scenario.sensor, truth[0::2] - sensor_position)
         )
         if target == NO_TARGET:
             judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
@@ -262,23 +257,6 @@ def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
     ]
 
 
-def judge_starts(
-    simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
-) -> list[Judged]:
-    """Judge tracks that were started on a simulator's scans, see `judge`.
-
-    `origins` are those of the processed scans, to which the tracks' hits refer.
-    """
-    scenario = simulator.scenario
-    return judge(
-        tracks,
-        origins,
-        simulator.truth,
-        scenario.sensor,
-        lambda stamp: scenario.own_ship.pose(stamp)[:2],
-    )
-
-
 @dataclass
 class SimulatedScene:
     """The scans of a simulated run, and the origins of their detections.
@@ -310,12 +288,8 @@ class SimulatedScene:
         """The simulator's scenario."""
         return self.simulator.scenario
 
-    def sensor_position(self, stamp: float) -> FloatArray:
-        """Position of the sensor at a time (s), (2,)."""
-        return self.scenario.own_ship.pose(stamp)[:2]
-
     def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
-        """Judge tracks that were started on the scans, see the function `judge`."""
+        """Judge tracks that were started on the scans, see `judge_starts`."""
         return judge_starts(self.simulator, tracks, self.origins)
 
 
