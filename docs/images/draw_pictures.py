@@ -10,8 +10,8 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
@@ -48,9 +48,9 @@ def animate(scene: RunScene, path: Path) -> None:
         judged = [one for one in scene.judged if scene.start_scans[one.track.track_id] <= number]
         figure = draw(replace(scene, scans=scene.scans[:number], judged=judged))
         figure.set(size_inches=size, dpi=60)
-        figure.canvas.draw()
-        drawn = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy())
-        plt.close("all")
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
         # By coverage of the colours, not by their number of pixels: a track has few.
         palette = {"method": Image.Quantize.MAXCOVERAGE, "dither": Image.Dither.NONE}
         frames.append(drawn.quantize(64, **palette))

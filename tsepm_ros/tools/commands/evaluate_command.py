@@ -149,11 +149,6 @@ def _pictures(plan: Plan, evaluated: Sequence[Evaluated], folder: Path) -> list[
         return []
     caption = f"{plan.runs} runs, seed {plan.seed}; 95 % intervals"
     return [
-        path
+        draw([one for one in evaluated if one.scenario is scenario], folder, caption)
         for scenario in plan.scenarios
-        for path in draw(
-            [evaluation for evaluation in evaluated if evaluation.scenario is scenario],
-            folder,
-            caption,
-        )
     ]
