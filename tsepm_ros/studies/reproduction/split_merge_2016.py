@@ -7,8 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import IntArray
+from tsepm_ros.numerics.arrays import IntArray, members_of_groups
 from tsepm_ros.studies.reproduction.monte_carlo import run_four_targets
 from tsepm_ros.studies.reproduction.published import (
     AFTER_MERGING,
@@ -66,7 +65,7 @@ def table_i_groups() -> list[tuple[int, ...]]:
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
         labels, _ = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
-        for members in grouped.members_of_groups(labels):
+        for members in members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 
