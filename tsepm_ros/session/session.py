@@ -448,7 +448,7 @@ class Session:
         if statistics.on_land:
             remarks.append(Rejection("on_land", "", statistics.on_land))
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
-        counted, self._strengths_count = self._strengths_count, tracker.uses_intensity
+        counted, self._strengths_count = self._strengths_count, tracker.intensity.startswith("used")
         if counted != self._strengths_count:
             said = f"the intensity of detections is {tracker.intensity}"
             remarks.append(Notice("intensity", said))

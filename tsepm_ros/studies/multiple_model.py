@@ -276,4 +276,4 @@ def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, Flo
     along = 0.5 * square * (1.0 + share) - mean**2
     across = 0.5 * square * (1.0 - share)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return mean[:, None] * direction, rotated(along, across, heading)
+    return mean[:, None] * direction, rotated(along, across, np.cos(heading), np.sin(heading))

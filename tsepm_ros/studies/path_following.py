@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 from tsepm_ros.methods.tsepm import GATING_SHARE, WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
 from tsepm_ros.parameters import parameter
-from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker import evaluation, splitting
 from tsepm_ros.tracker.assignment import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit, starting
 from tsepm_ros.tracker.measurement import DETECTION, Histories
@@ -257,7 +257,7 @@ class PathFollower(HitCounter):
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
         row = extending.row
         children = self.extended(extending.parent, ids[row], taken(detections, row))
-        reached = pruning.confirmed(children.hit_count, self.options.min_hits)
+        reached = children.hit_count >= self.options.min_hits
         tracks, hits, refused = self.confirm(children[reached])
         missed = np.ones(len(self.potential), bool)
         missed[extending.parent] = False

@@ -41,19 +41,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import softmax
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, sums_over_hits
 from tsepm_ros.numerics.gaussian import mixture
-from tsepm_ros.numerics.grouped import sums_over_hits
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.merging import given_starts
 from tsepm_ros.tracker.method import NEW_TRACK_EXISTENCE, Observation
 from tsepm_ros.tracker.options import MIN_HITS
@@ -389,21 +387,9 @@ def min_purity_probability(false_tracks_per_hour: float) -> float:
     return max(MIN_PURITY_PROBABILITY / excess, MIN_HIT_PROBABILITY)
 
 
-class Doubtful(NamedTuple):
-    """A held track whose start may be wrong.
-
-    Attributes
-    ----------
-    track_id : int
-    row : int
-        Its detection in the scan.
-    hits : (h,) ndarray of int
-        Its published hits.
-    """
-
-    track_id: int
-    row: int
-    hits: IntArray
+Doubtful = tuple[int, int, IntArray]
+"""A held track whose start may be wrong: its id, the row of its detection in the scan, and its
+published hits, (h,)."""
 
 
 def corrections(
@@ -483,7 +469,7 @@ def doubtful(tree: Tree, observed: Observation, max_speed: float) -> list[Doubtf
         published = held.hits[of]
         hits = observed.window.find(published)
         if 0 < len(hits) == len(published) and not _best_has_most_of(hits, tree, row):
-            found.append(Doubtful(int(track_id), int(row), hits))
+            found.append((int(track_id), int(row), hits))
     return found
 
 

@@ -38,8 +38,7 @@ from tsepm_ros.tracker.evaluation import (
     MAX_PAIRS_TOGETHER,
     fading_after_hit,
     fading_predicted,
-    first_amplitudes,
-    further_amplitudes,
+    path_amplitudes,
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import starting
@@ -426,9 +425,10 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     elapsed = observed.stamp - detections["time"]
     if elapsed.any():
         state, covariance = motion.predict(state, covariance, elapsed)
-    strength = first_amplitudes(observed)
-    score = score + strength.score
-    given_held = score - held_penalty(observed, np.arange(n), strength.score)
+    row, none = np.arange(n), np.zeros(n, np.int64)
+    strength = path_amplitudes(observed, row, none, np.zeros(n))
+    score = score + strength.increment
+    given_held = score - held_penalty(observed, row, strength.increment)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -494,7 +494,9 @@ def _children(
     hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = observed.ids[row]
-    strength = further_amplitudes(hypotheses, parent, observed, row)
+    strength = path_amplitudes(
+        observed, row, hypotheses.strength_count[parent], hypotheses.strength_total[parent]
+    )
     given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
     given_held -= held_penalty(observed, row, strength.increment)
     state, covariance = expected.updated(parent, row)

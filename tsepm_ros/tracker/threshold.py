@@ -31,13 +31,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_likelihood
 from tsepm_ros.tracker.clutter.amplitude_likelihood import PathRatio
@@ -368,10 +368,11 @@ def _scores(
             state,
             covariance,
             target,
-            at_stamp,
+            0.0,
             innovation,
             innovation_covariance,
             detections,
+            target,
             gate_probability,
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
@@ -461,8 +462,16 @@ class Threshold:
         starts_per_hour = detections * SECONDS_PER_HOUR / interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
-    def value(self, sensor: SensorModel, common: CommonOptions, options: ScoreOptions) -> float:
+    def value(
+        self,
+        sensor: SensorModel,
+        common: CommonOptions,
+        options: ScoreOptions,
+        evidence: float = math.inf,
+    ) -> float:
         """The log-likelihood ratio that confirms; infinite while the scan rate is unknown.
+
+        Infinite, without a plan, also where the evidence is below any threshold.
 
         Parameters
         ----------
@@ -472,9 +481,11 @@ class Threshold:
             With the properties that are estimated.
         options : ScoreOptions
             With the target false-track rate.
+        evidence : float, optional
+            Largest evidence that is tested.
         """
         share = self.false_share(options.false_tracks_per_hour)
-        if share is None or self._last is None:
+        if share is None or self._last is None or evidence < min_threshold(share):
             return math.inf
         plan = score_plan(
             coarse_sensor(sensor, self._last, common),
@@ -488,15 +499,6 @@ class Threshold:
             strengths=self._last.strengths is not None,
         )
         return plan.threshold(share)
-
-    def value_if_near(
-        self, evidence: float, sensor: SensorModel, common: CommonOptions, options: ScoreOptions
-    ) -> float:
-        """As `value`; infinite, without a plan, where the evidence is below any threshold."""
-        share = self.false_share(options.false_tracks_per_hour)
-        if share is None or evidence < min_threshold(share):
-            return math.inf
-        return self.value(sensor, common, options)
 
 
 def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:
@@ -533,10 +535,4 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
         }
     if not range_rates.measured(detections).any():
         changes["range_rate_std"] = 0.0
-    return _changed(sensor, tuple(changes.items()))
-
-
-@lru_cache(maxsize=64)
-def _changed(sensor: SensorModel, changes: tuple[tuple[str, float], ...]) -> SensorModel:
-    """The sensor with changes, which repeat from scan to scan."""
-    return replace(sensor, **dict(changes))
+    return changed(sensor, **changes)

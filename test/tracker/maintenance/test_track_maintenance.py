@@ -22,9 +22,10 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_VANISH,
 )
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, stands_still, statuses
+from tsepm_ros.tracker.maintenance.stationary import stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -126,9 +127,9 @@ def test_a_track_ends_with_its_reason_and_once(ended):
 
 def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatch):
     monkeypatch.setattr(track_maintenance, "MOST_PLACES", 2)
-    hold = TrackMaintenance(speed_prior=SpeedPrior(0.0, 10.0))
+    hold = TrackMaintenance()
     hold.add(tracks(1, 2, 3, 4), 0.9)  # published, before anything stands still
-    hold.speed_prior = SpeedPrior(8.0, 10.0)
+    hold.options = CommonOptions(min_speed=8.0)
     for scan in range(1, 6):
         seen = [[2000.0, 1000.0 * row] for row in (1, 2, 3, 4)]
         step(hold, 12.0 * scan, detections(seen, 12.0 * scan, 400.0), P_D)
@@ -145,9 +146,9 @@ def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> Track
     return replace(new, state=state, hits=[hits])
 
 
-def silent(prior: SpeedPrior | None = None) -> TrackMaintenance:
+def silent(min_speed: float = 0.0) -> TrackMaintenance:
     """A track that was detected in scans 1 to 3, and missed in 4 to 8."""
-    hold = TrackMaintenance(1e6, speed_prior=prior)
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6, min_speed=min_speed))
     hold.add(tracks(1), 0.99)
     for scan in range(1, 9):
         seen = detections(
@@ -171,7 +172,7 @@ def test_a_lost_track_is_continued_while_its_density_is_above_that_of_births(lar
 
 
 def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_recognised():
-    hold = silent(SpeedPrior(8.0, 10.0))
+    hold = silent(8.0)
     assert hold.held.status.tolist() == [Status.FIXED]
     assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
     hold = silent()
@@ -208,10 +209,10 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
 ):
     one = replace(tracks(1), stationary_probability=np.array([probability]))
     held = replace(ConfirmedTracks.of(one, 0.9), announced=np.array([announced]))
-    assert stands_still(held, SpeedPrior(0.5, 10.0)).tolist() == [still]
-    assert stands_still(held, SpeedPrior()).tolist() == [False]
+    assert stands_still(held, CommonOptions(min_speed=0.5)).tolist() == [still]
+    assert stands_still(held, CommonOptions()).tolist() == [False]
     expected = Status.FIXED if still else Status.PUBLISHED
-    assert statuses(held, SpeedPrior(0.5, 10.0), 0.0, 400.0).tolist() == [expected]
+    assert statuses(held, CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
 
 
 def follow_tracker(hold: TrackMaintenance, stamp: float, *listed: int) -> None:

@@ -31,7 +31,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.initial_state import position_covariances_at, positions_at
+from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
@@ -245,8 +245,9 @@ class Predicted(Tsepm):
             if len(others) > 1:  # two positions at least have a velocity
                 fitted, hit = self.fit(hits[:, others]), hits[:, [place]]
                 time = hit["time"] - self.stamp
-                misfit = hit["position"] - positions_at(fitted.state, time)
-                covariance = position_covariances_at(fitted.covariance, time) + hit["covariance"]
+                misfit = hit["position"] - position_after(fitted.state[:, None], time)
+                covariance = position_covariance_after(fitted.covariance[:, None], time)
+                covariance += hit["covariance"]
                 distances.append(squared_distance(misfit, covariance)[:, 0])
         largest = np.max(distances, axis=0)
         return dataclasses.replace(candidates, distance=largest, evaluation=largest)

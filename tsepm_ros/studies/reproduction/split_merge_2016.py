@@ -8,8 +8,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros.methods.tsepm import Candidates
-from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, members_of_groups
 from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, Started
 from tsepm_ros.studies.reproduction.report import (
     Cell,
@@ -90,7 +89,7 @@ def table_i_groups() -> list[tuple[int, ...]]:
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
         labels, _ = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
-        for members in grouped.members_of_groups(labels):
+        for members in members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.discs import squared_distances
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.tracker import motion, range_rates
@@ -156,26 +156,6 @@ def gate(
     likelihood = np.zeros((*of_modes.shape[:2], number))
     likelihood[pairs] = np.exp(density)
     return GatedDetections(row[..., :number], likelihood, pairs, updated)
-
-
-def predicted(
-    existence: FloatArray,
-    proven: FloatArray,
-    visible: FloatArray,
-    covered: BoolArray,
-    counts: BoolArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Probabilities r, that of the proof, and s (n,) of targets before a scan.
-
-    ``r <- (1 - 1 / SCANS_TO_VANISH) r``,
-    ``s <- (1 - 1 / SCANS_TO_FADE) s + (1 - s) / SCANS_OF_FADING``. A target outside the coverage
-    (not `covered`) is as one that has faded, ``r <- (1 - 1 / SCANS_OF_FADING) r``: it stays away or
-    comes back. A scan that does not count for a target changes nothing.
-    """
-    stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
-    stays = np.where(counts, stays, 1.0)
-    still = (1.0 - 1.0 / SCANS_TO_FADE) * visible + (1.0 - visible) / SCANS_OF_FADING
-    return existence * stays, proven * stays, np.where(counts, still, visible)
 
 
 class Association(NamedTuple):
@@ -297,45 +277,6 @@ def updated_existence(existence: FloatArray, ratio: FloatArray) -> FloatArray:
     return np.asarray(ratio * existence / (1.0 - (1.0 - ratio) * existence))
 
 
-class HeldAssociation(NamedTuple):
-    """Detections of a scan that may be held tracks'.
-
-    Attributes
-    ----------
-    row : (p,) ndarray of int
-        Detection of each pair.
-    probability : (p,) ndarray
-        That the track's target exists and the detection is its: ``r_i beta_ij``.
-    """
-
-    row: IntArray
-    probability: FloatArray
-
-    def joined(self, further: FloatArray, clutter: FloatArray) -> HeldAssociation:
-        """With detections that tracks may have beside their own.
-
-        Parameters
-        ----------
-        further, clutter : (d,) ndarray
-            Density of these, and of clutter, at each detection, 1/m^2.
-        """
-        rows = np.flatnonzero(further)
-        share = further[rows] / (further[rows] + clutter[rows])
-        return HeldAssociation(np.append(self.row, rows), np.append(self.probability, share))
-
-
-class OwnDetections(NamedTuple):
-    """Detections of a scan that are held tracks', with more than some probability.
-
-    Attributes
-    ----------
-    track_id, row : (k,) ndarray of int
-        Id of the track, and detection.
-    """
-
-    track_id: IntArray
-    row: IntArray
-
-
-NO_OWN_DETECTIONS = OwnDetections(np.zeros(0, np.int64), np.zeros(0, np.int64))
-NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
+OwnDetections = tuple[IntArray, IntArray]
+"""Detections of a scan that are held tracks', with more than some probability: id of the track, and
+detection, (k,) each."""

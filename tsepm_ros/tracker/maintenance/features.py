@@ -51,7 +51,7 @@ from scipy.spatial import cKDTree
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.assignment import Pairs, nearest_first
+from tsepm_ros.tracker.assignment import Pairs, exclusive
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
@@ -84,8 +84,7 @@ def closest_approach(first: FloatArray, second: FloatArray) -> tuple[FloatArray,
 
 def distance_at(first: FloatArray, second: FloatArray, time: FloatArray) -> FloatArray:
     """Distance of two targets (..., 4) after a time (...), s, on straight courses (Eq. 7); m."""
-    relative = second - first
-    position = relative[..., 0::2] + time[..., None] * relative[..., 1::2]
+    position = motion.position_after(second - first, time)
     return np.asarray(np.hypot(position[..., 0], position[..., 1]))
 
 
@@ -160,15 +159,6 @@ class Environment:
     clutter: FloatArray
     encounter_time: float
 
-    def meeting(
-        self, state: FloatArray, covariance: FloatArray, error: FloatArray, gate: float
-    ) -> BoolArray:
-        """Which pairs of targets meet, (n, n); see `meeting`."""
-        first, second = meeting(state, covariance, error, gate, self.encounter_time)
-        meets = np.zeros((len(state), len(state)), bool)
-        meets[first, second] = meets[second, first] = True
-        return meets
-
     def factors(
         self,
         histories: Histories,
@@ -207,10 +197,8 @@ class Environment:
         rivals = np.flatnonzero(alike & np.isfinite(tested.cost) & ~self.in_zone[tested.row])
         rivals = rivals[_contested(tested[rivals], meets)]
         cost = tested.cost[rivals] + tracks[rivals].dissimilarity(plots[rivals])
-        candidates = Pairs(tested.parent[rivals], tested.row[rivals], cost)
-        assigned = _pair_ids(nearest_first(candidates), len(features))
-        lost = ~np.isin(_pair_ids(candidates, len(features)), assigned)
-        factors[rows[rivals[lost]]] = 0.0
+        assigned = exclusive(tested[rivals], cost)
+        factors[rows[np.delete(rivals, assigned)]] = 0.0
         return factors
 
     def _clutter_fraction(self, histories: Histories, parent: IntArray) -> FloatArray:
@@ -221,11 +209,6 @@ class Environment:
         alike = repeated.resembled_by(np.tile(self.clutter, (len(tracks), 1)))
         fraction = (1.0 + alike.reshape(len(tracks), m).sum(axis=1)) / (1.0 + m)
         return np.asarray(fraction[track.ravel()])
-
-
-def _pair_ids(pairs: Pairs, detections: int) -> IntArray:
-    """A unique number for each pair."""
-    return np.asarray(pairs.parent * detections + pairs.row)
 
 
 def _contested(pairs: Pairs, meets: BoolArray) -> BoolArray:
@@ -319,7 +302,11 @@ def likelihood_factors(
         return factors
     error = detections["major_sigma"][row[:, 0, 0]]
     state, covariance = held.tracks.state, held.tracks.covariance
-    meets = environment.meeting(state, covariance, error, gate_factor(GATE_PROBABILITY))
+    first, second = meeting(
+        state, covariance, error, gate_factor(GATE_PROBABILITY), environment.encounter_time
+    )
+    meets = np.zeros((len(held), len(held)), bool)
+    meets[first, second] = meets[second, first] = True
     for seeker in (0, 1):
         track, place = inside = likelihood[:, seeker].nonzero()
         cost = -2.0 * np.log(likelihood[:, seeker][inside])
