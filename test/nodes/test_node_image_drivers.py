@@ -16,7 +16,6 @@ import pytest
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Vector3
 from nav_msgs.msg import Odometry
-from scipy.ndimage import map_coordinates
 from sensor_msgs.msg import Image, PointCloud2
 from support.foreign_messages import (
     PingInfo,
@@ -142,48 +141,12 @@ def raw() -> Iterator[tuple[float, Any]]:
         )
 
 
-def picture(encoding: str) -> Iterator[tuple[float, Any]]:
+def picture() -> Iterator[tuple[float, Any]]:
     """As displayed: far above, port at the left."""
-    kinds = {"mono8": (np.uint8, 15.0), "mono16": (np.uint16, 3000.0), "32FC1": (np.float32, 1.0)}
-    kind, scale = kinds[encoding]
     for t, field in pings():
-        most = np.inf if kind is np.float32 else np.iinfo(kind).max
-        rows = np.ascontiguousarray(np.minimum(field * scale, most)[::-1].T[::-1].astype(kind))
-        yield (
-            t,
-            Image(
-                header=header(t),
-                height=CELLS,
-                width=48,
-                step=48 * rows.itemsize,
-                encoding=encoding,
-                data=rows.tobytes(),
-            ),
-        )
-
-
-def fan() -> Iterator[tuple[float, Any]]:
-    """A picture in x and y, the sonar in the middle of the lowest row."""
-    size, pixel = 152, FAR / 152
-    y, x = np.indices((size, 2 * size)) + 0.5
-    ahead, port = (size - y) * pixel, (size - x) * pixel
-    place = np.hypot(ahead, port), np.arctan2(port, ahead)
-    cells = (place[1] + 0.8) / 1.6 * 48 - 0.5, (place[0] - NEAR) / 0.2 - 0.5
-    seen = (place[0] > NEAR) & (place[0] < FAR) & (np.abs(place[1]) < 0.8)
-    for t, field in pings():
-        smooth = map_coordinates(shown(field).astype(float), cells, order=1, mode="nearest")
-        rows = np.where(seen, smooth, 0.0).astype(np.uint8)
-        yield (
-            t,
-            Image(
-                header=header(t),
-                height=size,
-                width=2 * size,
-                step=2 * size,
-                encoding="mono8",
-                data=rows.tobytes(),
-            ),
-        )
+        rows = np.ascontiguousarray(shown(field)[::-1].T[::-1])
+        shape = {"height": CELLS, "width": 48, "step": 48}
+        yield t, Image(header=header(t), encoding="mono8", data=rows.tobytes(), **shape)
 
 
 def spokes() -> Iterator[tuple[float, Any]]:
@@ -256,10 +219,7 @@ class Driver(NamedTuple):
 DRIVERS = {
     "ProjectedSonarImage": Driver(projected),
     "RawSonarImage": Driver(raw),
-    "Image mono8": Driver(lambda: picture("mono8")),
-    "Image mono16": Driver(lambda: picture("mono16")),
-    "Image 32FC1": Driver(lambda: picture("32FC1")),
-    "Image fan": Driver(fan, parameters={"image.rows": "fan"}),
+    "Image": Driver(picture),
     "RadarSector": Driver(spokes, whole=True, parameters={"sound_speed": 0.0}),
     "SonarEcho": Driver(echoes, whole=True),
     "one column": Driver(columns),
