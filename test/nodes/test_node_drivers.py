@@ -28,11 +28,10 @@ def header(index: int) -> Any:
     return make_header(START_NS + PERIOD_NS * index, "sonar")
 
 
-@pytest.mark.parametrize("given", ["auto", LASER_SCAN])
-def test_a_laser_scan_is_found_and_gives_the_tracks_of_the_core(world, given):
+def test_a_laser_scan_is_found_and_gives_the_tracks_of_the_core(world):
     driver = world.add(Node("lidar", context=world.context))
     publisher = driver.create_publisher(LaserScan, "detections", RELIABLE)
-    world.make(TrackInitiator, named({"detections_type": given}))
+    world.make(TrackInitiator, named({}))
     tracks = world.listen(PointCloud2, "tracks")
     world.until_logged("subscribed to /detections as sensor_msgs/msg/LaserScan, reliable")
     world.until(publisher.get_subscription_count, "the node to subscribe")

@@ -59,14 +59,18 @@ def get_parameter(world: Any, name: str) -> Any:
     return parameter_value_to_python(value)
 
 
-@pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator, ScanPlayer])
 def test_every_parameter_is_declared_as_in_its_table_and_none_as_a_name_inside_rclpy(
-    world, kind, recording
+    world, recording
 ):
-    given = {"recording": recording} if kind is ScanPlayer else {}
-    if kind is TrackInitiator:
-        given = {"method": SessionOptions().method}
-    node = world.make(kind, given)
+    for kind, given in (
+        (TrackInitiator, {"method": SessionOptions().method}),
+        (SonarSimulator, {}),
+        (ScanPlayer, {"recording": recording}),
+    ):
+        assert_declared(world, world.make(kind, given))
+
+
+def assert_declared(world: Any, node: Node) -> None:
     rows = list(full_table(NODES[node.get_name()]))
     assert len(rows) > 5
     for row in rows:
