@@ -268,13 +268,6 @@ def test_a_bad_travel_time_is_dropped_and_the_rest_kept(values, reason):
     np.testing.assert_array_equal(found.index, [0, 2])
 
 
-@pytest.mark.parametrize("angle", [math.pi / 2, -math.pi / 2])
-def test_abeam_is_a_direction(angle):
-    assert read_detections(travel_times([2.0], [angle])).scan.azimuth[0] == pytest.approx(
-        -angle, abs=1e-6
-    )
-
-
 @pytest.mark.parametrize(
     ("vector", "reason"),
     [
@@ -315,19 +308,3 @@ def test_intensities_that_do_not_fit_lose_no_detection():
     found = read_detections(travel_times([2.0, 2.0, 2.0], [0.0], intensities=[1.0, 2.0]))
     assert (len(found), found.scan.features) == (3, {})
     assert "intensities" in found.assumptions[0]
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        travel_times([], [], tx_angles=[0.0], tx_delays=[0.0], flags=flags(0)),
-        foreign.SonarDetections(),
-        ranges([], [], transmit_delays=[0.0]),
-        foreign.SonarRanges(),
-    ],
-    ids=["travel_times", "travel_times_default", "ranges", "ranges_default"],
-)
-@pytest.mark.filterwarnings("error")
-def test_a_ping_without_detections_is_good(message):
-    found = read_detections(message)
-    assert (len(found), found.dropped) == (0, {})

@@ -177,21 +177,6 @@ def test_the_legend_of_a_picture_names_only_what_is_drawn():
     assert hits not in legend_of(RunScene("run", [view(0), view(1, tracks)])), "too many starts"
 
 
-def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
-    pytest.importorskip("rosbags")
-    from tsepm_ros.tools.replay.track_files import TrackBag
-
-    path = tmp_path / "tracks.mcap"
-    with pytest.raises(RuntimeError, match="midway"), TrackBag(path):
-        raise RuntimeError("midway")
-    assert not list(tmp_path.iterdir())
-    path.write_text("an older one")
-    with TrackBag(path):
-        pass
-    assert path.read_bytes().startswith(b"\x89MCAP")
-    assert [one.name for one in tmp_path.iterdir()] == ["tracks.mcap"]
-
-
 def notes_of(size: float, points: np.ndarray):
     """Labels of points in axes of a size, inches, whose limits are 0 and 1."""
     plt = pytest.importorskip("matplotlib.pyplot")
