@@ -16,14 +16,12 @@ import pytest
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Vector3
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from support.foreign_messages import (
     PingInfo,
     ProjectedSonarImage,
     RadarEcho,
     RadarSector,
-    RawSonarImage,
-    SonarEcho,
     SonarImageData,
 )
 from support.ros_world import RELIABLE
@@ -124,31 +122,6 @@ def projected() -> Iterator[tuple[float, Any]]:
         )
 
 
-def raw() -> Iterator[tuple[float, Any]]:
-    """Gemini: 16 bits, beam by beam, angles to starboard."""
-    for t, field in pings():
-        yield (
-            t,
-            RawSonarImage(
-                header=header(t),
-                ping_info=PingInfo(sound_speed=1500.0),
-                sample_rate=3750.0,
-                samples_per_beam=CELLS,
-                sample0=3,
-                rx_angles=(-SECTOR).tolist(),
-                image=table((field * 900.0).astype(np.uint16)),
-            ),
-        )
-
-
-def picture() -> Iterator[tuple[float, Any]]:
-    """As displayed: far above, port at the left."""
-    for t, field in pings():
-        rows = np.ascontiguousarray(shown(field)[::-1].T[::-1])
-        shape = {"height": CELLS, "width": 48, "step": 48}
-        yield t, Image(header=header(t), encoding="mono8", data=rows.tobytes(), **shape)
-
-
 def spokes() -> Iterator[tuple[float, Any]]:
     """A radar that turns in 2.4 s: 12 spokes a message, each at its own time."""
     sonar, step = Sonar(2.0 * math.pi / 96), 0.025
@@ -165,25 +138,6 @@ def spokes() -> Iterator[tuple[float, Any]]:
                 range_min=float(RANGE[0]),
                 range_max=float(RANGE[-1]),
                 intensities=[RadarEcho(echoes=one.tolist()) for one in field],
-            ),
-        )
-
-
-def echoes() -> Iterator[tuple[float, Any]]:
-    """A Ping360 that turns in 2.4 s, one bearing a message."""
-    sonar = Sonar(2.0 * math.pi / 96)
-    for k in range(12 * 96):
-        t, azimuth = 0.025 * k, AROUND[k % 96]
-        field = shown(sonar.amplitude(np.array([azimuth]), np.array([t])))[0]
-        padded = np.concatenate([np.zeros(5, np.uint8), np.repeat(field, 2)])  # cells of 0.1 m
-        yield (
-            t,
-            SonarEcho(
-                header=header(t),
-                angle=float(azimuth),
-                range=30.5,
-                speed_of_sound=1500,
-                intensities=padded.tobytes(),
             ),
         )
 
@@ -218,10 +172,7 @@ class Driver(NamedTuple):
 
 DRIVERS = {
     "ProjectedSonarImage": Driver(projected),
-    "RawSonarImage": Driver(raw),
-    "Image": Driver(picture),
     "RadarSector": Driver(spokes, whole=True, parameters={"sound_speed": 0.0}),
-    "SonarEcho": Driver(echoes, whole=True),
     "one column": Driver(columns),
 }
 
