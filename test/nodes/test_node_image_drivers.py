@@ -1,4 +1,4 @@
-"""Images of every message type, as a driver on a turning vessel sends them, through both nodes.
+"""Images as drivers on a turning vessel send them, whole, in spokes or beam by beam: both nodes.
 
 A target to port and one to starboard are confirmed where they are, and an offline run of the same
 messages gives the same tracks to the bit.
