@@ -29,7 +29,7 @@ from msg_adapters.ping import SOUND_SPEED, read_by, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector, Stages
 from tsepm_ros.detector.detector_options import DetectorOptions
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.image_turns import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
@@ -309,6 +309,10 @@ class ImageInput:
         if options[DetectorOptions] != self._options[DetectorOptions]:
             self.detector = Detector(options[DetectorOptions])
         self._options = options
+
+    def coverage(self, ping: ImagePing) -> ImageCoverage:
+        """Coverage of a ping, without the detector's blanking distance."""
+        return ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
 
     def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
         """Take a message; the pings that it completes and the detections of each."""

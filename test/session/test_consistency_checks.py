@@ -138,6 +138,15 @@ def test_a_clock_ahead_of_the_arrivals_is_asked_about(seconds):
         assert ("GPS" in sentence) is (seconds < 40.0)
 
 
+def test_bearings_that_are_sent_one_after_the_other_are_no_clock_ahead():
+    pings = [
+        (range_, azimuth, {**more, "time_offset": np.linspace(0.0, 2.9, len(range_))})
+        for range_, azimuth, more in noisy()
+    ]
+    assert asked_of(pings, period=3.0, now=3.0) == {}
+    assert "1.5 s ahead" in asked_of(pings, period=3.0, now=1.4)["clock of detections"]
+
+
 def test_a_clock_behind_by_leap_seconds_is_asked_about_and_others_are_latency():
     assert "18.1 s behind" in asked_of(noisy(), now=18.1)["clock of detections"]
     assert asked_of(noisy(), now=9.0) == {}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
 from rclpy.clock import Clock, ClockType
@@ -28,6 +28,7 @@ from msg_adapters.sonar_images import (
     plan_of,
 )
 from msg_adapters.track_markers import detection_markers
+from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
 from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
@@ -38,16 +39,11 @@ from tsepm_ros.session.image_turns import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorModel
 
 IMAGE, DETECTIONS = "image", "detections"
 DEPTH = 10
 PERIOD = 1.0
 """Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
-COVERAGE = [f"sensor.{name}" for name in ("min_range", "max_range", "azimuth_min", "azimuth_max")]
-"""Parameters of the tracker that follow the images."""
-COVERAGE_CHANGE = 0.02
-"""Relative difference from the images' coverage from which on the tracker is told."""
 
 
 class SonarDetector(ParameterisedNode):
@@ -60,7 +56,7 @@ class SonarDetector(ParameterisedNode):
         )
         self._warnings, self._dropped = ThrottledWarnings(self), Counter[str]()
         self._input = ImageInput(self._given.options, self._drop, self.get_logger().warning)
-        self._coverage, self._slack = np.zeros(4), 0.0
+        self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
         self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
@@ -113,19 +109,13 @@ class SonarDetector(ParameterisedNode):
 
     def _follow(self, ping: ImagePing) -> None:
         """Note the coverage of the images where it has changed."""
-        half = 0.5 * (ping.range[1] - ping.range[0])
-        step = 0.5 * float(np.median(np.abs(np.diff(ping.azimuth)))) if len(ping.azimuth) > 1 else 0
-        low, high = float(ping.azimuth.min()) - step, float(ping.azimuth.max()) + step
-        if high - low >= 2.0 * np.pi - 4.0 * step:
-            low, high = -np.pi, np.pi
-        near = max(ping.range[0] - half, self._given.options[SensorModel].min_range)
-        coverage, slack = np.array([near, ping.range[-1] + half, low, high]), 2.0 * step + 1e-3
-        if np.allclose(coverage, self._coverage, COVERAGE_CHANGE, slack):
+        coverage = self._input.coverage(ping)
+        near, far, low, high = values = list(coverage.values.values())
+        if self._coverage is not None and self._coverage.agrees(values):
             return
-        self._coverage, self._slack = coverage, slack
+        self._coverage = coverage
         self.get_logger().info(
-            f"images reach from {near:.3g} to {coverage[1]:.4g} m and from {low:.3g} to "
-            f"{high:.3g} rad"
+            f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
         )
         self._ask()
 
@@ -133,21 +123,23 @@ class SonarDetector(ParameterisedNode):
         """Ask the tracker for its coverage: it may have started, or started again, since."""
         if (
             self._tracker is not None
-            and self._coverage.any()
+            and self._coverage is not None
             and self._tracker.services_are_ready()
         ):
             self._asked.cancel()  # without an answer until now: that tracker is no more
-            self._asked = self._tracker.get_parameters(COVERAGE, self._tell)
+            self._asked = self._tracker.get_parameters(
+                [f"sensor.{name}" for name in COVERAGE], self._tell
+            )
 
     def _tell(self, future: Any) -> None:
         """Tell the tracker the coverage of the images where its own is another."""
-        if self._tracker is None or future.cancelled():
+        if self._tracker is None or self._coverage is None or future.cancelled():
             return
-        known = [one.double_value for one in future.result().values] or [np.nan]
-        if not np.allclose(known, self._coverage, COVERAGE_CHANGE, self._slack):
-            pairs = zip(COVERAGE, self._coverage.tolist(), strict=True)
+        known = [one.double_value for one in future.result().values] or [math.nan]
+        if not self._coverage.agrees(known):
+            values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
-                [Parameter(name, value=value) for name, value in pairs], self._told
+                [Parameter(f"sensor.{name}", value=value) for name, value in values], self._told
             )
 
     def _told(self, future: Any) -> None:

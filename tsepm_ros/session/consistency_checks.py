@@ -165,8 +165,8 @@ class MessageCheck:
                 f"{interval:.3g} s: is it in ms, us or ns, or not after the stamp? It is read in "
                 "seconds"
             )
-        # A message arrives after its last echo.
-        delays = {"detections": clock - stamps - 2.0 * last, "own ship": clock - own_ship}
+        # A message arrives after its last detection, which may be of a bearing sent last.
+        delays = {"detections": clock - stamps - last, "own ship": clock - own_ship}
         for name, delay in delays.items():
             steady = np.isfinite(delay).all() and np.ptp(delay) <= LEAP_ERROR and np.ptp(clock) > 0
             middle = float(np.median(delay)) if steady else 0.0

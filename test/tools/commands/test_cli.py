@@ -1,9 +1,11 @@
 """The command `tsepm`, and those that detect and evaluate."""
 
+import argparse
 import os
 import re
 import sys
 import threading
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.commands import evaluate_command
 from tsepm_ros.tools.commands.cli import COMMANDS, main
+from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.tools.evaluation.result_files import read_result
 from tsepm_ros.tools.replay.recording import read_recording
 
@@ -173,10 +176,18 @@ def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
     assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
 
 
-def test_run_takes_the_folder(folder, capsys):
-    arguments = ["-p", "max_speed:=2.0", "-p", "sensor.max_range:=21.0"]
-    assert main(["run", str(folder), *arguments]) == 0
+def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_given(
+    folder, capsys
+):
+    assert main(["run", str(folder), "-p", "max_speed:=2.0"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 1
+    parser = argparse.ArgumentParser()
+    add_source_arguments(parser)
+    options = parser.parse_args([str(folder), "-p", "sensor.max_range:=15.0"])
+    with ExitStack() as stack:
+        sensor = open_run(options, stack).session.settings.sensor
+    assert (sensor.min_range, sensor.max_range) == pytest.approx((0.95, 15.0))
+    assert (sensor.azimuth_min, sensor.azimuth_max) == pytest.approx((-1.016, 1.016), abs=1e-3)
 
 
 @pytest.mark.parametrize(

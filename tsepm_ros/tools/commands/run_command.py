@@ -189,13 +189,15 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         raise ValueError(
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
+    coverage: dict[str, float] = {}
     if (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists():
-        path = detected(path, Path(stack.enter_context(TemporaryDirectory())))
+        path, coverage = detected(path, Path(stack.enter_context(TemporaryDirectory())))
     source, is_bag = source_of(path)
     if is_bag:
         return _bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)
-    return _recorded(recording, options, "odometry" if recording.own_ship else "none")
+    own_ship = "odometry" if recording.own_ship else "none"
+    return _recorded(recording, options, own_ship, **coverage)
 
 
 def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str, Value]]:

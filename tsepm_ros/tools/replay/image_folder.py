@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from tsepm_ros.detector.detector import Detector, make_detector
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import ImageCoverage, SonarImage
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tracker.scan import Scan
@@ -90,13 +90,23 @@ def write_detections(
             yield detector, image, scan
 
 
-def detected(folder: Path, into: Path) -> Path:
-    """Path of the detections of a folder of images, in `into` with its own ship and truth."""
+def detected(folder: Path, into: Path) -> tuple[Path, dict[str, float]]:
+    """Write the detections of a folder of images into a recording, with its own ship and truth.
+
+    Returns
+    -------
+    path : Path
+        Of the detections, in the folder `into`.
+    coverage : dict of str to float
+        Coverage of the images, by its parameters.
+    """
+    coverage: dict[str, float] = {}
     for path in folder.glob("*.csv"):
         shutil.copy(path, into)
-    for _ in write_detections(folder, into / DETECTIONS_FILE):
-        pass
-    return into / DETECTIONS_FILE
+    for _, image, _ in write_detections(folder, into / DETECTIONS_FILE):
+        coverage = ImageCoverage(image.range, image.azimuth).values
+    values = {f"sensor.{name}": value for name, value in coverage.items()}
+    return into / DETECTIONS_FILE, values
 
 
 def _array(path: Path) -> Any:

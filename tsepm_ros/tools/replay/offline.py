@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from msg_adapters.message_input import MessageInput
 from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud_detections import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields
+from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD, PoseSample, known_rates
@@ -114,6 +116,7 @@ def bag_results(
         role = roles[message.topic]
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
+                _follow(session, images.coverage(ping))
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
@@ -127,6 +130,17 @@ def bag_results(
             given.take_tracked(content)
         yield from session.process(now)
     yield from session.process(last=True)
+
+
+def _follow(session: Session, coverage: ImageCoverage) -> None:
+    """Give the tracker the coverage of an image, as the node `sonar_detector` does."""
+    sensor = session.settings.sensor
+    if coverage.agrees([getattr(sensor, name) for name in COVERAGE]):
+        return
+    try:
+        session.configure(replace(session.settings, sensor=replace(sensor, **coverage.values)))
+    except ValueError as error:
+        session.drop("bad_image", f"the coverage of an image is not used: {error}")
 
 
 def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
