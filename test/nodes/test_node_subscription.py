@@ -98,8 +98,11 @@ def test_a_driver_whose_package_is_missing_is_named_and_another_still_found(worl
     assert len(world.logged(ERROR)) == 1
 
 
-@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
-@pytest.mark.parametrize("kind", [PointCloud2, LaserScan])
+@pytest.mark.parametrize(
+    ("kind", "qos"),
+    [(PointCloud2, BEST_EFFORT), (LaserScan, RELIABLE)],
+    ids=["PointCloud2, best effort", "LaserScan, reliable"],
+)
 def test_the_graph_has_the_subscription_before_the_first_driver_and_then_its_type(world, kind, qos):
     detections = subscribe(world)
     look = world.observer.get_subscriptions_info_by_topic

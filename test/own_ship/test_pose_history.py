@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation, Slerp
 
 from tsepm_ros.own_ship.pose_history import (
     MIN_SAMPLE_PERIOD,
@@ -248,93 +246,6 @@ def test_roll_and_pitch_are_interpolated_like_the_yaw_and_the_last_ones_extrapol
     poses = tilted((0.0, 0.0, 0.0, 0.1), (1.0, 0.2, 0.2, 0.0), max_extrapolation=0.5)
     found = poses.poses_with_attitude(np.array([-0.5, 1.5]))
     np.testing.assert_allclose(found[:, 2:], [[-0.1, 0.0, 0.1], [0.3, 0.2, 0.0]])
-
-
-def interpolation_error(scale: float) -> float:
-    """Largest angle (rad) off a turn at a constant rate; 1: half a second of a lively boat."""
-    begin, turn = np.array([0.3, 0.05, -0.1]), scale * np.array([0.05, 0.07, 0.17])
-    times = np.linspace(0.0, 0.5, 21)
-    expected = Slerp([0.0, 0.5], Rotation.from_euler("ZYX", [begin, begin + turn]))(times)
-    poses = PoseHistory()
-    for stamp, (yaw, pitch, roll) in ((0.0, begin), (0.5, begin + turn)):
-        poses.add(PoseSample(stamp, 0.0, 0.0, yaw, roll=roll, pitch=pitch))
-    found = poses.poses_with_attitude(times)[:, [2, 4, 3]]
-    return float((expected.inv() * Rotation.from_euler("ZYX", found)).magnitude().max())
-
-
-def test_interpolated_angles_depart_from_a_constant_rate_in_second_order():
-    assert math.degrees(interpolation_error(1.0)) < 0.15
-    assert interpolation_error(0.5) < 0.3 * interpolation_error(1.0)
-
-
-# Echoes on the move: an independent simulation. The ship turns on a circle, the target runs
-# straight; the ping is followed with root finding.
-SOUND = 1500.0
-
-
-def ship_pose(time: float, scale: float) -> np.ndarray:
-    """8 m/s and 0.6 degrees per second at scale 1, starting off the origin."""
-    speed, rate, start = 8.0 * scale, 0.01 * scale, 0.4
-    yaw = start + rate * time
-    radius = speed / rate
-    return np.array(
-        [
-            200.0 + radius * (math.sin(yaw) - math.sin(start)),
-            -50.0 - radius * (math.cos(yaw) - math.cos(start)),
-            yaw,
-        ]
-    )
-
-
-def target_position(time: float, scale: float, azimuth: float) -> np.ndarray:
-    start = 7000.0 * np.array([math.cos(azimuth), math.sin(azimuth)])
-    return start + scale * time * np.array([-5.0, 7.0])
-
-
-def echo(stamp: float, scale: float, azimuth: float) -> tuple[float, float]:
-    """Range (mean of the legs) and azimuth against the heading at arrival."""
-    sent = ship_pose(stamp, scale)[:2]
-
-    def outward(t):
-        return math.dist(target_position(t, scale, azimuth), sent) - SOUND * (t - stamp)
-
-    reflected = brentq(outward, stamp, stamp + 30.0, xtol=1e-13)
-    there = target_position(reflected, scale, azimuth)
-
-    def back(t):
-        return math.dist(ship_pose(t, scale)[:2], there) - SOUND * (t - reflected)
-
-    arrived = brentq(back, reflected, reflected + 30.0, xtol=1e-13)
-    x, y, yaw = ship_pose(arrived, scale)
-    return 0.5 * SOUND * (arrived - stamp), math.atan2(there[1] - y, there[0] - x) - yaw
-
-
-def placing_error(scale: float, azimuth: float, *, naive: bool = False) -> float:
-    """Distance of the placed echo from the target at the time for which it is valid."""
-    stamp = 60.0
-    range_, bearing = echo(stamp, scale, azimuth)
-    offset = np.array([range_ / SOUND])
-    if naive:
-        pose = ship_pose(stamp, scale)
-    else:
-        (pose,) = echo_poses(
-            lambda times: np.array([ship_pose(t, scale) for t in times]),
-            stamp,
-            offset,
-            np.array([bearing]),
-        )
-    angle = bearing + pose[2]
-    placed = pose[:2] + range_ * np.array([math.cos(angle), math.sin(angle)])
-    return math.dist(placed, target_position(stamp + offset[0], scale, azimuth))
-
-
-DIRECTIONS = pytest.mark.parametrize("azimuth", [0.0, 0.9, 1.8, 3.0, -1.2, -2.2])
-
-
-@DIRECTIONS
-def test_an_echo_is_placed_where_the_target_was(azimuth):
-    # What is left is of second order in speed over sound speed: (8 / 1500)^2 * 7000 m = 0.2 m.
-    assert placing_error(1.0, azimuth) < 0.5
 
 
 @pytest.mark.parametrize("offset", [None, np.zeros(3), np.zeros(0)], ids=["none", "zero", "empty"])

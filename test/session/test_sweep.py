@@ -138,6 +138,9 @@ def test_an_open_scan_ends_after_a_silence_on_both_clocks():
     assert result.scan.swept[1] == pytest.approx(1.0)
     one.add_scan(beam(4.0, 2.0, 100.0), (54.0, 11.0))
     assert [len(result.scan) for result in one.process(last=True)] == [1]
+    one.add_scan(beam(5.0, 2.0, 100.0), (55.0, 12.0))
+    one.reset()
+    assert list(one.process(last=True)) == []
 
 
 def test_a_part_of_a_turn_counts_no_misses_elsewhere():

@@ -1,19 +1,16 @@
 """Splitting and merging: who may extend whom, which tracks are one target's, and thresholds."""
 
 import itertools
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import multivariate_normal
 from support.builders import detections
-from support.held import P_D
 
-from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros import ConfirmedTrack
 from tsepm_ros.methods.tsepm import MAX_COUNT, PathCounts
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import assignment, merging, splitting
@@ -21,16 +18,10 @@ from tsepm_ros.tracker.assignment import disjoint
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.merging import best_of_alike, groups, merging_threshold
-from tsepm_ros.tracker.pruning import clutter_threshold, distance_threshold
 from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, residual, split_paths
 from tsepm_ros.tracker.tracks import TrackArrays
 
 P_TM = 0.9
-
-
-def test_the_threshold_is_that_of_two_degrees_of_freedom_as_published():
-    assert merging_threshold(0.9) == pytest.approx(stats.chi2(2).ppf(0.9))
-    assert merging_threshold(0.9) == pytest.approx(4.61, abs=0.005)
 
 
 def every_pair(hits, states, covariances) -> np.ndarray:
@@ -87,24 +78,6 @@ def test_where_the_time_is_over_the_groups_not_compared_are_told_by_their_label(
     assert len(best_of_alike(every, same, evaluation)) == 3
 
 
-@pytest.mark.parametrize("probability", [0.5, 0.9, 0.99, 0.999999])
-def test_the_squared_threshold_is_the_chi_square_quantile_of_two_degrees(probability):
-    expected = stats.chi2(2).ppf(probability)
-    assert distance_threshold(probability, "squared") == pytest.approx(expected)
-    assert distance_threshold(probability, "literal") == pytest.approx(math.sqrt(expected))
-
-
-def test_the_literal_threshold_is_the_paper_s():
-    assert distance_threshold(0.99, "literal") == pytest.approx(3.03, abs=0.005)
-
-
-@pytest.mark.parametrize("size", [0.001, 0.05, 0.5, 0.999])
-@pytest.mark.parametrize("min_hits", [2, 5, 16])
-def test_the_clutter_threshold_is_the_chi_square_quantile(size, min_hits):
-    expected = stats.chi2(2 * min_hits - 2).ppf(size)
-    assert clutter_threshold(size, min_hits) == pytest.approx(expected)
-
-
 def plain_disjoint(members, cost):
     taken, chosen = set(), []
     for row in sorted(range(len(cost)), key=lambda one: (cost[one], one)):
@@ -123,25 +96,6 @@ def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
     members = rng.integers(-1, 40, (100, 3))
     cost = rng.integers(0, 10, 100).astype(float)
     assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
-
-
-@pytest.mark.long
-def test_a_target_that_is_started_again_and_again_is_held_once():
-    initiator = make_initiator("tsepm", sensor=SensorModel(range_std=15.0, range_std_fraction=0.0))
-    rng = np.random.default_rng(1)
-    for scan in range(300):
-        x, y = 3000.0 + 0.5 * scan, 2000.0
-        seen = rng.random() < P_D
-        polar = math.hypot(x, y), math.atan2(y, x)
-        initiator.process(
-            Scan(
-                12.0 * scan,
-                [polar[0] + 15.0 * rng.standard_normal()] * seen,
-                [polar[1] + initiator.sensor.azimuth_std * rng.standard_normal()] * seen,
-            )
-        )
-    assert initiator.totals.confirmed > 20
-    assert 1 <= len(initiator.current) <= 3
 
 
 def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:

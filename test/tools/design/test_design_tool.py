@@ -182,19 +182,6 @@ def test_an_angle_that_looks_like_degrees_is_asked_about(capsys):
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("_little_clutter")
-def test_a_first_set_up_is_designed_further(capsys, tmp_path):
-    file = tmp_path / "sonar.yaml"
-    assert main(["init", str(file), "--max-range", "3000", "--max-speed", "4"]) == 0
-    given = ["design", "--params-file", str(file), "--runs", "3", "--workers", "1"]
-    given += ["--wanted", "0.1", "-p", "sensor.clutter_density:=1.0e-7"]
-    assert main(given) == 0
-    assert "28.27 km^2" in capsys.readouterr().out
-    assert main(["design", "--params-file", str(tmp_path / "none.yaml")]) == 2
-    assert "none.yaml cannot be read" in capsys.readouterr().err
-
-
-@pytest.mark.long
 def test_bisection_finds_the_first_rule_that_keeps_the_rate():
     case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
     for rule in prediction.rules_within(case, TsepmOptions(), 60.0):

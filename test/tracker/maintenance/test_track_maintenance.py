@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, published, step, tracks
 
-from tsepm_ros import Scan
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
@@ -24,7 +22,6 @@ from tsepm_ros.tracker.maintenance.data_association import (
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
 from tsepm_ros.tracker.maintenance.stationary import stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
-from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -44,40 +41,6 @@ def test_without_a_hold_time_the_longest_coast_is_fifty_scans(interval):
             interval,
         )
         assert hold.ended == ({} if scan < 51 else {1: "not_detected"})
-
-
-def follow(velocity_at, misses: Collection[int], scans: int = 60, seed: int = 1):
-    """Hold a target in clutter; returns the hold and the target's state at the end."""
-    rng = np.random.default_rng(seed)
-    sensor = FIXED_RANGE_ERROR
-    hold = holding(1)
-    truth = np.array([2000.0, 1000.0])
-    for scan in range(1, scans):
-        time = 12.0 * scan
-        truth = truth + 12.0 * np.asarray(velocity_at(time))
-        seen = rng.uniform([1000.0, -1.0], [8000.0, 1.0], (40, 2))
-        if scan not in misses:
-            polar = np.hypot(*truth), math.atan2(truth[1], truth[0])
-            seen[0] = rng.normal(polar, [sensor.range_std, sensor.azimuth_std])
-        found = convert(Scan(time, seen[:, 0], seen[:, 1]), sensor, scan)
-        step(hold, time, found, P_D)
-    return hold, truth, velocity_at(time)
-
-
-def test_a_target_that_turns_in_clutter_is_held_and_followed():
-    def velocity_at(time):
-        return (5.0, 0.0) if time < 400 else (-2.0, 4.0)
-
-    hold, position, velocity = follow(velocity_at, misses={7, 19, 20, 36, 50})
-    (track,) = hold.current
-    assert np.linalg.norm(track.position - position) < 150.0
-    assert np.linalg.norm(track.velocity - velocity) < 3.0
-    assert hold.held.existence[0] > 0.99
-
-
-def test_a_target_that_vanishes_in_clutter_is_given_up():
-    runs = [follow(lambda _: (5.0, 0.0), range(31, 43), scans=43, seed=seed) for seed in range(12)]
-    assert np.median([len(hold.current) for hold, *_ in runs]) == 0
 
 
 @pytest.mark.parametrize("interval", [0.1, 12.0])
