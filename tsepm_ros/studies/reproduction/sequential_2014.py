@@ -347,7 +347,7 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "differ in p_d, T, sigma in Eq. 7, the track that gets a detection that several tracks "
         "match, and the time of the first scan (here after one interval). A target is started by "
         "a true track. *Off Fig. 9* is the root mean square difference of the five means from the "
-        "",
+        "published.",
         Table(
             "sequential_2014_starts",
             STARTS,
