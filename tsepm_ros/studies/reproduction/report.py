@@ -122,8 +122,6 @@ class Table:
     rows : sequence of sequence of Cell
     reported : sequence of sequence of Cell, optional
         The rows that the report shows; all if not given, and no table if there are none.
-    bounds : bool
-        Whether the report shows the intervals, as the file does.
     hidden : sequence of str, optional
         Columns that the report leaves out.
     """
@@ -132,7 +130,6 @@ class Table:
     columns: Mapping[str, str]
     rows: Sequence[Sequence[Cell]]
     reported: Sequence[Sequence[Cell]] | None = None
-    bounds: bool = True
     hidden: Sequence[str] = ()
 
     def written(self, folder: Path) -> str:
@@ -155,11 +152,9 @@ class Table:
         return markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
-        """Text of a cell, a dash for nan."""
+        """Text of a cell without its interval, a dash for nan."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
-        if isinstance(cell, Estimate) and self.bounds:
-            return cell.text(spec)
         value = cell.value if isinstance(cell, Estimate) else cell
         return "-" if math.isnan(value) else format(value, spec)
 

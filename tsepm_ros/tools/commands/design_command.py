@@ -180,14 +180,14 @@ def case_lines(case: Case, false_per_hour: float) -> str:
 
 def first_line(estimate: FirstEstimate, case: Case) -> str:
     """The first estimate in a line."""
-    if not estimate.detection > 0.0:
+    if not estimate.found[-1] > 0.0:
         return "first estimate, without simulation: no target is found in time"
     half, text = estimate.scans_until(0.5), ""
     if half is not None:
         text = f", half of the targets within {half} pings ({(half - 1) * case.interval:g} s)"
     return (
         f"first estimate, without simulation: score (threshold {estimate.threshold:.1f}) finds "
-        f"about {estimate.detection:.2f} of the targets in time{text}"
+        f"about {estimate.found[-1]:.2f} of the targets in time{text}"
     )
 
 

@@ -678,11 +678,6 @@ class FirstEstimate:
     threshold: float
     found: FloatArray
 
-    @property
-    def detection(self) -> float:
-        """P_D within all scans."""
-        return float(self.found[-1])
-
     def scans_until(self, share: float) -> int | None:
         """Scans within which a share of the targets is found; None if it is not."""
         reached = self.found >= share
