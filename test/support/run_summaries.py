@@ -5,7 +5,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from tsepm_ros.tools.evaluation.measures import RunSummary, ScanSummary, StartSummary
-from tsepm_ros.tools.evaluation.performance import runs_of
+from tsepm_ros.tools.evaluation.performance import run
+from tsepm_ros.tools.evaluation.result_files import mapped
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
 from tsepm_ros.tools.simulation import Scenario
 
@@ -35,4 +36,4 @@ def study(
     scenario: Scenario, point: OperatingPoint, runs: Sequence[int], seed: int, processes: int = 1
 ) -> Iterator[RunSummary]:
     """Runs of a scenario, run i seeded with (seed, i)."""
-    return runs_of([(scenario, [seed, index], point) for index in runs], processes)
+    return mapped(run, [(scenario, [seed, index], point) for index in runs], processes)

@@ -84,8 +84,17 @@ class TopicCollector(Node):
         self.processed += 1
 
 
-HEADER = ["target", "track", "found after [s]", "pings", "hits"]
-HEADER += ["position error [m]", "1 sigma [m]", "velocity error [m/s]", "1 sigma [m/s]"]
+HEADER = [
+    "target",
+    "track",
+    "found after [s]",
+    "pings",
+    "hits",
+    "position error [m]",
+    "1 sigma [m]",
+    "velocity error [m/s]",
+    "1 sigma [m/s]",
+]
 
 
 def target_rows(scene: RunScene) -> list[list[str]]:
@@ -243,12 +252,12 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     """Run both nodes; returns the collected messages and the exit codes of those started."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
-    source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
-    source += [f"seed:={options.seed}"]
-    source += ["-p", f"rate_factor:={options.rate}", "-p", "wait_for_subscribers:=2"]
-    initiator = ["track_initiator"]
-    for name, value in options.parameter.items():  # a file's section need not fit the namespace
-        initiator += ["-p", f"{name}:={yaml_text(value)}"]
+    source: dict[str, Value] = {
+        "scenario": options.scenario,
+        "seed": options.seed,
+        "rate_factor": options.rate,
+        "wait_for_subscribers": 2,
+    }
     # Without the arguments of this command, which rclpy would read as remappings, and without
     # its handlers: a signal is an exception, as in the other commands.
     rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
@@ -256,7 +265,7 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     executor = SingleThreadedExecutor()
     executor.add_node(collector)
     try:
-        with _process(*initiator) as tracker:
+        with _process("track_initiator", options.parameter) as tracker:
             until = time.monotonic() + MAX_IDLE_TIME
             while not (collector.count_publishers("tracks") or tracker.poll() is not None):
                 executor.spin_once(timeout_sec=0.1)
@@ -264,7 +273,7 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
                     break
             if tracker.poll() is not None:
                 return collector, [tracker.returncode]
-            with _process(*source) as player:
+            with _process("sonar_simulator", source) as player:
                 _watch(executor, collector, scans, tracker)
                 unfinished = collector.processed < scans  # the source would go on, or wait
                 codes = [_end(player, interrupt=unfinished), _end(tracker, interrupt=True)]
@@ -276,8 +285,10 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
 
 
 @contextmanager
-def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-c", PROCESS.format(name), "--ros-args", *parameters]
+def _process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Popen[bytes]]:
+    """A node with parameters; not with their file, whose section need not fit the namespace."""
+    command = [sys.executable, "-c", PROCESS.format(name), "--ros-args"]
+    command += [part for key in values for part in ("-p", f"{key}:={yaml_text(values[key])}")]
     command += ["--log-level", "warn", "-r", f"__ns:={NAMESPACE}"]
     process = None
     try:

@@ -176,7 +176,8 @@ def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
         (scan, list(origin).index(0)) for scan, origin in enumerate(made.origins) if 0 in origin
     )
     truth = made.simulator.truth(made.scans[scan].stamp)[0]
-    made.starts = [ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)]
+    start = ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)
+    made.starts = [(scan, start)]
     (alone,) = SimulatedRun.judged(made)
     assert alone.pure
     assert np.isnan(start_bound(made, alone)).all()

@@ -302,7 +302,6 @@ def _decision_parts(setting: Setting) -> list[Part]:
             },
             rows,
             [row for row in rows if row[0] != "3, 3" and row[1] in (1.0, 2.0)],
-            bounds=False,
         ),
         "With unequal histories the longer history attracts all plots.",
     ]

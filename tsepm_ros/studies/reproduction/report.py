@@ -12,10 +12,9 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
-import inspect
 import math
 import pkgutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ import numpy as np
 import tsepm_ros
 from tsepm_ros.tools.commands.arguments import add_out, add_runs
 from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
-from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete, mapped
+from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete
 from tsepm_ros.tools.terminal import Progress, markdown_table, silent, with_progress
 from tsepm_ros.whole_files import opened_whole, write_text, written_whole
 
@@ -80,16 +79,16 @@ class Setting:
         """
         files = [self._file(function, case) for case in cases]
 
-        def results_of(missing: list[tuple[int, int]]) -> Iterator[Result]:
-            jobs = [(function, cases[place], [self.seed, index]) for place, index in missing]
-            return mapped(_run, jobs, self.processes)
+        def job_of(case: int, index: int) -> tuple[RunFunction, Any, list[int]]:
+            return function, cases[case], [self.seed, index]
 
-        complete(files, self.runs, results_of, self.progress)
-        return [[file.results[index] for index in range(self.runs)] for file in files]
+        return complete(
+            files, self.runs, _run, job_of, processes=self.processes, progress=self.progress
+        )
 
     def _file(self, function: RunFunction, case: Any) -> RunFile:
         header = {
-            "version": code_key(Path(inspect.getfile(function))),
+            "version": code_key(),
             "function": function.__name__,
             "case": dataclasses.asdict(case),
             "seed": self.seed,
@@ -123,8 +122,6 @@ class Table:
     rows : sequence of sequence of Cell
     reported : sequence of sequence of Cell, optional
         The rows that the report shows; all if not given, and no table if there are none.
-    bounds : bool
-        Whether the report shows the intervals, as the file does.
     hidden : sequence of str, optional
         Columns that the report leaves out.
     """
@@ -133,8 +130,12 @@ class Table:
     columns: Mapping[str, str]
     rows: Sequence[Sequence[Cell]]
     reported: Sequence[Sequence[Cell]] | None = None
-    bounds: bool = True
     hidden: Sequence[str] = ()
+
+    def written(self, folder: Path) -> str:
+        """Write the file to a folder, and return the table in Markdown."""
+        self.write_csv(folder / f"{self.name}.csv")
+        return self.markdown()
 
     def markdown(self) -> str:
         """The table in Markdown; empty without rows."""
@@ -151,11 +152,9 @@ class Table:
         return markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
-        """Text of a cell, a dash for nan."""
+        """Text of a cell without its interval, a dash for nan."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
-        if isinstance(cell, Estimate) and self.bounds:
-            return cell.text(spec)
         value = cell.value if isinstance(cell, Estimate) else cell
         return "-" if math.isnan(value) else format(value, spec)
 
@@ -259,28 +258,28 @@ class Picture:
     panels: Sequence[Panel]
     size: tuple[float, float] = (9.0, 4.5)
 
-    def drawn(self, path: Path) -> bool:
-        """Draw it to a file, if matplotlib is installed; returns whether it was drawn."""
+    def written(self, folder: Path) -> str:
+        """Draw it to a file in a folder, and return its line in Markdown, or a note instead."""
         try:
             from matplotlib.backends.backend_agg import FigureCanvasAgg
             from matplotlib.figure import Figure
         except ImportError:
-            return False
+            return f"*{self.caption}: not drawn, since it needs matplotlib (the extra plot)*"
         figure = Figure(figsize=self.size, layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(1, len(self.panels), squeeze=False)[0]
         for panel, axis in zip(self.panels, axes, strict=True):
             panel.draw(axis)
-        with written_whole(path) as temporary:
+        with written_whole(folder / f"{self.name}.png") as temporary:
             figure.savefig(temporary, dpi=100)
-        return True
+        return f"![{self.caption}]({self.name}.png)"
 
 
 Part = str | Table | Picture
 """A part of a chapter; a text is a paragraph in Markdown."""
 
 
-def write(parts: Sequence[Part], report: Path) -> list[Path]:
+def write(parts: Sequence[Part], report: Path) -> None:
     """Write a report, and its tables and pictures beside it.
 
     Parameters
@@ -288,30 +287,10 @@ def write(parts: Sequence[Part], report: Path) -> list[Path]:
     parts : sequence of Part
     report : Path
         The report's file.
-
-    Returns
-    -------
-    list of Path
-        All written files. Without matplotlib the report has a note in place of each picture.
     """
     report.parent.mkdir(parents=True, exist_ok=True)
-    texts, written = [], [report]
-    for part in parts:
-        if isinstance(part, str):
-            texts.append(part)
-            continue
-        path = report.parent / f"{part.name}.{'csv' if isinstance(part, Table) else 'png'}"
-        if isinstance(part, Table):
-            part.write_csv(path)
-            texts.append(part.markdown())
-        elif part.drawn(path):
-            texts.append(f"![{part.caption}]({path.name})")
-        else:
-            texts.append(f"*{part.caption}: not drawn, since it needs matplotlib (the extra plot)*")
-            continue
-        written.append(path)
+    texts = [one if isinstance(one, str) else one.written(report.parent) for one in parts]
     write_text(report, "\n\n".join(filter(None, texts)) + "\n")
-    return written
 
 
 def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
@@ -357,5 +336,5 @@ def run_reproduction(options: argparse.Namespace) -> None:
         chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
         told = f"Measured with version {tsepm_ros.__version__}: {options.runs} runs, seed "
         parts += [f"## {SOURCES[name]}", f"{told}{options.seed}.", *chapter(setting)]
-    written = write(parts, options.out / "report.md")
-    print("written: " + ", ".join(map(str, written)))
+    write(parts, options.out / "report.md")
+    print(f"written: {options.out / 'report.md'}, its tables and pictures beside it")

@@ -347,13 +347,12 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "differ in p_d, T, sigma in Eq. 7, the track that gets a detection that several tracks "
         "match, and the time of the first scan (here after one interval). A target is started by "
         "a true track. *Off Fig. 9* is the root mean square difference of the five means from the "
-        "",
+        "published.",
         Table(
             "sequential_2014_starts",
             STARTS,
             [PUBLISHED, *map(_row, counts)],
             [PUBLISHED, *(_row(one) for one in _in_main(counts) if one.gate == DEFAULT_READING[0])],
-            bounds=False,
             hidden=("T, s", "p_d", "sigma", "84 s", "96 s"),
         ),
         f"Shown are T = {MAIN[0]:g} s, p_d = {MAIN[1]:g}, sigma {DEFAULT_READING[0]}. "
@@ -410,7 +409,6 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
                 "position, rms, m": ".0f",
             },
             rows,
-            bounds=False,
         ),
     ]
 
@@ -513,7 +511,6 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
                 "angle, mean, degrees": ".1f",
             },
             rows,
-            bounds=False,
         ),
         f"Least mean size of the speed's error without bias (Cramer-Rao): {six:.2f} m/s by six "
         f"hits in six scans of {MAIN[0]:g} s, {ten:.2f} m/s by ten in ten; published are "

@@ -237,7 +237,6 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
                 "5 % to 95 % of the squares": "",
             },
             rows,
-            bounds=False,
         ),
         f"Targets found of {len(runs) * targets}: "
         + ", ".join(

@@ -237,7 +237,6 @@ def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> l
             columns,
             rows,
             [cells for cells, row in zip(rows, TABLE_1, strict=True) if row.rule[1] >= MIN_SHOWN],
-            bounds=False,
             hidden=[name for name in columns if any(n in name for n in ("form", "1.0,", "0.8,"))],
         ),
     ]
@@ -301,7 +300,6 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
             {"M/N": "", "published": ".4f"} | dict.fromkeys(after, ".4f"),
             rows,
             [cells for cells, row in zip(rows, TABLE_1, strict=True) if row.rule[1] >= MIN_SHOWN],
-            bounds=False,
             hidden=[name for name in after if name not in names],
         ),
     ]
@@ -415,7 +413,6 @@ class Curves:
             name,
             columns,
             list(zip(*values, strict=True)),
-            bounds=False,
             hidden=[one for one in columns if one not in (*shown, f"{SHOWN[0]}: P_D, any")],
         )
 

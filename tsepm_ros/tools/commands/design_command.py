@@ -134,7 +134,7 @@ def run_design(options: argparse.Namespace) -> None:
         f"{options.seed}; score with window {score.window}; 95 % intervals; a dash: not simulated, "
         "since fewer targets are found"
     )
-    print(candidate_table(found, case.sensor.coverage_area))
+    print(candidate_table(found))
     assumed = ""
     if "sensor.clutter_density" not in values:
         assumed = (
@@ -172,22 +172,22 @@ def case_lines(case: Case, false_per_hour: float) -> str:
         f"sonar: {sensor.coverage_area / 1e6:.4g} km^2, a ping every {case.interval:g} s, "
         f"{case.detections_per_scan:.3g} false detections in each: {case.starts_per_hour:.0f} "
         f"an hour; target false-track rate {false_per_hour:g} per hour\n"
-        f"targets: {case.target_speed:g} m/s (up to {case.max_speed:g} allowed), anywhere in the "
-        f"coverage{strength}, to be found within {case.scans} pings "
+        f"targets: {case.target_speed:g} m/s (up to {case.common.max_speed:g} allowed), anywhere "
+        f"in the coverage{strength}, to be found within {case.scans} pings "
         f"({(case.scans - 1) * case.interval:g} s) inside it"
     )
 
 
 def first_line(estimate: FirstEstimate, case: Case) -> str:
     """The first estimate in a line."""
-    if not estimate.detection > 0.0:
+    if not estimate.found[-1] > 0.0:
         return "first estimate, without simulation: no target is found in time"
     half, text = estimate.scans_until(0.5), ""
     if half is not None:
         text = f", half of the targets within {half} pings ({(half - 1) * case.interval:g} s)"
     return (
         f"first estimate, without simulation: score (threshold {estimate.threshold:.1f}) finds "
-        f"about {estimate.detection:.2f} of the targets in time{text}"
+        f"about {estimate.found[-1]:.2f} of the targets in time{text}"
     )
 
 
@@ -207,46 +207,23 @@ def rule_table(rules: Sequence[Rule]) -> str:
     )
 
 
-def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
-    """Table of the candidates' simulated performance; `area` is that of the coverage, m^2."""
+def candidate_table(candidates: Sequence[Candidate]) -> str:
+    """Table of the candidates' simulated performance."""
     return text_table(
-        [
-            "method",
-            "targets",
-            "P_D",
-            "95 %",
-            "time [s]",
-            "95 % by",
-            "bound/h",
-            "false/h",
-            "95 %",
-            "per h and km^2",
-        ],
+        ["method", "targets", "P_D, 95 %", "time [s]", "95 % by", "bound/h", "false/h, 95 %"],
         [
             [
                 candidate.name,
                 f"{candidate.targets.targets}",
-                f"{candidate.targets.detection.value:.3f}",
-                _interval(candidate.targets.detection, ".3f"),
+                candidate.targets.detection.text(".3f"),
                 f"{candidate.targets.confirmation_time.value:.4g}",
                 f"{candidate.targets.slow_confirmation_time:.4g}",
                 f"{candidate.false_bound:.2g}",
-                *_rate_cells(candidate.false_simulated, area),
+                candidate.false_simulated.text(".2g"),
             ]
             for candidate in candidates
         ],
     )
-
-
-def _rate_cells(false: Estimate, area: float) -> list[str]:
-    if math.isnan(false.value):
-        return ["-", "-", "-"]
-    per_area = false.value / (area / 1e6)
-    return [f"{false.value:.2g}", _interval(false, ".2g"), f"{per_area:.2g}"]
-
-
-def _interval(estimate: Estimate, spec: str) -> str:
-    return f"{estimate.low:{spec}} to {estimate.high:{spec}}"
 
 
 def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: float) -> str:
@@ -256,11 +233,11 @@ def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: floa
         return f"infeasible: every method has more than {false_per_hour:g} false tracks per hour"
     best = max(keeping, key=lambda candidate: candidate.targets.detection.value)
     share = best.targets.detection
-    text = f"{best.name} finds {share.value:.2f} of the targets in time"
+    text = f"{best.name} finds {share:.2f} of the targets in time"
     if share.low >= wanted:
         return f"feasible: {text}, at least {wanted:g}"
     if share.high >= wanted:
-        return f"undecided by the runs: {text} ({_interval(share, '.2f')}), wanted {wanted:g}"
+        return f"undecided by the runs: {text}, wanted {wanted:g}"
     return f"infeasible: {text}, less than {wanted:g}"
 
 
@@ -268,6 +245,6 @@ def remedy_table(remedies: Sequence[tuple[str, Estimate]]) -> str:
     """Table of P_D with each change, the present case first and then by P_D, descending."""
     ordered = [remedies[0], *sorted(remedies[1:], key=lambda row: -row[1].value)]
     return text_table(
-        ["with a change", "P_D", "95 %"],
-        [[text, f"{share.value:.2f}", _interval(share, ".2f")] for text, share in ordered],
+        ["with a change", "P_D, 95 %"],
+        [[text, f"{share:.2f}"] for text, share in ordered],
     )

@@ -21,7 +21,7 @@ from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.design.prediction import Case, FirstEstimate, first_estimate
+from tsepm_ros.tools.design.prediction import Case, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -427,29 +427,6 @@ def sections(answers: Answers, values: dict[str, Value]) -> Sections:
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
 
 
-def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
-    """First estimate of the performance for the given false detections per ping.
-
-    If they are not known, for each of `FALSE_DETECTIONS`.
-
-    Targets have half the maximum speed; detection probability 0.9.
-    """
-    groups = make_groups(TRACK_INITIATOR, parameters(answers))
-    sensor, estimates = groups[SensorModel], []
-    given = answers["false_detections"]
-    for number in (given,) if given else FALSE_DETECTIONS:
-        case = Case(
-            sensor=replace(sensor, clutter_density=number / sensor.coverage_area),
-            common=groups[CommonOptions],
-            interval=answers["interval"],
-            scans=ESTIMATED_SCANS,
-            target_speed=0.5 * answers["max_speed"],
-        )
-        options = groups[ScoreOptions]
-        estimates.append((number, first_estimate(case, options, given_window=True)))
-    return estimates
-
-
 LEARNED = """the node learns the clutter density by place, the detection probability, and whether
 targets have several detections in a ping"""
 
@@ -532,10 +509,23 @@ def file_text(content: Sections, line: str) -> str:
 
 
 def expectation_text(answers: Answers, path: Path) -> str:
-    """Table of the estimated performance by the number of false detections; a more exact way."""
-    interval = answers["interval"]
-    rows = []
-    for number, estimate in expected(answers):
+    """Table of the estimated performance by the number of false detections; a more exact way.
+
+    If that number is not given, for each of `FALSE_DETECTIONS`. Targets have half the maximum
+    speed; detection probability 0.9.
+    """
+    interval, given = answers["interval"], answers["false_detections"]
+    groups = make_groups(TRACK_INITIATOR, parameters(answers))
+    sensor, rows = groups[SensorModel], []
+    for number in (given,) if given else FALSE_DETECTIONS:
+        case = Case(
+            sensor=replace(sensor, clutter_density=number / sensor.coverage_area),
+            common=groups[CommonOptions],
+            interval=interval,
+            scans=ESTIMATED_SCANS,
+            target_speed=0.5 * answers["max_speed"],
+        )
+        estimate = first_estimate(case, groups[ScoreOptions], given_window=True)
         row = [f"{number:g}"]
         for share in (0.5, 0.9):
             scans = estimate.scans_until(share)

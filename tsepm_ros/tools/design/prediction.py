@@ -95,8 +95,8 @@ class Case:
                 f"interval must be finite and above 0; got {self.interval!r}",
             ),
             (
-                0.0 <= speed <= self.max_speed,
-                f"speed must be from 0 to max_speed = {self.max_speed:g}; got {speed!r}",
+                0.0 <= speed <= self.common.max_speed,
+                f"speed must be from 0 to max_speed = {self.common.max_speed:g}; got {speed!r}",
             ),
             (self.scans >= 3, f"scans must be at least 3; got {self.scans}"),
             (
@@ -111,16 +111,6 @@ class Case:
     def clutter_strength(self) -> ClutterStrength | None:
         """Law of the strength of clutter, where detections have one."""
         return None if self.ratio_db is None else ClutterStrength()
-
-    @property
-    def target_strength(self) -> TargetStrength | None:
-        """Strength of the targets' echoes, where detections have one."""
-        return None if self.ratio_db is None else TargetStrength(self.ratio_db)
-
-    @property
-    def max_speed(self) -> float:
-        """v_max, m/s."""
-        return self.common.max_speed
 
     @property
     def scans_per_hour(self) -> float:
@@ -231,31 +221,30 @@ def _scene(
     times: FloatArray,
     clutter_box: tuple[float, float, float, float] | None = None,
 ) -> Scenario:
-    states = []
-    for target in targets:
-        (x, y), (vx, vy) = target.at(times)[0], target.velocity
-        states.append(np.array([x, vx, y, vy]))
+    strength = None if case.ratio_db is None else TargetStrength(case.ratio_db)
     return Scenario(
         name="targets",
         scans=case.scans,
         period=case.interval,
         sensor=case.sensor,
-        targets=tuple(states),
+        targets=tuple(
+            np.stack([target.at(times)[0], target.velocity], axis=1).ravel() for target in targets
+        ),
         clutter_box=clutter_box,
         clutter_strength=case.clutter_strength,
-        target_strengths=(case.target_strength,) * len(targets),
+        target_strengths=(strength,) * len(targets),
     )
 
 
 def _clearance(case: Case, range_: float) -> float:
     """Distance at which a target's detections and gates end, m: two of these are between two."""
-    return PATCH_SIGMAS * _sigma(case, range_) + case.max_speed * case.interval
+    return PATCH_SIGMAS * _sigma(case, range_) + case.common.max_speed * case.interval
 
 
 def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
     """Box of a target's clutter: its path, its errors and the reach of clutter paths."""
     path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
-    reach = case.max_speed * case.interval * math.sqrt(case.scans)
+    reach = case.common.max_speed * case.interval * math.sqrt(case.scans)
     half = path + PATCH_SIGMAS * _sigma(case, target.range) + reach
     x, y = target.centre
     return x - half, x + half, y - half, y + half
@@ -339,10 +328,10 @@ def target_statistics(
     ValueError
         If no target stays in the coverage during all scans.
     """
-    jobs = []
-    for index, scene in enumerate(target_scenes(case, runs, seed)):
-        point = OperatingPoint(method, options=_for_scene(case, scene, options))
-        jobs.append((scene, [seed, index], point))
+    jobs = [
+        (scene, [seed, index], OperatingPoint(method, options=_for_scene(case, scene, options)))
+        for index, scene in enumerate(target_scenes(case, runs, seed))
+    ]
     times: list[float | None] = []
     done = mapped(_confirmation_times, jobs, processes)
     for of_scene in progress(done, len(jobs)):
@@ -468,9 +457,6 @@ class Candidate:
     Attributes
     ----------
     name : str
-    method : str
-    options : dict
-        For `make_initiator`.
     false_bound : float
         Target false-track rate of the threshold, or upper bound of the rule, per hour over the
         coverage.
@@ -481,8 +467,6 @@ class Candidate:
     """
 
     name: str
-    method: str
-    options: dict[str, Any]
     false_bound: float
     targets: TargetStatistics
     false_simulated: Estimate
@@ -503,7 +487,7 @@ def passages(
     plans_of = partial(
         threshold_plan.score_plans,
         case.sensor,
-        max_speed=case.max_speed,
+        max_speed=case.common.max_speed,
         interval=threshold_plan.rounded(case.interval),
         windows=windows,
         scans=max(case.scans, *windows),
@@ -559,7 +543,10 @@ def _rule_within(job: tuple[Case, TsepmOptions, float, int]) -> Rule | None:
     case, options, false_per_hour, window = job
     sensor, gate = case.sensor, options.gate_probability
     gating = Gating(
-        sensor=sensor, max_speed=case.max_speed, interval=case.interval, gate_probability=gate
+        sensor=sensor,
+        max_speed=case.common.max_speed,
+        interval=case.interval,
+        gate_probability=gate,
     )
 
     def chosen(min_hits: int) -> TsepmOptions:
@@ -656,7 +643,7 @@ def candidates(
             false = false_tracks_per_hour(
                 case, method, options, scans=scans, seed=seed, processes=processes, progress=shown
             )
-        return Candidate(name, method, options, bound, targets, false)
+        return Candidate(name, bound, targets, false)
 
     best = candidate("score", "score", dataclasses.asdict(score), rate)
     yield best
@@ -690,11 +677,6 @@ class FirstEstimate:
     window: int
     threshold: float
     found: FloatArray
-
-    @property
-    def detection(self) -> float:
-        """P_D within all scans."""
-        return float(self.found[-1])
 
     def scans_until(self, share: float) -> int | None:
         """Scans within which a share of the targets is found; None if it is not."""

@@ -237,16 +237,14 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
 def summarise(run: SimulatedRun) -> RunSummary:
     """Judge the starts of a run and summarise it; what was before its targets is left out."""
     first = run.scenario.warm_up
-    judged = [
-        (scan - first, start)
-        for scan, start in zip(run.start_scans, run.judged(), strict=True)
-        if scan >= first
-    ]
-    corrected = [
-        (scan - first, revision)
-        for scan, revision in zip(run.correction_scans, run.judge(run.corrections), strict=True)
-        if scan >= first
-    ]
+    judged, corrected = (
+        [
+            (scan - first, one)
+            for (scan, _), one in zip(tracks, run.judge([t for _, t in tracks]), strict=True)
+            if scan >= first
+        ]
+        for tracks in (run.starts, run.corrections)
+    )
     true = [
         (scan, one.target)
         for scan, one in [*judged, *corrected]

@@ -9,7 +9,7 @@ import csv
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -25,7 +25,7 @@ from tsepm_ros.tools.evaluation.measures import (
     measures_of,
     summarise,
 )
-from tsepm_ros.tools.evaluation.result_files import RunFile, complete, mapped
+from tsepm_ros.tools.evaluation.result_files import RunFile, complete
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, simulate
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.terminal import Progress, markdown_table, silent
@@ -72,9 +72,6 @@ class Curve:
         return np.exp(np.interp(detection, self.detection, self.log_false, right=np.nan))
 
 
-CHUNK = 4
-"""Runs per message to a worker, to reduce the cost of messages."""
-
 Job = tuple[Scenario, list[int], OperatingPoint]
 """A run: its scenario, its seed, and the operating point of the track starter."""
 
@@ -84,12 +81,8 @@ def run(job: Job) -> RunSummary:
     return summarise(simulate(*job))
 
 
-def runs_of(jobs: Sequence[Job], processes: int = 1) -> Iterator[RunSummary]:
-    """Do runs in their order.
-
-    A run depends on its scenario, seed and point alone, not on the process that does it.
-    """
-    return mapped(run, jobs, processes, CHUNK)
+def _record(job: Job) -> dict[str, Any]:
+    return run(job).as_json()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,10 +121,6 @@ class Plan:
                     f"horizon {max(self.horizons)} is beyond the {scenario.scans} scans of "
                     f"{scenario.name}"
                 )
-
-    def horizons_of(self, scenario: Scenario) -> list[int]:
-        """Numbers of scans for which a scenario's measures are given, ascending."""
-        return sorted({*self.horizons, scenario.scans})
 
 
 @dataclass(frozen=True)
@@ -202,19 +191,17 @@ def evaluate(
         point.make(scenario)
     files = [run_file(folder, *task, plan.seed) for task in tasks]
 
-    def results_of(missing: list[tuple[int, int]]) -> Iterator[dict[str, Any]]:
-        jobs = [(tasks[k][0], [plan.seed, index], tasks[k][1]) for k, index in missing]
-        return (summary.as_json() for summary in runs_of(jobs, processes))
+    def job_of(task: int, index: int) -> Job:
+        scenario, point = tasks[task]
+        return scenario, [plan.seed, index], point
 
-    complete(files, plan.runs, results_of, progress)
-    runs = [
-        [RunSummary.from_json(file.results[index]) for index in range(plan.runs)] for file in files
-    ]
+    stored = complete(files, plan.runs, _record, job_of, processes=processes, progress=progress)
+    runs = [[*map(RunSummary.from_json, records)] for records in stored]
     count = len(plan.points)
     return [
         Evaluated.of(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
         for place, scenario in enumerate(plan.scenarios)
-        for scans in plan.horizons_of(scenario)
+        for scans in sorted({*plan.horizons, scenario.scans})
     ]
 
 

@@ -58,7 +58,7 @@ def _end_with_parent(process: int) -> None:
 
 
 def mapped(
-    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1, chunk: int = 1
+    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1
 ) -> Generator[Made, None, None]:
     """Results of a function for each job, in their order; closed early, no more are done.
 
@@ -69,8 +69,6 @@ def mapped(
     jobs : sequence
     processes : int, optional
         Number of processes on this machine; 1 means this process alone.
-    chunk : int, optional
-        Jobs per message to a process.
     """
     if processes == 1:
         yield from map(function, jobs)
@@ -78,7 +76,7 @@ def mapped(
     pool = ProcessPoolExecutor(processes, initializer=_attach_to_parent)
     try:
         with signals_held():  # the first job starts the processes
-            results = pool.map(function, jobs, chunksize=chunk)
+            results = pool.map(function, jobs)
         yield from results
     finally:
         pool.shutdown(cancel_futures=True)
@@ -190,17 +188,23 @@ class RunFile:
 def complete(
     files: Sequence[RunFile],
     runs: int,
-    results_of: Callable[[list[tuple[int, int]]], Iterable[Any]],
+    function: Callable[[Job], Any],
+    job_of: Callable[[int, int], Job],
+    *,
+    processes: int = 1,
     progress: Progress = silent,
-) -> None:
-    """Do the missing runs of each file.
+) -> list[list[Any]]:
+    """Do the missing runs of each file, and return all, as JSON, by file.
 
     Parameters
     ----------
     files : sequence of RunFile
     runs : int
-    results_of : callable
-        Results of runs, in the order of the given pairs (index of the file, index of the run).
+    function : callable
+        Does a job and returns its result as JSON; importable by its name.
+    job_of : callable
+        The job of a file and a run, given by their indices.
+    processes : int, optional
     progress : callable, optional
         Shows the number of missing runs that are done.
     """
@@ -210,9 +214,10 @@ def complete(
         for index in range(runs)
         if index not in file.results
     ]
-    done = progress(results_of(missing), len(missing))
-    for (row, index), result in zip(missing, done, strict=True):
+    results = mapped(function, [job_of(*one) for one in missing], processes)
+    for (row, index), result in zip(missing, progress(results, len(missing)), strict=True):
         files[row].append(index, result)
+    return [[file.results[index] for index in range(runs)] for file in files]
 
 
 Row = Mapping[str, Any]

@@ -299,26 +299,21 @@ class SimulatedRun(SimulatedScene):
 
     Attributes
     ----------
-    starts : list of ConfirmedTrack
-    start_scans : list of int
-        Index of the scan that confirmed each start.
-    corrections : list of ConfirmedTrack
-        Later revisions of starts.
-    correction_scans : list of int
-        Index of the scan that brought each.
+    starts : list of (int, ConfirmedTrack)
+        With the index of the scan that confirmed each.
+    corrections : list of (int, ConfirmedTrack)
+        Later revisions of starts, with the index of the scan that brought each.
     held : list of (n, 2) ndarray or None
         Positions of the held tracks after each scan; None if the starter holds no tracks.
     """
 
-    starts: list[ConfirmedTrack] = field(default_factory=list)
-    start_scans: list[int] = field(default_factory=list)
-    corrections: list[ConfirmedTrack] = field(default_factory=list)
-    correction_scans: list[int] = field(default_factory=list)
+    starts: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
+    corrections: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
     held: list[FloatArray | None] = field(default_factory=list)
 
     def judged(self) -> list[Judged]:
         """Judge the starts, as first published: revision 0."""
-        return self.judge(self.starts)
+        return self.judge([track for _, track in self.starts])
 
 
 def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> SimulatedRun:
@@ -326,12 +321,8 @@ def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> Simu
     run = SimulatedRun.drawn(scenario, seed)
     starter = point.make(scenario)
     for index, scan in enumerate(run.scans):
-        started = list(starter.process(scan))
-        run.starts += started
-        run.start_scans += [index] * len(started)
-        corrected = list(getattr(starter, "revised", ()))
-        run.corrections += corrected
-        run.correction_scans += [index] * len(corrected)
+        run.starts += [(index, track) for track in starter.process(scan)]
+        run.corrections += [(index, track) for track in getattr(starter, "revised", ())]
         run.held.append(_held_positions(starter))
     return run
 
