@@ -292,15 +292,12 @@ class Gates:
 
     def missed(self, gate_of_path: IntArray) -> NDArray[np.bool_]:
         """Which paths, by their gates (n,), have no detection in them, (n,)."""
-        missed: NDArray[np.bool_] = self.gated.count[gate_of_path] == 0
-        return missed
+        return np.asarray(self.gated.count[gate_of_path] == 0)
 
     def left_out(self, scan_index: int) -> PathCounts:
         """Detections that the gating limit left out of every gate: they gate as a start would."""
-        rows = splitting.left_out(self.gated)
-        if not len(rows):
-            return PathCounts.none()
-        return PathCounts.of_paths(starting(self.ids[rows], scan_index, 1))
+        left_out = self.ids[splitting.left_out(self.gated)]
+        return PathCounts.of_paths(starting(left_out, scan_index, 1))
 
     def children(self, paths: PathCounts) -> PathCounts:
         """Paths that extend these by each of their gated detections."""
@@ -709,7 +706,7 @@ class Tsepm(WindowedMethod):
 
     def _start(self, gates: Gates) -> Paths:
         """Start a potential track from every residual detection (Step 8)."""
-        first_hits = gates.ids[splitting.residual(gates.gated)]
+        first_hits = gates.ids[~gates.gated.in_any_gate]
         return starting(first_hits, self.scan_index, self.options.min_hits)
 
     def _limit(self, tracks: Paths) -> tuple[Paths, PathCounts]:

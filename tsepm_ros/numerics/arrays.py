@@ -159,8 +159,7 @@ def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatAr
     `ids` holds at least one detection; other hits count 0.
     """
     place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
-    sums: FloatArray = np.where(ids[place] == hits, values[place], 0.0).sum(axis=1)
-    return sums
+    return np.asarray(np.where(ids[place] == hits, values[place], 0.0).sum(axis=1))
 
 
 def members_of_groups(labels: IntArray) -> list[IntArray]:

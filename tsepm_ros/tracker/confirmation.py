@@ -218,16 +218,12 @@ def decided_by_speed(tree: Tree, threshold: float, max_speed: float) -> Tree:
     Rivals in other detections are as they were.
     """
     counts = _may_pass(tree, threshold)
-    if not counts.any():
-        return tree
     return replace(tree, hypotheses=within_max_speed(tree.hypotheses, counts, max_speed))
 
 
 def with_rivals(tree: Tree, decided: Tree, threshold: float, max_speed: float) -> Tree:
     """As `decided_by_speed`, of the tree and what that made of it, and of the rivals of starts."""
     passed = decided.evidence >= threshold
-    if not passed.any():
-        return decided  # no start, and no rival of any
     # Of other detections, those that may be rivals of a start: they share a hit with it.
     hypotheses = tree.hypotheses
     hits = np.unique(hypotheses.hits[tree.missed :][passed[tree.newest]])
@@ -458,8 +454,6 @@ def doubtful(tree: Tree, observed: Observation, max_speed: float) -> list[Doubtf
     found: list[Doubtful] = []
     held = observed.held
     ids, rows = observed.probable_detections
-    if not len(ids):
-        return found
     # A track that has ended in this scan is in no row.
     which, place = np.nonzero(ids[:, None] == held.track_id)
     apart = held.state[place, None, 0::2] - held.state[:, 0::2]

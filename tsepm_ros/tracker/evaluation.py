@@ -109,8 +109,7 @@ def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float
     """
     squared_displacement = np.square(np.diff(positions, axis=1)).sum(axis=2)
     density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
-    statistic: FloatArray = 2.0 * np.pi * (density * squared_displacement).sum(axis=1)
-    return statistic
+    return np.asarray(2.0 * np.pi * (density * squared_displacement).sum(axis=1))
 
 
 MAX_DETECTION_PROBABILITY = 0.999
@@ -139,8 +138,7 @@ def hit_increment(
     probability = np.minimum(detection_probability, MAX_DETECTION_PROBABILITY)
     with np.errstate(divide="ignore"):
         ratio = np.log(probability / np.maximum(clutter, MIN_CLUTTER_DENSITY))
-    increment: FloatArray = log_density + ratio
-    return increment
+    return np.asarray(log_density + ratio)
 
 
 def miss_increment(detection_probability: FloatArray, gate_probability: float) -> FloatArray:
@@ -157,10 +155,8 @@ def miss_increment(detection_probability: FloatArray, gate_probability: float) -
     -------
     (n,) ndarray
     """
-    increment: FloatArray = np.log1p(
-        -np.minimum(detection_probability, MAX_DETECTION_PROBABILITY) * gate_probability
-    )
-    return increment
+    probability = np.minimum(detection_probability, MAX_DETECTION_PROBABILITY)
+    return np.asarray(np.log1p(-probability * gate_probability))
 
 
 FADED_SHARE = 0.4

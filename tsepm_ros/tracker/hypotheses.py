@@ -75,11 +75,6 @@ class Hypotheses(Paths):
         )
 
 
-def run_begins(keys: IntArray) -> IntArray:
-    """First row of each run of equal keys (n,), which are not negative."""
-    return np.flatnonzero(np.diff(keys, prepend=-1))
-
-
 PRIOR_TARGET_ODDS = 0.001
 """Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
 

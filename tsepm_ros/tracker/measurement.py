@@ -54,8 +54,6 @@ MIN_TAIL_PROBABILITY = 1e-300
 
 def measured_features(scan: Scan) -> FloatArray:
     """Features of a scan's detections, (n, 3); nan where not measured."""
-    if not scan.features:
-        return np.full((len(scan), len(NAMES)), np.nan)
     columns = [scan.features.get(name, np.full(len(scan), np.nan)) for name in NAMES]
     values = np.stack(columns, axis=1)
     return np.where(np.abs(values) < MAX_FEATURE, values, np.nan)
@@ -519,8 +517,7 @@ class DetectionWindow:
 
         The probabilities of different tracks count as independent.
         """
-        probability: NDArray[np.float64] = 1.0 - self._not_held[ids - self.first_id]
-        return probability
+        return np.asarray(1.0 - self._not_held[ids - self.first_id])
 
     def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
         """Ids of the detections with the given scan and detection indices, those still here.
@@ -547,8 +544,7 @@ class DetectionWindow:
 
     def column(self, name: str, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """A field of the detections with the given ids, in the ids' shape."""
-        values: NDArray[np.float64] = self._detections[name][ids - self.first_id]
-        return values
+        return np.asarray(self._detections[name][ids - self.first_id])
 
     def __len__(self) -> int:
         """Number of detections in the window."""

@@ -158,8 +158,6 @@ def best_of_alike(labels: IntArray, alike: IntArray, evaluation: FloatArray) -> 
     evaluation : (n,) ndarray
         Smaller is better.
     """
-    if alike is labels:
-        return members_of_groups(labels)
     best = np.lexsort((evaluation, alike))
     best = best[np.diff(alike[best], prepend=-1) != 0]
     members = members_of_groups(labels)
@@ -441,8 +439,8 @@ def agrees_with_older(
     state: FloatArray,
     covariance: FloatArray,
     plots: IntArray,
-    known: BoolArray | None = None,
-    explained: FloatArray | None = None,
+    known: BoolArray,
+    explained: FloatArray,
 ) -> BoolArray:
     """Which tracks agree with an older track.
 
@@ -456,36 +454,23 @@ def agrees_with_older(
         Oldest track first.
     plots : (n,) ndarray of int
         Detection that is each track's own, or NO_HIT.
-    known : (n,) ndarray of bool, optional
-        Which tracks are located; by default all.
-    explained : (n,) ndarray, optional
+    known : (n,) ndarray of bool
+        Which tracks are located.
+    explained : (n,) ndarray
         Sum of each track's association probabilities in this scan.
 
     Returns
     -------
     (n,) ndarray of bool
     """
-    n = len(state)
-    agrees = np.zeros(n, bool)
-    if n < 2 or (known is not None and np.count_nonzero(known) < 2):
+    agrees = np.zeros(len(state), bool)
+    if np.count_nonzero(known) < 2:
         return agrees
     track, older = _pairs_with_older(state[:, 0::2], known)
     may = (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
-    if known is not None:
-        may &= known[track] & known[older]
-    if explained is not None:
-        may &= explained[track] + explained[older] <= MAX_EXPLAINED
-    # The distance is at least that of each single component, which is cheap to test.
-    variances = np.diagonal(covariance, axis1=1, axis2=2)
-    bound = SAME_DISTANCE * (1.0 + 1e-9) * (variances[track] + variances[older])
-    may &= (np.square(state[track] - state[older]) <= bound).all(axis=1)
+    may &= known[track] & known[older] & (explained[track] + explained[older] <= MAX_EXPLAINED)
     track, older = track[may], older[may]
-    if not len(track):
-        return agrees
-    difference = state[track] - state[older]
-    scaled = solve(covariance[track] + covariance[older], difference)
-    near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
-    agrees[track[near]] = True
+    agrees[track[close(state, covariance, track, older, SAME_DISTANCE)]] = True
     return agrees
 
 
@@ -494,12 +479,12 @@ def _all_pairs(n: int) -> tuple[IntArray, IntArray]:
     return np.tril_indices(n, -1)
 
 
-def _pairs_with_older(positions: FloatArray, known: BoolArray | None) -> tuple[IntArray, IntArray]:
+def _pairs_with_older(positions: FloatArray, known: BoolArray) -> tuple[IntArray, IntArray]:
     """Rows of each known track and of an older track near it, (p,) and (p,), or of more tracks."""
     n = len(positions)
     if n <= NEAREST:  # all are
         return _all_pairs(n)
-    rows = np.arange(n) if known is None else np.flatnonzero(known)
+    rows = np.flatnonzero(known)
     if len(rows) * n <= ALL_PAIRS:
         distances = squared_distances(positions[rows], positions)
         nearest = np.argpartition(distances, NEAREST - 1, axis=1)[:, :NEAREST]
@@ -533,5 +518,5 @@ def may_repeat_older(
     covariance = tracks.covariance.copy()
     covariance[:, [0, 2], [0, 2]] += size[:, None]
     covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    unknown = np.full(len(tracks), NO_HIT)
-    return agrees_with_older(tracks.state, covariance, unknown)
+    unknown, every = np.full(len(tracks), NO_HIT), np.ones(len(tracks), bool)
+    return agrees_with_older(tracks.state, covariance, unknown, every, np.zeros(len(tracks)))

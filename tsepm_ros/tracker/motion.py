@@ -95,17 +95,15 @@ def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatAr
     each velocity, m^2/s^2.
     """
     t = elapsed[..., None, None]
-    noise: FloatArray = (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[
-        ..., None, None
-    ]
-    return noise
+    return np.asarray(
+        (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[..., None, None]
+    )
 
 
 def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
     """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
     after = np.asarray(time_after_state)[..., None]
-    position: FloatArray = state[..., 0::2] + after * state[..., 1::2]
-    return position
+    return np.asarray(state[..., 0::2] + after * state[..., 1::2])
 
 
 def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
@@ -204,8 +202,7 @@ def kalman_gain(
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
-    gain: FloatArray = cross @ inverse(innovation_covariance)
-    return gain
+    return np.asarray(cross @ inverse(innovation_covariance))
 
 
 def log_likelihood(
@@ -229,23 +226,23 @@ def log_likelihood(
     ----------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
-    owner : (p,) ndarray of int
+    owner : (...) ndarray of int
         State of each pair.
     stamp : float
         The states', s.
-    innovation : (p, 2) ndarray
+    innovation : (..., 2) ndarray
         Innovation of each position, m.
-    innovation_covariance : (p, 2, 2) ndarray
-        m^2.
+    innovation_covariance : (..., 2, 2) ndarray
+        m^2; without range rates of a shape that broadcasts.
     detections : (d,) ndarray of DETECTION
-    row : (p,) ndarray of int
+    row : (...) ndarray of int
         Detection of each pair.
     gate_probability : float
         Probability that the gate holds a target's detection.
 
     Returns
     -------
-    (p,) ndarray
+    (...) ndarray
         ln of 1/m^2, or of s/m^3.
     """
     density, distance = log_density(innovation, innovation_covariance)
@@ -253,7 +250,7 @@ def log_likelihood(
     measured = range_rates.measured(detections)
     if measured.any():
         gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
-        rows = np.flatnonzero(measured[row] & (distance <= gate))
+        rows = (measured[row] & (distance <= gate)).nonzero()
         rated, found = owner[rows], taken(detections, row[rows])
         after = found["time"] - stamp
         updated = update(

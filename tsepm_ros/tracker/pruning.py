@@ -17,7 +17,6 @@ from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, among_best, keep_best
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.tracker.hypotheses import run_begins
 
 READINGS = ("literal", "squared")
 RELATIVE_PRUNING = math.log(1e-4)
@@ -73,7 +72,7 @@ def prune(
     """
     rows = np.flatnonzero(score > deletion)
     rows = rows[np.argsort(newest[rows], kind="stable")]
-    begin = run_begins(newest[rows])
+    begin = np.flatnonzero(np.diff(newest[rows], prepend=-1))  # of the runs
     number = np.diff(begin, append=len(rows))
     best = np.repeat(np.maximum.reduceat(score[rows], begin), number)
     kept = score[rows] > best + RELATIVE_PRUNING

@@ -343,10 +343,8 @@ class View(NamedTuple):
     def of(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
         """That of a scan at a pose (3,)."""
         x, y, yaw = map(float, pose)
-        swept = None
-        if scan.swept is not None:
-            swept = float(scan.swept[0]), float(scan.swept[1])
-        return cls(sensor, (x, y, yaw), swept)
+        start, width = (0.0, 0.0) if scan.swept is None else map(float, scan.swept)
+        return cls(sensor, (x, y, yaw), None if scan.swept is None else (start, width))
 
     def covers(self, positions: FloatArray) -> BoolArray:
         """Whether positions (n, 2) in the fixed frame were looked at."""

@@ -229,8 +229,7 @@ def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray)
     height = np.sqrt((largest - radius) * (largest + radius))
     tree = cKDTree(np.column_stack([centres, height]))
     distance, _ = tree.query(np.column_stack([positions, np.zeros(len(positions))]))
-    inside: BoolArray = distance <= largest
-    return inside
+    return np.asarray(distance <= largest)
 
 
 def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
@@ -255,11 +254,6 @@ def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]
     first_child = np.cumsum(counts) - counts
     child_of_parent = np.arange(len(parent)) - first_child[parent]
     return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
-
-
-def residual(gated: Gated) -> IntArray:
-    """Rows of the detections outside all gates, which start new potential tracks (Step 8)."""
-    return np.flatnonzero(~gated.in_any_gate)
 
 
 def left_out(gated: Gated) -> IntArray:

@@ -22,7 +22,7 @@ from tsepm_ros.tracker.clutter.land import LandMask, afloat
 from tsepm_ros.tracker.clutter.learned import Learned
 from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
-from tsepm_ros.tracker.maintenance.features import Environment
+from tsepm_ros.tracker.maintenance.features import Environment, histories_of
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
@@ -251,7 +251,9 @@ class Tracker:
         if not self.common.plot_features:
             return np.zeros(len(detections), bool), None
         in_zone = self._clutter.in_zone
-        return in_zone, self.learned.features.at(in_zone, self.common.encounter_time)
+        return in_zone, Environment(
+            in_zone, self.learned.features.clutter, self.common.encounter_time
+        )
 
     def _clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
         """The sensor with its clutter's range rates, and the density of the detections' own."""
@@ -302,9 +304,7 @@ class Tracker:
         if not self.plots.active:
             self._learn_errors(detections)
         if self.common.plot_features:
-            learned.features.observe(
-                self.scan_index, detections["index"], detections["features"], is_clutter
-            )
+            learned.features.observe(detections["features"], is_clutter)
 
     def _learn_plots(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
@@ -473,7 +473,7 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        histories = self.learned.features.histories(tracks) if self.common.plot_features else None
+        histories = histories_of(self.window, tracks.hits) if self.common.plot_features else None
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.figures_of_hits(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma

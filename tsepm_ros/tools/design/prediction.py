@@ -489,7 +489,7 @@ def passages(
         case.sensor,
         max_speed=case.common.max_speed,
         interval=threshold_plan.rounded(case.interval),
-        windows=windows,
+        windows=tuple(windows),
         scans=max(case.scans, *windows),
         gate_probability=options.gate_probability,
         process_noise=options.process_noise,

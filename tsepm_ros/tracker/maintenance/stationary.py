@@ -136,9 +136,8 @@ def _integrated(
 ) -> FloatArray:
     """`stationary_probability` of velocities (n, 2) with covariances (n, 2, 2)."""
     usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
-    if not usable.all():
-        velocity = np.where(usable[:, None], velocity, 0.0)
-        spread = np.where(usable[:, None, None], spread, np.eye(2) * options.max_speed**2)
+    velocity = np.where(usable[:, None], velocity, 0.0)
+    spread = np.where(usable[:, None, None], spread, np.eye(2) * options.max_speed**2)
     still, min_speed = np.exp(log_density(velocity, spread)[0]), options.min_speed
     shares, limits = _speed_limits(min_speed, options.max_speed)
     slow, *inside = disc_probability(velocity, spread, np.append(min_speed, limits))

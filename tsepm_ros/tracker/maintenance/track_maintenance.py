@@ -86,6 +86,8 @@ class TrackMaintenance:
     ----------
     held : ConfirmedTracks
         Every track held, published or not, with all that is known of it.
+    tracker : DownstreamTracker
+        Whether a downstream tracker was heard since the last clearing, and still is.
     ended : dict
         Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
     held_association : tuple of (p,) ndarray
@@ -111,7 +113,7 @@ class TrackMaintenance:
 
     def _forget(self) -> None:
         self.held = ConfirmedTracks.none()
-        self._tracker = DownstreamTracker()
+        self.tracker = DownstreamTracker()
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self._forget_scan()
@@ -139,18 +141,10 @@ class TrackMaintenance:
         """Held tracks that exist and stand still, at their places."""
         return stationary.fixed_echoes(self._state())
 
-    @property
-    def tracker(self) -> ExternalTracker:
-        """Whether a downstream tracker was heard since the last clearing, and still is."""
-        return self._tracker.status
-
     def detections_of_moving(self) -> IntArray:
         """Rows of the last scan's detections that are probably of held tracks that move, (k,)."""
         ids, rows = self.probable_detections
-        if not len(ids):
-            return rows
-        moving = np.sort(self.held.tracks.track_id[self.held.fits.moves])
-        return rows[np.searchsorted(moving, ids, "right") > np.searchsorted(moving, ids)]
+        return rows[np.isin(ids, self.held.tracks.track_id[self.held.fits.moves])]
 
     def step(
         self,
@@ -216,17 +210,17 @@ class TrackMaintenance:
             mean = data_association.over_modes(held.models.probability, gated.likelihood)
             scale *= features.likelihood_factors(environment, held, row, mean, detections)
         ratios = gated.likelihood * scale[:, data_association.SEEKER]
-        found = data_association.associate(
+        ratio, share, held_density = data_association.associate(
             held.existence, empty, held.models.probability, ratios, row, clutter
         )
         # Update.
-        mode_ratios = empty[:, None] + found.ratio.sum(axis=-1)
+        mode_ratios = empty[:, None] + ratio.sum(axis=-1)
         state, covariance = data_association.updated_states(
-            state, covariance, gated, found.ratio / mode_ratios[..., None]
+            state, covariance, gated, ratio / mode_ratios[..., None]
         )
         # A downstream tracker has a speed limit of its own.
-        limit = np.where(self._tracker.keeps(held.unlisted_since), np.inf, max_speed)
-        row, shares = row[:, 0], found.probability[:, 0]
+        limit = np.where(self.tracker.keeps(held.unlisted_since), np.inf, max_speed)
+        row, shares = row[:, 0], share[:, 0]
         held, plots = features.with_plots(held, row, shares, detections, environment)
         held, detected, scans = held.updated(state, covariance, mode_ratios, empty, covered, limit)
         self.covered = detected, scans
@@ -244,7 +238,7 @@ class TrackMaintenance:
         repeats = self._repeated(plots[kept], sigma[kept], explained[kept])
         self.end(~repeats, "duplicate")
         self._publish(sensor.max_range)
-        return found.held_density
+        return held_density
 
     def _take_own(
         self,
@@ -275,7 +269,7 @@ class TrackMaintenance:
         if self.options.min_speed:
             self._state()
         status = stationary.statuses(self.held, self.options, max_range)
-        listed = self._tracker.keeps(self.held.unlisted_since)
+        listed = self.tracker.keeps(self.held.unlisted_since)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self.held.announced
         self.held = held = changed(
@@ -305,7 +299,7 @@ class TrackMaintenance:
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
         held = self.held
-        may = (held.status != Status.FIXED) & ~self._tracker.keeps(held.unlisted_since)
+        may = (held.status != Status.FIXED) & ~self.tracker.keeps(held.unlisted_since)
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
             return np.full(len(starts), -1)
@@ -411,11 +405,11 @@ class TrackMaintenance:
             With stamps of their own, finite numbers and an id each, see
             `tsepm_ros.tracker.maintenance.external_tracker.usable`.
         """
-        tracker, held = self._tracker.at(stamp, self.options.tracked_timeout), self._state()
+        tracker, held = self.tracker.at(stamp, self.options.tracked_timeout), self._state()
         since, ids = held.unlisted_since, held.tracks.track_id
         if tracker.status is not ExternalTracker.ALIVE:
             since = np.maximum(since, stamp)
-        self._tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
+        self.tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
         over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
         self.held = changed(held, unlisted_since=since)
@@ -437,7 +431,7 @@ class TrackMaintenance:
         """
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
-        self._tracker = self._tracker.at(stamp, self.options.tracked_timeout)
+        self.tracker = self.tracker.at(stamp, self.options.tracked_timeout)
         fixed = self.held.status == Status.FIXED
         away = fixed.copy()
         if fixed.any():
@@ -469,7 +463,7 @@ class TrackMaintenance:
         Returns which were kept.
         """
         if not kept.all():
-            kept = kept | self._tracker.keeps(self.held.unlisted_since)
+            kept = kept | self.tracker.keeps(self.held.unlisted_since)
             self._drop(kept, reason, self.ended)
         return kept
 
