@@ -30,8 +30,7 @@ from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 
-@pytest.mark.parametrize("size", [1, 6])
-@pytest.mark.parametrize("pose", [still, circling])
+@pytest.mark.parametrize(("size", "pose"), [(6, still), (1, circling)], ids=["still", "circling"])
 def test_a_turn_in_parts_gives_the_tracks_of_the_turn_in_one_message(pose, size):
     """To the bit: hits, states and covariances, also of a ship that moves and turns."""
     ranges, options, own_ship = turns(10, pose), {}, None

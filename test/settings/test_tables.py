@@ -374,7 +374,7 @@ def test_a_file_without_a_section_for_the_node_in_its_namespace_is_named(written
     assert len(unused_files(arguments, "/track_initiator")) == 1
 
 
-@pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 50_000])
+@pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 5_000])
 def test_what_is_no_parameter_file_is_left_to_ros(written, text):
     assert unused_files(written(text), "/track_initiator") == []
 
