@@ -19,7 +19,7 @@ from msg_adapters import (
     track_states,
     tracker_report,
 )
-from msg_adapters.track_cloud import track_arrays
+from msg_adapters.track_messages import track_arrays
 from tsepm_ros.tracker.scan import FEATURES
 
 LAYOUT = [

@@ -10,7 +10,6 @@ import pytest
 import yaml
 
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.commands import evaluate_command
 from tsepm_ros.tools.commands.cli import COMMANDS, main
@@ -24,13 +23,9 @@ def test_methods_are_listed_with_what_they_are(capsys):
     assert [line.split(":")[0] for line in lines] == list(available_methods())
 
 
-def test_parameters_are_one_file_and_one_page_of_all_nodes_or_a_table_of_one(capsys):
+def test_parameters_are_one_file_of_all_nodes(capsys):
     assert main(["parameters", "all"]) == 0
     assert list(yaml.safe_load(capsys.readouterr().out)) == [f"/**/{node}" for node in NODES]
-    assert main(["parameters", "all", "--markdown"]) == 0
-    assert capsys.readouterr().out == as_page(NODES)
-    assert main(["parameters", "track_viewer", "--markdown"]) == 0
-    assert "| `port` |" in capsys.readouterr().out
 
 
 def test_an_interrupt_ends_a_command_with_a_word(capsys, tmp_path, monkeypatch):
@@ -50,7 +45,7 @@ def test_a_reader_that_closes_the_pipe_is_no_error(capsys, monkeypatch):
     os.close(reading)
     with open(writing, "w") as pipe:
         monkeypatch.setattr(sys, "stdout", pipe)
-        assert main(["parameters", "all", "--markdown"]) == 0
+        assert main(["parameters", "all"]) == 0
     assert capsys.readouterr().err == ""
 
 
