@@ -16,7 +16,7 @@ from msg_adapters import (
     track_cloud,
     tracker_report,
 )
-from msg_adapters.track_cloud import track_arrays
+from msg_adapters.track_messages import track_arrays
 from tsepm_ros.tracker.scan import FEATURES
 
 LAYOUT = [

@@ -23,7 +23,7 @@ from support.boat import named
 from support.live_and_offline import FAST, assert_same_live_and_offline, listen_raw
 from support.ros_world import World
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.parameter_files import parse_values
 from tsepm_ros.tools.players.scan_player import ScanPlayer

@@ -14,7 +14,7 @@ from support.sonar_driver import START_NS
 
 from msg_adapters import make_header
 from tsepm_ros import Scan
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 

@@ -10,7 +10,7 @@ from rclpy.parameter import parameter_dict_from_yaml_file
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from support.ros_world import remapped
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import NODES, full_table

@@ -22,7 +22,7 @@ from support.ros_world import as_messages
 from support.sonar_driver import pings
 
 from tsepm_ros import available_methods
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
+from tsepm_ros.nodes.base_node import ParameterError, ParameterisedNode
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.node_options import SessionOptions
@@ -127,7 +127,7 @@ AT_THE_START = [
     (TrackInitiator, "tsepm.window", 8.0, "an integer"),
     (TrackInitiator, "method", 3, "a text"),
     (TrackInitiator, "publish_potential_tracks", "yes", "true or false"),
-    (TrackInitiator, "max_speed", [1.0], "decimal point"),
+    (TrackInitiator, "max_speed", [1.0], "a number"),
     (TrackInitiator, "max_speed", float("nan"), "above 0"),
     (TrackInitiator, "sensor.max_range", float("inf"), "from 0.001"),
     (TrackInitiator, "tsepm.min_hits", 9, "window"),
@@ -233,8 +233,8 @@ def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
         assert made[CommonOptions].max_speed == 20.0
         raise ZeroDivisionError("no")
 
-    node = world.make(partial(ParameterisedNode, "plain"))
-    NodeParameters(node, (("", CommonOptions),), pytest.fail, refuse, (ArithmeticError,))
+    given = "track_initiator", pytest.fail, refuse, (ArithmeticError,)
+    node = world.make(partial(ParameterisedNode, *given))
     [result] = node.set_parameters([Parameter("max_speed", value=20.0)])
     assert result.reason == "max_speed cannot be used: ZeroDivisionError('no')"
     assert not result.successful

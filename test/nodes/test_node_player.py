@@ -22,7 +22,7 @@ from support.show import (
 )
 from support.sonar_driver import points, stamp_ns
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 
 

@@ -19,7 +19,7 @@ pytest.importorskip("tornado")
 
 from msg_adapters import diagnostics, make_header, odometry_message, track_cloud
 from tsepm_ros.diagnostics.health_figures import Level, Status
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.viewer.track_viewer import TrackViewer

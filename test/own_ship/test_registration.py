@@ -10,7 +10,7 @@ from support.registered import place, places, rolling, sail, session
 from support.sessions import NotedSession
 
 from msg_adapters.ping import ReadingOptions
-from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.attitude import levelled

@@ -17,7 +17,6 @@ from support.scripts import loaded
 
 from tsepm_ros import __version__, available_methods
 from tsepm_ros.methods.registry import option_names
-from tsepm_ros.settings.parameter_files import as_page
 from tsepm_ros.settings.settings import NODES, full_table, with_method
 from tsepm_ros.tools.commands.cli import _parser
 from tsepm_ros.tools.evaluation.result_files import read_result
@@ -67,9 +66,10 @@ def launch_arguments() -> set[str]:
     return {str(argument.get("name")) for argument in launch.iter("arg")}
 
 
-def test_the_page_of_parameters_is_up_to_date_and_has_every_parameter():
-    assert (DOCS / "parameters.md").read_text(encoding="utf-8") == as_page(NODES)
-    rows = re.findall(r"^\| `([\w.]+)` \|", as_page(NODES), re.MULTILINE)
+def test_the_page_of_parameters_is_up_to_date_and_has_every_parameter(figures):
+    page = figures.parameters_page()
+    assert (DOCS / "parameters.md").read_text(encoding="utf-8") == page
+    rows = re.findall(r"^\| `([\w.]+)` \|", page, re.MULTILINE)
     assert set(rows) == NAMES
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from support.sessions import arrived, ping, settings
 
-from msg_adapters.laser_scan_detections import no_returns
+from msg_adapters.detections import no_returns
 from msg_adapters.ping import ReadingOptions, good_detections
-from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.own_ship.registration import MessageFacts, Mounting, SensorScan
 from tsepm_ros.session.consistency_checks import (

@@ -12,7 +12,7 @@ import yaml
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.parameters import check_group, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter, table
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
     PlaybackOptions,
@@ -55,7 +55,7 @@ GROUPS = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class Example:
+class Example(ParameterGroup):
     """One of everything."""
 
     flag: bool = parameter(True, "A flag")
@@ -66,9 +66,6 @@ class Example:
     any: float = parameter(0.0, "Any number")
     mode: str = parameter("slow", "A mode", choices=("slow", "fast"), read_only=True)
     name: str = parameter("", "A name")
-
-    def __post_init__(self) -> None:
-        check_group(self)
 
 
 ROWS = {row.name: row for row in table(Example)}

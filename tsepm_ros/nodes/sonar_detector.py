@@ -10,7 +10,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
-from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
@@ -27,17 +26,14 @@ from msg_adapters.sonar_images import (
     plan_message,
     plan_of,
 )
-from msg_adapters.track_markers import detection_markers
+from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import Level, Status
-from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.running import run
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription
+from tsepm_ros.nodes.base_node import ParameterisedNode, run
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
 from tsepm_ros.session.image_turns import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
-from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tracker.scan import Scan
 
 IMAGE, DETECTIONS = "image", "detections"
@@ -50,18 +46,20 @@ class SonarDetector(ParameterisedNode):
     """Subscribes to images and publishes their detections."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("sonar_detector", **node_options)
-        self._given = NodeParameters(
-            self, SONAR_DETECTOR, lambda given: self._input.configure(given)
+        super().__init__(
+            "sonar_detector",
+            lambda changed: self._input.configure(changed),
+            **node_options,
         )
-        self._warnings, self._dropped = ThrottledWarnings(self), Counter[str]()
-        self._input = ImageInput(self._given.options, self._drop, self.get_logger().warning)
+        self._dropped = Counter[str]()
+        self._input = ImageInput(self.options, self._drop, self.warn_once)
         self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
         self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
         self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
-        options, self._asked = self._options, Future()
+        options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
+        self._asked = Future()
         self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
         self._images = DetectionsSubscription(
             self,
@@ -74,18 +72,13 @@ class SonarDetector(ParameterisedNode):
             readable=tuple(IMAGES),
         )
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self.create_timer(PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.steady_timer(PERIOD, self._report)
         self.refuse_unused_overrides()
-
-    @property
-    def _options(self) -> SonarDetectorNodeOptions:
-        given: SonarDetectorNodeOptions = self._given.options[SonarDetectorNodeOptions]
-        return given
 
     def _drop(self, reason: str, sentence: str) -> None:
         """Count an image that is not used, and say why."""
         self._dropped[reason] += 1
-        self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
+        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
 
     def take_image(self, message: Any) -> None:
         """Take a message of an image, or of some bearings, of any supported type."""
@@ -97,10 +90,9 @@ class SonarDetector(ParameterisedNode):
         header = make_header(ping.stamp_ns, ping.frame_id)
         self._detections.publish(detections_cloud(header, **detection_fields(ping, scan)))
         if self._markers.get_subscription_count():
-            size = 0.01 * float(ping.range[-1])
-            self._markers.publish(detection_markers(header, scan, size))
+            self._markers.publish(detection_markers(header, scan, 0.01 * float(ping.range[-1])))
         stages, now = self._input.detector.stages, time.monotonic()
-        if self._options.publish_normalised and stages is not None:
+        if self.options[SonarDetectorNodeOptions].publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
         is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
         if is_due and stages is not None:
@@ -145,7 +137,8 @@ class SonarDetector(ParameterisedNode):
     def _told(self, future: Any) -> None:
         """Say why the tracker refused a coverage."""
         if not (answer := future.result().result).successful:
-            self._warnings.warn("tracker", f"{self._options.tracker}: {answer.reason}", 0)
+            tracker = self.options[SonarDetectorNodeOptions].tracker
+            self.warn("tracker", f"{tracker}: {answer.reason}")
 
     def _report(self) -> None:
         """Publish what the detector measured, and the drops; look at the tracker's coverage."""
@@ -157,9 +150,12 @@ class SonarDetector(ParameterisedNode):
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"
-        now = self.get_clock().now().nanoseconds
         status = Status("sonar detector", level, message, values)
-        self._health.publish(diagnostics(now, self.get_fully_qualified_name(), [status]))
+        self._health.publish(
+            diagnostics(
+                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), [status]
+            )
+        )
 
 
 def main(args: Sequence[str] | None = None) -> int:

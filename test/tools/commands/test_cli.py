@@ -26,7 +26,7 @@ def test_methods_are_listed_with_what_they_are(capsys):
     assert [line.split(":")[0] for line in lines] == list(available_methods())
 
 
-def test_parameters_of_all_nodes_are_one_file(capsys):
+def test_parameters_are_one_file_of_all_nodes(capsys):
     assert main(["parameters", "all"]) == 0
     assert list(yaml.safe_load(capsys.readouterr().out)) == [f"/**/{node}" for node in NODES]
 

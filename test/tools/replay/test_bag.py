@@ -28,7 +28,7 @@ from support.bag_files import (
 
 from msg_adapters import MessageError, read_detections
 from msg_adapters.message_input import MessageInput
-from msg_adapters.track_cloud import track_points
+from msg_adapters.track_messages import track_points
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import parse_values

@@ -128,7 +128,7 @@ def _add_health_arguments(parser: argparse.ArgumentParser) -> None:
 def _live(make: str, options: argparse.Namespace, *arguments: Any) -> Any:
     """Run a node of the commands on live topics to its end, and return it."""
     try:
-        from tsepm_ros.nodes.running import run
+        from tsepm_ros.nodes.base_node import run
 
         kind = pkgutil.resolve_name(f"tsepm_ros.tools.live_commands:{make}")
     except ImportError as error:

@@ -30,11 +30,9 @@ from msg_adapters import (
     truth_markers,
     truth_tracks,
 )
-from tsepm_ros.nodes import quality_of_service
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterError, ParameterisedNode
+from tsepm_ros.nodes.base_node import OVERRIDABLE, ParameterError, ParameterisedNode
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import PlaybackOptions
-from tsepm_ros.settings.settings import Groups
 
 Event = tuple[float, Callable[[], None]]
 """Time in the recording (s) and the function that publishes the message."""
@@ -88,14 +86,12 @@ class PlayingNode(ParameterisedNode):
     def __init__(
         self,
         name: str,
-        groups: Groups,
         make: Callable[[ParameterisedNode, Mapping[type, Any]], Played],
         **node_options: Any,
     ) -> None:
         super().__init__(name, **node_options)
-        options = NodeParameters(self, groups).options
-        self._played = make(self, options)
-        self.finished = Playback(self, self._played, options[PlaybackOptions]).finished
+        self._played = make(self, self.options)
+        self.finished = Playback(self, self._played, self.options[PlaybackOptions]).finished
         self.refuse_unused_overrides()
 
     def destroy_node(self) -> None:
@@ -146,7 +142,7 @@ class Playback:
         self._clock: Any = None
         if options.publish_clock:
             self._clock = node.create_publisher(
-                ClockMessage, "/clock", 10, qos_overriding_options=quality_of_service.PUBLISHER
+                ClockMessage, "/clock", 10, qos_overriding_options=OVERRIDABLE
             )
         self._events = played.events()
         self._next = next(self._events, None)
@@ -249,9 +245,7 @@ class DriverTopics:
     ) -> None:
         self._frames = fixed_frame, sensor_frame
         self._place, self._reach = np.zeros(2), 0.0  # of the own ship; largest range of a target
-        publisher = partial(
-            node.create_publisher, qos_overriding_options=quality_of_service.PUBLISHER
-        )
+        publisher = partial(node.create_publisher, qos_overriding_options=OVERRIDABLE)
         self.detections = publisher(detections_type, "detections", PUBLISHER_DEPTH)
         self._truth = publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
         self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)

@@ -14,14 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, detections_cloud
-from tsepm_ros.nodes import quality_of_service
-from tsepm_ros.nodes.node_parameters import (
-    ParameterError,
-    refusing,
-)
-from tsepm_ros.nodes.running import clock_time, run
+from tsepm_ros.nodes.base_node import OVERRIDABLE, ParameterError, refusing, run
 from tsepm_ros.settings.node_options import PlayerNodeOptions
-from tsepm_ros.settings.settings import SCAN_PLAYER, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.players.playback import (
     LOG_PERIOD,
     PUBLISHER_DEPTH,
@@ -146,7 +141,7 @@ class PlayedBag(Played):
     def _publisher(self, topic: str, name: str, durability: str = "VOLATILE") -> Publisher:
         qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
         return self._node.create_publisher(
-            self._class(topic), name, qos, qos_overriding_options=quality_of_service.PUBLISHER
+            self._class(topic), name, qos, qos_overriding_options=OVERRIDABLE
         )
 
     def _class(self, topic: str) -> type:
@@ -202,7 +197,7 @@ class PlayedRecording(Played):
         self._from = first + options.start_offset
         self._shift = options.start_stamp
         if self._shift < 0:
-            self._shift = clock_time(node) - self._from
+            self._shift = 1e-9 * node.get_clock().now().nanoseconds - self._from
         if not 0 <= self._from + self._shift <= last + self._shift <= MAX_STAMP:
             raise ParameterError(
                 f"recording: with start_stamp its stamps go from {self._from + self._shift:g} to "
@@ -271,7 +266,7 @@ class ScanPlayer(PlayingNode):
     """Publishes the scans, the own ship and the truth of a CSV recording or a bag."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("scan_player", SCAN_PLAYER, _played, **node_options)
+        super().__init__("scan_player", _played, **node_options)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -22,7 +22,7 @@ from msg_adapters import (
     read_track_cloud,
     time_to_ns,
 )
-from msg_adapters.track_cloud import STATE_FIELDS, TRACK_DTYPE, track_arrays
+from msg_adapters.track_messages import STATE_FIELDS, TRACK_DTYPE, track_arrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.attitude import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample

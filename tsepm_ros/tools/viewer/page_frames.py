@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.track_markers import drawn_candidates, ellipses
+from msg_adapters.track_messages import drawn_candidates, ellipses
 from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.numerics.arrays import FloatArray
@@ -147,7 +147,7 @@ def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
     """Rows of potential tracks, the least likely first, so that the likely ones are drawn on top.
 
     The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
-    `msg_adapters.track_markers.drawn_candidates`.
+    `msg_adapters.track_messages.drawn_candidates`.
     """
     arrays = _finite(tracks)
     if not len(arrays):

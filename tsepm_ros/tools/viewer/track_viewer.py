@@ -9,19 +9,15 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
-from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode, refusing
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.running import run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription
+from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.settings.settings import TRACK_VIEWER, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.viewer.live_frames import (
     CLOUDS,
     DIAGNOSTICS,
@@ -53,9 +49,8 @@ class TrackViewer(ParameterisedNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_viewer", **node_options)
-        options: ViewerNodeOptions = NodeParameters(self, TRACK_VIEWER).options[ViewerNodeOptions]
+        options: ViewerNodeOptions = self.options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
-        self._warnings = ThrottledWarnings(self)
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
@@ -70,7 +65,7 @@ class TrackViewer(ParameterisedNode):
                 options,
                 f"Tracks on {topic}",
                 topic,
-                lambda sentence: self._warnings.warn(sentence.partition(":")[0], sentence, 0),
+                lambda sentence: self.warn(sentence.partition(":")[0], sentence),
                 partial(deserialize_message, message_type=Odometry),
             )
         try:
@@ -90,8 +85,7 @@ class TrackViewer(ParameterisedNode):
         self._subscribe_topics()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
         # A node without a timer might never notice that the context was shut down by a signal.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
+        self.steady_timer(CHECK_PERIOD, self._check_publisher)
         self.refuse_unused_overrides()
 
     def _subscribe_topics(self) -> None:
@@ -124,11 +118,10 @@ class TrackViewer(ParameterisedNode):
         if len(nodes) == 1:
             [self._shown] = nodes
         elif nodes and self._shown not in nodes:
-            self._warnings.warn(
+            self.warn(
                 "nodes",
                 f"several nodes publish tracks: {', '.join(nodes)}; --ros-args -r __ns:=NAMESPACE "
                 "or -r tracks/current:=TOPIC chooses",
-                0,
             )
         if self._feed.shows_image and self._image is None:
             self._image = self.create_subscription(
