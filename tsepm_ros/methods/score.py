@@ -182,7 +182,7 @@ class Score(Method):
         self._tested = self._threshold.value(
             self.sensor, self.common, self.options, attainable.max(initial=-np.inf)
         )
-        rule = {"min_time": self._min_time, "max_speed": max_speed}
+        rule = {"min_time": MIN_TIME_SPAN * observed.median_interval, "max_speed": max_speed}
         fit = partial(self._fit, observed)
         starts, merged = confirmation.confirm(
             tree, window, self._tested, self.options.false_tracks_per_hour, fit=fit, **rule
@@ -217,7 +217,8 @@ class Score(Method):
         See `Method.potential_tracks`.
         """
         window, hypotheses = observed.window, self.hypotheses
-        hypotheses = hypotheses[spans_time(hypotheses, 2, window, self._min_time)]
+        min_time = MIN_TIME_SPAN * observed.median_interval
+        hypotheses = hypotheses[spans_time(hypotheses, 2, window, min_time)]
         held = held_hits(hypotheses, window)
         hypotheses = hypotheses[held <= confirmation.MAX_HELD_SHARE * hypotheses.hit_count]
         if not len(hypotheses):
@@ -226,11 +227,6 @@ class Score(Method):
         return self._tracks(
             observed, hypotheses.hits, state, covariance, hypotheses.score, self.threshold
         )
-
-    @property
-    def _min_time(self) -> float:
-        """Time from the first hit to the last that a velocity needs, s."""
-        return MIN_TIME_SPAN * self._threshold.interval
 
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""

@@ -176,8 +176,7 @@ FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_
 
 def fading_predicted(faded: FloatArray) -> FloatArray:
     """Probability that targets have faded (n,) at the next scan."""
-    kept = math.exp(-1.0 / FADING_SCANS)
-    return np.asarray(FADED_SHARE + kept * (faded - FADED_SHARE))
+    return np.asarray(FADED_SHARE + math.exp(-1.0 / FADING_SCANS) * (faded - FADED_SHARE))
 
 
 def visible_share(faded: FloatArray) -> FloatArray:

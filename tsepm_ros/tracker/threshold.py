@@ -404,21 +404,15 @@ class Threshold:
         self._counts.append(len(observed.detections))
         self._last = observed
 
-    @property
-    def interval(self) -> float:
-        """Median interval of the scans, s; 0 while unknown."""
-        return self._last.median_interval if self._last is not None else 0.0
-
     def false_share(self, false_tracks_per_hour: float) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
 
         The starts per scan are the mean of the detections, or those of the last scan if more.
         """
-        interval = self.interval
-        if not interval:
+        if self._last is None or not self._last.median_interval:
             return None
         detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
-        starts_per_hour = detections * SECONDS_PER_HOUR / interval
+        starts_per_hour = detections * SECONDS_PER_HOUR / self._last.median_interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
     def value(
@@ -449,7 +443,7 @@ class Threshold:
         (plan,) = score_plans(
             coarse_sensor(sensor, self._last, common),
             max_speed=common.max_speed,
-            interval=rounded(self.interval),
+            interval=rounded(self._last.median_interval),
             windows=(options.window,),
             scans=options.window,
             gate_probability=options.gate_probability,
