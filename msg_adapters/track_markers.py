@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.numerics.grouped import summed
+from tsepm_ros.numerics.arrays import FloatArray, summed
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays

@@ -10,13 +10,13 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.tools.demo import target_rows
-from tsepm_ros.tools.evaluation.result_files import add_result, write_table
+from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
 from tsepm_ros.tools.pictures.plan_position import draw, save
 from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.tools.terminal import with_progress
@@ -48,9 +48,9 @@ def animate(scene: RunScene, path: Path) -> None:
         judged = [one for one in scene.judged if scene.start_scans[one.track.track_id] <= number]
         figure = draw(replace(scene, scans=scene.scans[:number], judged=judged))
         figure.set(size_inches=size, dpi=60)
-        figure.canvas.draw()
-        drawn = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy())
-        plt.close("all")
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
         # By coverage of the colours, not by their number of pixels: a track has few.
         palette = {"method": Image.Quantize.MAXCOVERAGE, "dither": Image.Dither.NONE}
         frames.append(drawn.quantize(64, **palette))
@@ -72,7 +72,10 @@ def main() -> None:
         save(scene_of(options.recording, *values), IMAGES / "joyride.png")
     header, *rows = target_rows(demo)
     line = "python docs/images/draw_pictures.py"
-    write_table(options.result, line, (header, rows), seed=SEED, runs=1)
+    if options.result:
+        write_result(
+            options.result, Result(command=line, seed=SEED, runs=1, header=header, rows=rows)
+        )
 
 
 if __name__ == "__main__":

@@ -150,10 +150,11 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
             state,
             covariance,
             np.arange(n),
-            np.zeros(n),
+            0.0,
             found["position"] - mean[0::2],
             np.tile(prior[0::2, 0::2] + error, (n, 1, 1)),
             found,
+            np.arange(n),
             probability,
         )
     )

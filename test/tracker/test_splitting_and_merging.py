@@ -18,7 +18,7 @@ from tsepm_ros.tracker.assignment import disjoint
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.merging import best_of_alike, groups, merging_threshold
-from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, residual, split_paths
+from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, split_paths
 from tsepm_ros.tracker.tracks import TrackArrays
 
 P_TM = 0.9
@@ -105,7 +105,8 @@ def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
     state[:, 0] = offsets
     covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
     own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
-    return merging.agrees_with_older(state, covariance, own).tolist()
+    every, none = np.ones(len(offsets), bool), np.zeros(len(offsets))
+    return merging.agrees_with_older(state, covariance, own, every, none).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -214,7 +215,7 @@ def test_residual_detections_are_those_in_no_gate(monkeypatch, seed, max_gated):
     distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
     expected = np.flatnonzero((distance > radius).all(axis=1))
     assert 20 < len(expected) < 180
-    assert residual(gated).tolist() == expected.tolist()
+    assert np.flatnonzero(~gated.in_any_gate).tolist() == expected.tolist()
     unused = set(range(200)) - set(expected) - set(gated.detection.tolist())
     assert left_out(gated).tolist() == sorted(unused)
     assert (len(unused) > 0) == (max_gated == 1)

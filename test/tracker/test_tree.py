@@ -11,13 +11,12 @@ from support.builders import AS_GIVEN, detections
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
-from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.numerics.arrays import TimeLimit, summed
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
-from tsepm_ros.numerics.grouped import summed
 from tsepm_ros.tracker import evaluation, pruning, splitting
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.evaluation import hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.options import ScoreOptions
 
 P_D, P_G = 0.9, 0.99

@@ -4,7 +4,9 @@
 over range, reverberation, the ring of the transmission), then of all ranges at its bearing (a
 streak: the pulse of another sonar)::
 
-    x = (a - mean) / deviation,    of  min(a, mean + LIMIT * deviation)
+    x = max((a - mean) / deviation, -LIMIT),    of  a  within  mean +- LIMIT * deviation
+
+so that the holes of a range that is saturated, or of a logarithm, have a bounded part.
 
 *Normalised*: the same with the ring of cells around each, between a guard that its own echo may
 fill and an outer box; sums over boxes cost the same for every size. Amplitudes above the limit
@@ -35,7 +37,7 @@ Modes = tuple[Mode, Mode]
 """Of filters at the ends of the axes."""
 
 LIMIT = 2.5
-"""Deviations above the mean beyond which an amplitude counts as the limit."""
+"""Deviations from the mean beyond which an amplitude counts as the limit."""
 PASSES = 2
 """Times that mean and deviation are taken, each within the limit by those before; once more for
 ranges and bearings, of which an echo may fill a tenth."""
@@ -82,10 +84,12 @@ def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray
             mean = limited.sum(axis, keepdims=True) / count
             apart = np.abs(limited - mean) * there
             deviation = MEAN_DEVIATION * apart.sum(axis, keepdims=True) / count
-            limited = np.minimum(amplitude, mean + LIMIT * deviation) * there
+            reach = LIMIT * deviation
+            limited = np.clip(amplitude, mean - reach, mean + reach) * there
         measured = measured & (deviation > 1e-6)
         scale = np.where(deviation > 0.0, deviation, 1.0)
-        amplitude = np.asarray((amplitude - mean) / scale * measured, np.float32)
+        least = np.maximum((amplitude - mean) / scale, -LIMIT)
+        amplitude = np.asarray(least * measured, np.float32)
     return amplitude, measured
 
 

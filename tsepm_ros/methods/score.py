@@ -112,7 +112,7 @@ class Score(Method):
         starts, corrected, replaced, merged = self._starts(tree, observed)  # confirm
         new = [*starts, *(start for _, start in replaced)]
         given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
-        ended = pruning.expired(observed.scan_index + 1 - given.first_scan, self.options.window)
+        ended = observed.scan_index + 1 - given.first_scan >= self.options.window
         self.hypotheses = given[~ended]
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
@@ -179,8 +179,8 @@ class Score(Method):
         wrong = confirmation.doubtful(tree, observed, max_speed)
         for _, row, _ in wrong:
             attainable[row] = max(attainable[row], tree.evidence[row] + evaluation.LOG_GAIN)
-        self._tested = self._threshold.value_if_near(
-            attainable.max(initial=-np.inf), self.sensor, self.common, self.options
+        self._tested = self._threshold.value(
+            self.sensor, self.common, self.options, attainable.max(initial=-np.inf)
         )
         rule = {"min_time": self._min_time, "max_speed": max_speed}
         fit = partial(self._fit, observed)
@@ -234,9 +234,7 @@ class Score(Method):
 
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        return fit_paths(
-            hypotheses, observed.window, observed.stamp, self.sensor, self.options.estimator
-        )
+        return fit_paths(hypotheses, observed.window, observed.stamp, self.sensor)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

@@ -288,7 +288,7 @@ class Session:
             intensity=tracker.intensity,
             sensor_findings=findings(sensor),
             sensor_figures=sensor,
-            tracker=tracker.maintenance.tracker.value,
+            tracker=tracker.maintenance.tracker.status.value,
             dropped=dict(self.dropped),
             waiting=self.waiting,
             own_ship_source=self.own_ship.source,
@@ -367,7 +367,7 @@ class Session:
             self._report_all([*self._land.settle(fixed), *remarks])
         if self._land.mask is not tracker.land:
             tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker, tracker.plots.seen
+        before, seen = tracker.maintenance.tracker.status, tracker.plots.seen
         new, seconds = self._tracked(scan, report)
         remarks = self._remarks(scan, before, seen)
         detections = tracker.statistics.detections
@@ -428,7 +428,7 @@ class Session:
         tracker = self.tracker
         statistics, remarks = tracker.statistics, list[Remark]()
         timeout, outside = self.settings.common.tracked_timeout, statistics.outside_coverage
-        change = before, tracker.maintenance.tracker
+        change = before, tracker.maintenance.tracker.status
         if change == (ExternalTracker.ALIVE, ExternalTracker.SILENT):
             said = (
                 f"the downstream tracker was silent for {timeout:g} s: this node maintains its "
@@ -448,7 +448,7 @@ class Session:
         if statistics.on_land:
             remarks.append(Rejection("on_land", "", statistics.on_land))
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
-        counted, self._strengths_count = self._strengths_count, tracker.uses_intensity
+        counted, self._strengths_count = self._strengths_count, tracker.intensity.startswith("used")
         if counted != self._strengths_count:
             said = f"the intensity of detections is {tracker.intensity}"
             remarks.append(Notice("intensity", said))

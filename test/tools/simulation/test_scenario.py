@@ -100,7 +100,7 @@ REFUSED = [
     ),
     (
         {"clutter_patches": [{"box": [0, 1, 0, 1], "density": -1e-6}]},
-        "clutter_patches[0].density must be at least 0",
+        "clutter_patches[0]: density must be at least 0",
     ),
     ({"clutter_patches": [{"box": [0, 1, 0, 1]}]}, "clutter_patches[0]:"),
     ({"targets": None}, "targets"),

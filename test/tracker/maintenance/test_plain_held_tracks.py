@@ -19,7 +19,8 @@ from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import convert
-from tsepm_ros.tracker.sensor import PosesByRange
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import EchoPoses, echo_poses_of
 from tsepm_ros.tracker.tracks import TrackArrays
 
 SCENES = 120
@@ -142,9 +143,12 @@ def compare(seed: int) -> Counter[str]:
     """Compare all scans of a scene; returns what was compared, and why tracks ended."""
     scene, counts = HeldScene(seed), Counter()
     rng, sensor = scene.rng, scene.sensor()
-    maintenance = TrackMaintenance(
-        scene.hold_time, scene.tracked_timeout, target_extent=scene.target_extent
+    options = CommonOptions(
+        hold_time=scene.hold_time,
+        tracked_timeout=scene.tracked_timeout,
+        target_extent=scene.target_extent,
     )
+    maintenance = TrackMaintenance(options)
     settings = Parameters(
         **scene.errors, clutter_density=1e-6, max_speed=MAX_SPEED, min_hits=3, window=4
     )
@@ -159,7 +163,7 @@ def compare(seed: int) -> Counter[str]:
             scene.target_extent,
         )
     )
-    coverage, poses = Coverage(**scene.edges), PosesByRange(np.zeros(1), np.zeros((1, 3)))
+    coverage, poses = Coverage(**scene.edges), EchoPoses(np.zeros(1), np.zeros((1, 3)))
     stamp, next_id, learned = 0.0, 0, DetectionProbability()
     for index in range(14):
         new = scene.new_tracks(next_id, stamp)
@@ -180,7 +184,7 @@ def compare(seed: int) -> Counter[str]:
         values = scene.scan(stamp)
         clutter = 10.0 ** rng.uniform(-8.0, -5.0, len(values["range"]))
         scan = Scan(**values)
-        poses = PosesByRange.of(scan) or poses
+        poses = echo_poses_of(scan) or poses
         coverage.move(values)
 
         def detectable(positions, poses=poses):

@@ -20,8 +20,9 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_VANISH,
 )
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, stands_still, statuses
+from tsepm_ros.tracker.maintenance.stationary import stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -89,9 +90,9 @@ def test_a_track_ends_with_its_reason_and_once(ended):
 
 def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatch):
     monkeypatch.setattr(track_maintenance, "MOST_PLACES", 2)
-    hold = TrackMaintenance(speed_prior=SpeedPrior(0.0, 10.0))
+    hold = TrackMaintenance()
     hold.add(tracks(1, 2, 3, 4), 0.9)  # published, before anything stands still
-    hold.speed_prior = SpeedPrior(8.0, 10.0)
+    hold.options = CommonOptions(min_speed=8.0)
     for scan in range(1, 6):
         seen = [[2000.0, 1000.0 * row] for row in (1, 2, 3, 4)]
         step(hold, 12.0 * scan, detections(seen, 12.0 * scan, 400.0), P_D)
@@ -108,9 +109,9 @@ def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> Track
     return replace(new, state=state, hits=[hits])
 
 
-def silent(prior: SpeedPrior | None = None) -> TrackMaintenance:
+def silent(min_speed: float = 0.0) -> TrackMaintenance:
     """A track that was detected in scans 1 to 3, and missed in 4 to 8."""
-    hold = TrackMaintenance(1e6, speed_prior=prior)
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6, min_speed=min_speed))
     hold.add(tracks(1), 0.99)
     for scan in range(1, 9):
         seen = detections(
@@ -134,7 +135,7 @@ def test_a_lost_track_is_continued_while_its_density_is_above_that_of_births(lar
 
 
 def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_recognised():
-    hold = silent(SpeedPrior(8.0, 10.0))
+    hold = silent(8.0)
     assert hold.held.status.tolist() == [Status.FIXED]
     assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
     hold = silent()
@@ -171,10 +172,10 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
 ):
     one = replace(tracks(1), stationary_probability=np.array([probability]))
     held = replace(ConfirmedTracks.of(one, 0.9), announced=np.array([announced]))
-    assert stands_still(held, SpeedPrior(0.5, 10.0)).tolist() == [still]
-    assert stands_still(held, SpeedPrior()).tolist() == [False]
+    assert stands_still(held, CommonOptions(min_speed=0.5)).tolist() == [still]
+    assert stands_still(held, CommonOptions()).tolist() == [False]
     expected = Status.FIXED if still else Status.PUBLISHED
-    assert statuses(held, SpeedPrior(0.5, 10.0), 0.0, 400.0).tolist() == [expected]
+    assert statuses(held, CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
 
 
 def follow_tracker(hold: TrackMaintenance, stamp: float, *listed: int) -> None:
@@ -188,7 +189,7 @@ def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
     step(hold, 100.0)
     follow_tracker(hold, 100.0)
     step(hold, 112.0)
-    assert (hold.tracker, ids(hold)) == (ExternalTracker.ALIVE, [1, 2])
+    assert (hold.tracker.status, ids(hold)) == (ExternalTracker.ALIVE, [1, 2])
     follow_tracker(hold, 112.0, 2)
     follow_tracker(hold, 160.1, 2)
     step(hold, 161.0)
@@ -200,9 +201,9 @@ def test_clearing_forgets_the_tracker():
     follow_tracker(hold, 0.0, 1)
     hold.clear()
     step(hold, 1.0)
-    assert (list(hold.ended), hold.tracker) == ([1], ExternalTracker.NONE)
+    assert (list(hold.ended), hold.tracker.status) == ([1], ExternalTracker.NONE)
     step(hold, 100.0)
-    assert hold.tracker is ExternalTracker.NONE, "it cannot fall silent"
+    assert hold.tracker.status is ExternalTracker.NONE, "it cannot fall silent"
     hold.add(tracks(2, stamp=100.0), 0.9)
     follow_tracker(hold, 101.0)
     step(hold, 112.0)
@@ -232,5 +233,5 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
         step(hold, stamp + 6.0)
         assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
     step(hold, 100.0)
-    assert hold.tracker is ExternalTracker.SILENT
+    assert hold.tracker.status is ExternalTracker.SILENT
     assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED

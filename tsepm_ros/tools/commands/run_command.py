@@ -498,8 +498,7 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
 def _draw(drawing: ModuleType, scene: RunScene, options: argparse.Namespace) -> None:
     picture = options.picture or (options.out and options.out / "picture.png")
     if picture:
-        for path in with_progress([picture], 1, "picture", "file"):
-            drawing.save(scene, path)
+        drawing.save(scene, picture)
         print(f"picture: {picture}", file=sys.stderr)
 
 

@@ -1,99 +1,58 @@
-"""Pictures of an evaluation: operating curves, time to confirm, NEES. They need matplotlib."""
+"""Picture of an evaluation: its operating curves. It needs matplotlib."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
+from tsepm_ros.tools.evaluation.intervals import error_bars
 from tsepm_ros.tools.evaluation.measures import SECONDS_PER_HOUR
 from tsepm_ros.tools.evaluation.performance import MIN_FALSE_STARTS, Curve, Evaluated
-from tsepm_ros.tools.pictures.plan_marks import PointLabel, label_points
+from tsepm_ros.tools.pictures.plan_position import PointLabel, label_points
 from tsepm_ros.whole_files import written_whole
-
-matplotlib.use("Agg")
-
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = "osD^vPX"
 DOTS_PER_INCH = 110
-IDEAL_NEES = 4.0
-NEES_TICKS = (1.0, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0)
 
 
-def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> list[Path]:
-    """Draw the pictures of one scenario.
+def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> Path:
+    """Draw the picture of one scenario.
 
     Parameters
     ----------
     evaluated : sequence of Evaluated
         Evaluations of the scenario by horizon, a panel each.
     folder : Path
-        Folder of the pictures.
+        Folder of the picture.
     caption : str
-        Text below the title of each picture.
+        Text below the title.
 
     Returns
     -------
-    list of Path
+    Path
     """
     name = evaluated[0].scenario.name
-    height = 2.0 + 0.26 * len(evaluated[0].points)
-    panels = {
-        "operating_curve": (
-            _operating_curve,
-            "targets found against false and misplaced tracks",
-            6.5,
-        ),
-        "time_to_confirm": (
-            _time_to_confirm,
-            "time to a true track, median (full) and 95 % quantile (hollow)",
-            height,
-        ),
-        "nees": (
-            _nees,
-            "NEES of pure tracks (full) and of all true tracks (hollow)",
-            height,
-        ),
-    }
-    written = []
-    for kind, (panel, title, panel_height) in panels.items():
-        figure = _picture(evaluated, panel, f"{name}: {title}\n{caption}", panel_height)
-        if panel is _operating_curve:  # after all other elements are placed
-            for axis, evaluation in zip(figure.axes, evaluated, strict=True):
-                label_points(axis, _point_labels(evaluation))
-        written.append(folder / f"{name}_{kind}.png")
-        with written_whole(written[-1]) as temporary:
-            figure.savefig(temporary, dpi=DOTS_PER_INCH)
-        plt.close(figure)
-    return written
-
-
-def _picture(
-    evaluated: Sequence[Evaluated],
-    panel: Callable[[Axes, Evaluated], None],
-    title: str,
-    height: float,
-) -> Figure:
-    """Panels side by side, one per horizon."""
-    width = 1.5 + 6.5 * len(evaluated)
-    figure, axes = plt.subplots(
-        1, len(evaluated), figsize=(width, height), squeeze=False, sharey=True, layout="constrained"
-    )
-    for axis, evaluation in zip(axes[0], evaluated, strict=True):
-        panel(axis, evaluation)
+    figure = Figure(figsize=(1.5 + 6.5 * len(evaluated), 6.5), layout="constrained")
+    axes = figure.subplots(1, len(evaluated), squeeze=False, sharey=True)[0]
+    for axis, evaluation in zip(axes, evaluated, strict=True):
+        _operating_curve(axis, evaluation)
         axis.set_title(f"after {evaluation.scans} pings", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
+    title = f"{name}: targets found against false and misplaced tracks\n{caption}"
     figure.suptitle(title, fontsize=11)
-    return figure
+    for axis, evaluation in zip(axes, evaluated, strict=True):  # after all other elements
+        label_points(axis, _point_labels(evaluation))
+    path = folder / f"{name}_operating_curve.png"
+    with written_whole(path) as temporary:
+        figure.savefig(temporary, dpi=DOTS_PER_INCH)
+    return path
 
 
 def _styles(evaluation: Evaluated) -> dict[str, tuple[str, str]]:
@@ -165,46 +124,3 @@ def _add_hourly_axis(axis: Axes, evaluation: Evaluated) -> None:
         ),
     )
     above.set_xlabel("false and misplaced tracks per hour")
-
-
-def _time_to_confirm(axis: Axes, evaluation: Evaluated) -> None:
-    _rows(axis, evaluation, "confirmation_median", "confirmation_95")
-    axis.set(xlabel="time from the first ping to the track, s", xlim=(0.0, None))
-
-
-def _nees(axis: Axes, evaluation: Evaluated) -> None:
-    _rows(axis, evaluation, "pure_nees", "nees")
-    axis.axvline(IDEAL_NEES, color="grey", linestyle="--", linewidth=1)
-    axis.annotate(
-        " ideal 4", (IDEAL_NEES, 0.0), xycoords=("data", "axes fraction"), va="bottom", color="grey"
-    )
-    axis.set(
-        xlabel="normalised estimation error squared (NEES); larger: over-confident", xscale="log"
-    )
-    axis.set_xticks(NEES_TICKS, [f"{tick:g}" for tick in NEES_TICKS])
-    axis.minorticks_off()
-
-
-def _rows(axis: Axes, evaluation: Evaluated, full: str, hollow: str) -> None:
-    """Two figures per operating point, one row per point."""
-    styles = _styles(evaluation)
-    for row, (point, measures) in enumerate(
-        zip(evaluation.points, evaluation.measures, strict=True)
-    ):
-        colour, marker = styles[point.method]
-        for name, face, shift in ((full, colour, -0.12), (hollow, "white", 0.12)):
-            estimate: Estimate = getattr(measures, name)
-            value = np.array([estimate.value])
-            axis.errorbar(
-                value,
-                [row + shift],
-                xerr=error_bars(value, [estimate]),
-                fmt=marker,
-                color=colour,
-                markerfacecolor=face,
-                markersize=5,
-                elinewidth=0.9,
-            )
-    labels = [f"{point.method}  {point.label}" for point in evaluation.points]
-    axis.set_yticks(range(len(labels)), labels, fontsize=9)
-    axis.set_ylim(len(labels) - 0.4, -0.6)

@@ -104,13 +104,17 @@ class RunScene:
         return {one.target: one for one in self.judged or [] if one.outcome is Outcome.TRUE}
 
     @property
-    def true_places(self) -> list[FloatArray]:
-        """Place of each target with a true start at the time of that start, (2,) m."""
+    def true_places(self) -> FloatArray:
+        """Place of each target with a true start at the time of that start, (n, 2) m.
+
+        nan outside of the time of the target's path.
+        """
+        found = [(self.truth[target], one.track.stamp) for target, one in self.true_starts.items()]
         places = [
-            position_at(self.truth[target], found.track.stamp)
-            for target, found in self.true_starts.items()
+            [np.interp(stamp, path[:, 0], axis, np.nan, np.nan) for axis in path[:, 1:].T]
+            for path, stamp in found
         ]
-        return [place for place in places if place is not None]
+        return np.array(places).reshape(-1, 2)
 
     @property
     def start_scans(self) -> dict[int, int]:
@@ -140,10 +144,6 @@ class RunScene:
                 hits[track.track_id] = np.array(places).reshape(-1, 3)
         return hits
 
-    def trails(self) -> dict[int, FloatArray]:
-        """Positions of each held track, (m, 2), by its id."""
-        return {key: way[np.isfinite(way[:, 2]), :2] for key, way in self.ways().items()}
-
     def ways(self) -> dict[int, FloatArray]:
         """Way of each held track by its id.
 
@@ -161,11 +161,9 @@ class RunScene:
         return {track_id: np.array(way) for track_id, way in ways.items()}
 
     @property
-    def insets(self) -> list[FloatArray]:
-        """Points to enlarge, (2,) m: the targets' mid-run positions, if the starts are judged."""
-        if self.judged is None:
-            return []
-        return [path[len(path) // 2, 1:] for path in self.truth]
+    def detections(self) -> FloatArray:
+        """Positions of the detections of all scans, (n, 2) m."""
+        return np.concatenate([np.zeros((0, 2)), *(view.detections for view in self.scans)])
 
     @property
     def own_ship(self) -> FloatArray:
@@ -216,20 +214,12 @@ def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatAr
     ]
 
 
-def position_at(path: FloatArray, stamp: float) -> FloatArray | None:
-    """Position of a target at a time (s), (2,) m; None outside of the path."""
-    if not path[0, 0] <= stamp <= path[-1, 0]:
-        return None
-    return np.array([np.interp(stamp, path[:, 0], path[:, axis]) for axis in (1, 2)])
-
-
 ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 
 
 def velocity_seconds(scene: RunScene) -> float:
     """Time of the velocity arrows, s, round: a fast track's arrow is a 30th of the scene."""
-    points = [view.detections for view in scene.scans] + [path[:, 1:] for path in scene.truth]
-    everything = np.concatenate([*points, np.zeros((0, 2))])
+    everything = np.concatenate([scene.detections, *(path[:, 1:] for path in scene.truth)])
     speeds = [float(np.hypot(*track.velocity)) for track in scene.starts]
     if not len(everything) or not speeds:
         return 60.0

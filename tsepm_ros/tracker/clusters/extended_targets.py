@@ -161,10 +161,11 @@ class ExtendedTargets:
         """
         if not self._learns or not len(self._row):
             return
-        ids, row, rows = held.tracks.track_id, self._row[own.row], np.flatnonzero(self._counts)
-        still = np.isin(own.track_id, ids) & self._counts[row]
+        track_id, row = own[0], self._row[own[1]]
+        ids, rows = held.tracks.track_id, np.flatnonzero(self._counts)
+        still = np.isin(track_id, ids) & self._counts[row]
         place = np.searchsorted(rows, row[still])
-        self._excess.update_tracks(self._part, density, own.track_id[still], place, ids)
+        self._excess.update_tracks(self._part, density, track_id[still], place, ids)
         self._judge(self._part.stamp)
 
     def _judge(self, stamp: float) -> None:

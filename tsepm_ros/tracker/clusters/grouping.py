@@ -32,8 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.grouped import complete_linkage, largest_of
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, complete_linkage, largest_of
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
