@@ -61,7 +61,7 @@ def test_messages_are_played_byte_for_byte_under_the_nodes_names(world, tmp_path
     assert own_ship == recorded(entries, ODOMETRY)
 
 
-@pytest.mark.parametrize(("storage", "method"), zip(STORAGES, ("score", "tsepm"), strict=True))
+@pytest.mark.parametrize(("storage", "method"), [*zip(STORAGES, ("score", "tsepm"), strict=True)])
 def test_a_bag_gives_the_same_tracks_through_the_node_and_offline(world, tmp_path, storage, method):
     path = write_bag(tmp_path / "bag", simulated(), storage)
     offline = assert_same_live_and_offline(world, path, tmp_path, *PARAMETERS, f"method:={method}")

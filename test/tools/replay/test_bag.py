@@ -193,8 +193,7 @@ def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
         Bag(folder)
 
 
-@BOTH
-@pytest.mark.parametrize("named", ["folder", "file"])
+@pytest.mark.parametrize(("storage", "named"), [*zip(STORAGES, ("folder", "file"), strict=True)])
 def test_ros_reads_a_bag_to_the_same_tracks_where_it_is_sourced(
     tmp_path, monkeypatch, storage, named
 ):
