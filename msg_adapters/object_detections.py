@@ -2,7 +2,7 @@
 
 The position of a detection in a Detection3DArray is the centre of its bounding box or, if the box
 is not set (centre and size are zero), the pose of its result with the highest score. The frame has
-x ahead and y to port, or the axes that its name states: see `tsepm_ros.own_ship.attitude`.
+x ahead and y to port, or the axes that its name states: see `tsepm_ros.own_ship.registration`.
 
 A return in a RadarScan has a slant range, an azimuth about the frame's z axis from its x axis, an
 elevation from its x-y plane to z, and a Doppler velocity. The definition does not specify the sign
@@ -30,7 +30,7 @@ from msg_adapters.ping import (
 )
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.own_ship.attitude import AXES, stated_axes
+from tsepm_ros.own_ship.registration import AXES, stated_axes
 from tsepm_ros.tracker.scan import Scan
 
 if TYPE_CHECKING:

@@ -28,10 +28,9 @@ from scipy.ndimage import map_coordinates, maximum_filter1d
 from msg_adapters.ping import SOUND_SPEED, read_by, type_name_of
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector, Stages
-from tsepm_ros.detector.detector_options import DetectorOptions
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.image_turns import ImagePing, ImageTurns
+from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.own_ship.attitude import exchanged
+from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 

@@ -34,7 +34,7 @@ from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
 from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription
-from tsepm_ros.session.image_turns import ImagePing
+from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
 from tsepm_ros.tracker.scan import Scan

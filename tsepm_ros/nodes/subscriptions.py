@@ -28,8 +28,8 @@ from rclpy.time import Time
 from msg_adapters import MessageError, message_class, supported_types
 from tsepm_ros.nodes.node_parameters import ParameterError, refusing
 from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of
 from tsepm_ros.session.session import Session
 
 MAX_BACKLOG = 2.0
@@ -444,11 +444,11 @@ class TfOwnShip:
         Returns what tf does not have, in words; empty if it has all.
 
         `axes` names the frame's axes that point ahead, to port and up, as in
-        `tsepm_ros.own_ship.attitude.AXES`.
+        `tsepm_ros.own_ship.registration.AXES`.
         """
         intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
         for stamp in np.linspace(first, last, intervals + 1).tolist():
-            newest = self._session.own_ship_stamp
+            newest = self._session.own_ship.poses.last_stamp
             if stamp < 0 or (newest is not None and stamp <= newest):
                 continue
             at = Time(nanoseconds=round(stamp * 1e9))

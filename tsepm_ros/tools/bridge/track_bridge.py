@@ -25,8 +25,8 @@ from tsepm_ros.nodes.quality_of_service import QosWatch
 from tsepm_ros.nodes.running import run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import exchanged
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
 from tsepm_ros.settings.settings import TRACK_BRIDGE, help_text
 from tsepm_ros.tools.bridge import nmea
