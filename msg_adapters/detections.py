@@ -19,7 +19,7 @@ otherwise one value per beam.
 The position of a detection in a vision_msgs/Detection3DArray is the centre of its bounding box or,
 if the box is not set (centre and size are zero), the pose of its result with the highest score. The
 frame has x ahead and y to port, or the axes that its name states: see
-`tsepm_ros.own_ship.attitude`.
+`tsepm_ros.own_ship.registration`.
 
 A return in a radar_msgs/RadarScan has a slant range, an azimuth about the frame's z axis from its x
 axis, an elevation from its x-y plane to z, and a Doppler velocity. The definition does not specify
@@ -53,7 +53,7 @@ from msg_adapters.ping import (
 from msg_adapters.point_cloud import read_point_cloud, write_point_cloud
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.own_ship.attitude import AXES, stated_axes
+from tsepm_ros.own_ship.registration import AXES, stated_axes
 from tsepm_ros.tracker.clusters.grouping import goes_on
 from tsepm_ros.tracker.scan import Arc, Scan
 from tsepm_ros.tracker.sensor import SensorModel

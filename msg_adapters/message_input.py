@@ -14,7 +14,7 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.scan_queue import Now
+from tsepm_ros.session.inputs import Now
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 

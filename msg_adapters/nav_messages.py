@@ -29,9 +29,9 @@ from msg_adapters.stamps import (
     time_to_ns,
 )
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.tracker.clutter.land import LandMask
+from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of, stated_axes
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 X, Y, YAW = 0, 1, 5
@@ -80,7 +80,7 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
     too, see `known_rates`. A variance above `MAX_VARIANCE`, which sources write for unknown
     quantities, is read as `MAX_VARIANCE`.
 
-    Both frames may have other axes by their names: see `tsepm_ros.own_ship.attitude`. In a fixed
+    Both frames may have other axes by their names: see `own_ship.registration`. In a fixed
     frame with z down, a child frame without a suffix has z up or down such that the vessel is
     upright.
 

@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 
 from msg_adapters.stamps import MessageError, ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.own_ship.attitude import AXES, stated_axes, without_suffix
-from tsepm_ros.own_ship.registration import MessageFacts, SensorScan
+from tsepm_ros.own_ship.registration import (
+    AXES,
+    MessageFacts,
+    SensorScan,
+    stated_axes,
+    without_suffix,
+)
 from tsepm_ros.session.drop_reasons import NUMBERS
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, arc_of, wrap
 from tsepm_ros.tracker.sensor import SensorModel

@@ -51,7 +51,7 @@ from msg_adapters.ping import (
 )
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import stated_axes
+from tsepm_ros.own_ship.registration import stated_axes
 from tsepm_ros.tracker.scan import FEATURES, Scan
 
 # The numbers are those of the message definition of sensor_msgs/PointField.

@@ -29,10 +29,9 @@ from msg_adapters import messages
 from msg_adapters.ping import fitted, read_by, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector, Stages
-from tsepm_ros.detector.detector_options import DetectorOptions
-from tsepm_ros.detector.image import ImageCoverage, SonarImage
+from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.image_turns import ImagePing, ImageTurns
+from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel

@@ -43,7 +43,7 @@ from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, X, Y, odometry_covari
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, summed
-from tsepm_ros.own_ship.attitude import exchanged
+from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan

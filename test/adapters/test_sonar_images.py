@@ -21,7 +21,7 @@ from msg_adapters.sonar_images import (
     read_image,
 )
 from tsepm_ros.detector.detector import Stages
-from tsepm_ros.session.image_turns import ImagePing
+from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
 from tsepm_ros.tracker.sensor import SensorModel

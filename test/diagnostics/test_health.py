@@ -11,11 +11,11 @@ from tsepm_ros.diagnostics.health_figures import Connections, Latency, Level, St
 from tsepm_ros.parameters import table
 from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.result import SessionSnapshot
-from tsepm_ros.session.scan_queue import waited
+from tsepm_ros.session.inputs import waited
+from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen import Extent
+from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.method import ScanStatistics
 
 GOOD = SessionSnapshot(

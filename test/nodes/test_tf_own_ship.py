@@ -115,7 +115,7 @@ def test_echoes_take_the_attitude_of_their_arrival():
 def test_a_rotation_that_gives_no_heading_places_nothing(rotation, axes):
     session = session_with(Transforms(lambda _: ((0.0, 0.0), rotation)))
     session.own_ship.look_up("sonar", START, START + 0.1, axes)
-    assert session.own_ship_stamp is None
+    assert session.own_ship.poses.last_stamp is None
     assert set(session.dropped) == {"own_ship_invalid"}
 
 

@@ -25,8 +25,8 @@ from tsepm_ros.session.consistency_checks import (
 )
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen import Extent
+from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 
 START = 1_700_000_000.0
 

@@ -11,7 +11,7 @@ from tsepm_ros import make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tracker import evaluation
-from tsepm_ros.tracker.clutter.amplitude_likelihood import ScanAmplitudes, log_ratio
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
 from tsepm_ros.tracker.evaluation import PATH_ODDS
 from tsepm_ros.tracker.hypotheses import Hypotheses
 

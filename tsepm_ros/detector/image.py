@@ -1,4 +1,4 @@
-"""A sonar image with its checks: amplitudes over bearing and range."""
+"""What the detector takes: its options, and a sonar image, amplitudes over bearing and range."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
 TURN = 2 * math.pi + 1e-6
@@ -18,6 +19,36 @@ COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
 """Fields of the tracker's `SensorModel` that follow the images."""
 COVERAGE_CHANGE = 0.02
 """Relative difference of a coverage from which on it is another."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorOptions(ParameterGroup):
+    """Options of the detector."""
+
+    false_detections_per_ping: float = parameter(
+        20.0,
+        "False detections per ping that the threshold keeps, at most a tenth of the independent "
+        "cells of an image",
+        minimum=0.1,
+        maximum=1e4,
+    )
+    range_extent: float = parameter(
+        0.0, "Extent of a target's echo in range; 0: learned", unit="m", minimum=0.0, maximum=1e4
+    )
+    azimuth_extent: float = parameter(
+        0.0,
+        "Extent of a target's echo in azimuth, with the beam; 0: learned",
+        unit="rad",
+        minimum=0.0,
+        maximum=math.pi,
+    )
+    clutter_map: int = parameter(
+        0,
+        "Pings over which a map of each cell's mean is learned and subtracted, for a sensor that "
+        "does not move; 0: no map. Whatever stands still vanishes",
+        minimum=0,
+        maximum=100_000,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,8 @@ from tsepm_ros.diagnostics.health_figures import (
     overall,
 )
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
-from tsepm_ros.session.result import SessionSnapshot
-from tsepm_ros.session.scan_queue import Now, waited
+from tsepm_ros.session.inputs import Now, waited
+from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"

@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from tsepm_ros.session.drop_reasons import DETECTIONS, reason_of
-from tsepm_ros.session.result import SessionSnapshot
+from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 

@@ -33,9 +33,8 @@ from msg_adapters.track_messages import marker_sizes
 from tsepm_ros.diagnostics.health_figures import Latency
 from tsepm_ros.nodes.base_node import OVERRIDABLE
 from tsepm_ros.nodes.subscriptions import QosWatch
-from tsepm_ros.own_ship.attitude import exchanged, stated_axes
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.own_ship.registration import exchanged, stated_axes
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.scan import Scan

@@ -31,7 +31,7 @@ from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.base_node import ParameterisedNode, run
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
-from tsepm_ros.session.image_turns import ImagePing
+from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tracker.scan import Scan

@@ -37,8 +37,8 @@ from rclpy.time import Time
 
 from msg_adapters import MessageError, message_class, supported_types
 from tsepm_ros.nodes.base_node import ParameterError, refusing
-from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of
 from tsepm_ros.session.session import Session
 
 MAX_BACKLOG = 2.0
@@ -441,8 +441,8 @@ def tf_look_up(
 
     Its arguments are the sensor's frame, the first and the last stamp (s) for which poses are
     needed, and the frame's axes that point ahead, to port and up, by a name of
-    `tsepm_ros.own_ship.attitude.AXES`. It returns what tf does not have, in words; an empty text if
-    tf has all.
+    `tsepm_ros.own_ship.registration.AXES`. It returns what tf does not have, in words; an empty
+    text if tf has all.
 
     Parameters
     ----------
@@ -473,7 +473,7 @@ def tf_look_up(
     def look_up(frame: str, first: float, last: float, axes: str) -> str:
         intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
         for stamp in np.linspace(first, last, intervals + 1).tolist():
-            newest = session.own_ship_stamp
+            newest = session.own_ship.poses.last_stamp
             if stamp < 0 or (newest is not None and stamp <= newest):
                 continue
             at = Time(nanoseconds=round(stamp * 1e9))

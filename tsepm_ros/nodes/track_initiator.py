@@ -90,7 +90,7 @@ class LearnedFile:
             if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
                 raise OSError("a name in its path has more than 200 bytes")
             self._path = path
-            found = learned.read(
+            found, age = learned.read(
                 path.read_text(encoding="utf-8"),
                 self._session.settings.sensor,
                 self._session.settings.session.sensor_frame,
@@ -105,9 +105,9 @@ class LearnedFile:
                 f"{getattr(error, 'strerror', None) or error}"  # without the path again
             )
             return
-        self._session.tracker.learned = found.learned
+        self._session.tracker.learned = found
         self._logger.info(
-            f"what was learned {found.age / 60.0:.0f} min ago is used from {path}: clutter density "
+            f"what was learned {age / 60.0:.0f} min ago is used from {path}: clutter density "
             f"{self._session.tracker.clutter_density:.2g} per m^2, detection probability "
             f"{self._session.tracker.estimated_detection_probability:.2f}"
         )

@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.detector.detector_options import DetectorOptions
+from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter

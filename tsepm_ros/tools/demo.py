@@ -30,8 +30,7 @@ from msg_adapters import read_track_cloud, time_to_ns, track_states
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, signals_held
 from tsepm_ros.parameters import Value
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from

@@ -11,7 +11,7 @@ hypothesis tracking", IEEE Trans. Aerosp. Electron. Syst. 43(1), 2007)::
     hit           s + ln(P_D N(z; H x, S) / lambda) + ln L(n + 1, V + v) - ln L(n, V)
     miss          s + ln(1 - P_D P_G)
 
-with ln L(n, V) the ratio of the amplitudes of n hits, see `clutter.amplitude_likelihood`. In
+with ln L(n, V) the ratio of the amplitudes of n hits, see `clutter.amplitude_law`. In
 clutter alone, the mean of the ratio over all hypotheses of a start is a martingale of mean 1: the
 probability that it ever reaches A is at most 1 / A (Ville 1939, Wald 1945). This bound does not
 hold for the best hypothesis alone.

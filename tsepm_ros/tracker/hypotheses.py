@@ -38,7 +38,7 @@ class Hypotheses(Paths):
     faded : (n,) ndarray
         Probability that the target has faded, see `fading`.
     strength_count, strength_total : (n,) ndarray
-        Hits whose strength counts, and the sum of their exponents; see `amplitude_likelihood`.
+        Hits whose strength counts, and the sum of their exponents; see `amplitude_law`.
     strength_score : (n,) ndarray
         Part of the score that is due to strengths.
     """

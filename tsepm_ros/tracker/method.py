@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed
-from tsepm_ros.tracker.clutter.amplitude_likelihood import ScanAmplitudes
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.excess import PredictiveDensity
-from tsepm_ros.tracker.clutter.seen import Extent
 from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel

@@ -38,8 +38,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed, taken
 from tsepm_ros.tracker import evaluation, motion, range_rates
-from tsepm_ros.tracker.clutter import amplitude_likelihood
-from tsepm_ros.tracker.clutter.amplitude_likelihood import PathRatio
+from tsepm_ros.tracker.clutter import amplitude_law
+from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.method import Observation
 from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
@@ -79,7 +79,7 @@ class MonteCarloTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.of(amplitude_likelihood.LAW_KNOWN, self.detected.shape[1])
+            ratio = PathRatio.of(amplitude_law.LAW_KNOWN, self.detected.shape[1])
             evidence = ratio.at(counts, totals)
             increments[:, first] = evidence[:, 0]
             increments[:, first + 1 :] = np.diff(evidence, axis=1)
@@ -128,7 +128,7 @@ def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
     rng = np.random.default_rng([SEED, 2])
     means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
     if ratio == ANY_RATIO:
-        ratios, weights = amplitude_likelihood.ratio_prior()
+        ratios, weights = amplitude_law.ratio_prior()
         means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
     return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, further_plots
-from tsepm_ros.tracker.clusters.grouping import Clusters, chosen
+from tsepm_ros.tracker.clusters.grouping import Clusters, chosen, placed
 from tsepm_ros.tracker.clutter.excess import HeldTargets
-from tsepm_ros.tracker.clutter.land import LandMask, afloat
-from tsepm_ros.tracker.clutter.learned import Learned
-from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.maintenance.features import Environment, histories_of
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
@@ -227,7 +226,7 @@ class Tracker:
             probable_detections=self.maintenance.probable_detections,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
-            seen_extent=self.learned.clutter_map.seen.extent,
+            seen_extent=self.learned.clutter_map.seen.region.extent,
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
@@ -356,7 +355,7 @@ class Tracker:
         used = inside(scan, self.sensor)
         covered = int(np.count_nonzero(used))
         if self.land is not None:
-            used &= afloat(scan, self.land)
+            used &= ~self.land.covers(placed(scan))
         rows = np.flatnonzero(used)
         self._received = {
             "detections": len(rows),
@@ -532,7 +531,7 @@ class Tracker:
     def covered_area(self) -> float:
         """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
         given = self.common.clutter_density == "given"
-        return self.sensor.coverage_area if given else self.learned.clutter_map.area
+        return self.sensor.coverage_area if given else self.learned.clutter_map.seen.area
 
     @property
     def intensity(self) -> str:

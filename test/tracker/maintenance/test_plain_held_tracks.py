@@ -14,7 +14,7 @@ from support.plain_tsepm import Parameters
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.detection_probability import DetectionProbability
+from tsepm_ros.tracker.clutter.sensor_performance import DetectionProbability
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance

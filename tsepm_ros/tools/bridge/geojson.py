@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Any, TextIO
 
-from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference, compass
 
 DIGITS = 7

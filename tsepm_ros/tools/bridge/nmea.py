@@ -17,7 +17,7 @@ from typing import TextIO
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.closest_approach import closest_approach
 from tsepm_ros.tools.bridge.geographic import GeographicReference, compass
 from tsepm_ros.tracker.tracks import TrackArrays

@@ -20,8 +20,8 @@ from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_obje
 from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import exchanged
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
 from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.bridge import nmea

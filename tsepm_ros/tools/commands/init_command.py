@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tsepm_ros.detector.detector_options import DetectorOptions
+from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text

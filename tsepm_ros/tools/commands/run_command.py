@@ -25,8 +25,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.consistency_checks import explained, questions
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, unused_files, yaml_text
 from tsepm_ros.settings.settings import (

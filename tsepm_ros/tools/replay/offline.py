@@ -16,11 +16,9 @@ from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD, PoseSample, known_rates
-from tsepm_ros.own_ship.registration import SensorScan, usable_echoes
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.own_ship.registration import SensorScan, stated_axes, usable_echoes
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.tools.replay.recording import RecordedMotion, Recording
@@ -67,7 +65,7 @@ def recording_results(
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
         until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
-        last = session.own_ship_stamp
+        last = session.own_ship.poses.last_stamp
         while motions and (last is None or last < until):
             last = motions[0].time
             session.add_own_ship(_pose(motions.popleft(), session.fixed_frame or FRAME))

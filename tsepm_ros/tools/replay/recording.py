@@ -12,7 +12,7 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
   ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
 - optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
   ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
-  up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.attitude`, and ``scan``:
+  up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.registration`, and ``scan``:
   a scan that appears here and has no detections is then an empty scan;
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 
@@ -187,7 +187,7 @@ class RecordedMotion:
     yaw : float or None
         Heading, rad, counter-clockwise from east; None if not recorded.
     roll, pitch : float
-        Attitude, rad, as in `tsepm_ros.own_ship.attitude`; 0 if not recorded.
+        Attitude, rad, as in `tsepm_ros.own_ship.registration`; 0 if not recorded.
     """
 
     time: float

@@ -24,8 +24,8 @@ from msg_adapters import (
 )
 from msg_adapters.track_messages import STATE_FIELDS, TRACK_DTYPE, track_arrays
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import exchanged, stated_axes
 from tsepm_ros.session.drop_reasons import shortened
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer.page_frames import (

@@ -43,8 +43,8 @@ from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
-from tsepm_ros.session.result import ScanResult, vessel_pose
-from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros.session.inputs import Arrival
+from tsepm_ros.session.session import ScanResult, vessel_pose
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel
@@ -435,7 +435,7 @@ class RecordedScene:
     truth : sequence of (m, 3) ndarray, optional
         Time (s), x and y (m) of each target.
     mounting_yaw : float or None, optional
-        As for `tsepm_ros.session.result.vessel_pose`.
+        As for `tsepm_ros.session.session.vessel_pose`.
     sensor : SensorModel, optional
         Whose sector is drawn.
     origin : str, optional

@@ -47,7 +47,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, cha
 from tsepm_ros.numerics.discs import disc_probability
 from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.amplitude_likelihood import ratio_db
+from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
