@@ -204,14 +204,14 @@ def test_the_legend_of_a_picture_names_only_what_is_drawn():
 
 def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
     pytest.importorskip("rosbags")
-    from tsepm_ros.tools.replay.track_files import TrackBag
+    from tsepm_ros.tools.replay.track_files import track_bag
 
     path = tmp_path / "tracks.mcap"
-    with pytest.raises(RuntimeError, match="midway"), TrackBag(path):
+    with pytest.raises(RuntimeError, match="midway"), track_bag(path):
         raise RuntimeError("midway")
     assert not list(tmp_path.iterdir())
     path.write_text("an older one")
-    with TrackBag(path):
+    with track_bag(path):
         pass
     assert path.read_bytes().startswith(b"\x89MCAP")
     assert [one.name for one in tmp_path.iterdir()] == ["tracks.mcap"]

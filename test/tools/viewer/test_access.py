@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tsepm_ros.tools.viewer.page_server import Access, is_loopback, token_for
+from tsepm_ros.tools.viewer.page_server import Access, token_for
 
 LOCAL = Access.to("127.0.0.1", "")
 SHARED = Access.to("0.0.0.0", "a-token-of-some-length")
@@ -12,11 +12,10 @@ SHARED = Access.to("0.0.0.0", "a-token-of-some-length")
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "127.1.2.3", "::1"])
 def test_this_machine_alone_needs_no_token(address):
-    assert is_loopback(address)
     assert token_for([address], "") == ""
 
 
-@pytest.mark.parametrize("address", ["0.0.0.0", "::", "192.168.1.5", "fe80::1%eth0", "nonsense"])
+@pytest.mark.parametrize("address", ["0.0.0.0", "::", "192.168.1.5", "fe80::1%eth0"])
 def test_what_others_can_reach_needs_one(address):
     first, second = (token_for(["127.0.0.1", address], "") for _ in range(2))
     assert len(first) >= 32 and first != second

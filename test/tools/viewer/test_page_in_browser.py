@@ -9,13 +9,14 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from pyproj import Geod
 from support.browser import Browser, Tab, need_browser
 from support.pages import held, live_state, numbered, put_moving, served
 from support.patience import WAIT
 
-from tsepm_ros.tools.bridge.closest_approach import closest_approach
-from tsepm_ros.tools.viewer.page_frames import image_frame, track_facts
-from tsepm_ros.tools.viewer.page_state import write_page
+from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.bridge.nmea import closest_approach
+from tsepm_ros.tools.viewer.page_content import image_frame, track_facts, write_page
 
 need_browser()
 
@@ -364,7 +365,7 @@ def test_the_closest_approach_is_that_of_the_closed_form(replay):
         f"""{json.dumps(numbers.tolist())}.map(([x, y, vx, vy, ...ship]) => {{
             ship.splice(2, 0, 0); // its heading
             const approach = closestApproach([1, x, y, vx, vy], ship);
-            return [approach.distance, approach.time];
+            return [approach.time, approach.distance];
         }})"""
     )
     relative = numbers[:, :4] - numbers[:, 4:]
@@ -507,15 +508,24 @@ def test_latitude_and_longitude_are_shown_where_the_origin_is_known(replay):
     replay.value("select(3)")
     assert "Latitude" not in text(replay, "#selected")
     assert replay.value("byId('save-geojson').hidden")
-    # A degree for 100 km, either way.
-    replay.value(
-        "scene.info.geographic = { origin: [59.5, -179.995], reach: 1e5,"
-        " terms: [[0, 1, 1, 0], [1, 0, 0, -1]] }; showPanels()"
-    )
-    assert "Latitude, longitude59°30.000′N 179°59.580′E" in text(replay, "#selected")
-    assert replay.value("geographic(scene.info, 8e4, 8e4)") is None, "beyond the reach"
+    replay.value("scene.info.geographic = [59.5, -179.995]; showPanels()")
+    assert "Latitude, longitude59°30.000′N 179°58.429′W" in text(replay, "#selected")
     found = replay.value("[degrees(-0.99999999, 3, 'EW'), degrees(5.5, 2, 'NS')]")
     assert found == ["001°00.000′W", "05°30.000′N"]
+
+
+@pytest.mark.parametrize("origin", ["0,0", "59.65,10.63", "-75,-179.99", "80,179.9", "-89,10"])
+def test_places_on_the_earth_are_those_of_geodesics(replay, origin):
+    points = np.random.default_rng(1).uniform(-2e5, 2e5, (200, 2)).round(3)
+    points[:2] = [[0.0, 0.0], [0.0, 1.0]]
+    reference = GeographicReference.read(origin)
+    known = json.dumps({"geographic": [reference.latitude, reference.longitude]})
+    found = np.array(
+        replay.value(f"{json.dumps(points.tolist())}.map(([x, y]) => geographic({known}, x, y))")
+    )
+    expected = reference.geographic(points)
+    away = Geod(ellps="WGS84").inv(*found.T[::-1], *expected.T[::-1])[2]
+    assert away.max() < 1e-3
 
 
 def test_the_tracks_are_saved_as_csv_and_geojson(replay):
@@ -525,16 +535,15 @@ def test_the_tracks_are_saved_as_csv_and_geojson(replay):
         *([["5", f"{12 * k}.000"] for k in range(2, 6)] + [["3", "48.000"], ["3", "60.000"]])
     ]
     assert lines[-1] == "3,60.000,500.00,0.00,8.000,0.000,0.000,,"
-    replay.value(
-        "scene.info.geographic = { origin: [59.5, -179.994], reach: 1e5,"
-        " terms: [[0, 1, 1, 0], [1, 0, 0, -1]] }"
-    )
+    replay.value("scene.info.geographic = [59.5, 179.99]")
     collection = json.loads(replay.value("tracksAsGeoJson(scene, 12)"))
+    place = GeographicReference(59.5, 179.99).geographic(np.array([-2000.0, -1000.0]))[0].round(7)
     kinds = {f["properties"]["track_id"]: f["geometry"] for f in collection["features"]}
-    assert kinds[5]["type"] == "LineString" and kinds[5]["coordinates"][0] == [-179.974, 59.49]
+    assert kinds[5]["type"] == "LineString"
+    assert kinds[5]["coordinates"][0] == place[::-1].tolist()
     cut = kinds[3]
     assert cut["type"] == "MultiLineString", "it crosses 180 degrees"
-    assert [cut["coordinates"][0][-1][0], cut["coordinates"][1][0][0]] == [-180.0, 180.0]
+    assert [cut["coordinates"][0][-1][0], cut["coordinates"][1][0][0]] == [180.0, -180.0]
     assert len(collection["features"][1]["properties"]["times"]) == 9
     replay.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () {"
