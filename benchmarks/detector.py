@@ -31,12 +31,11 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 from scipy.stats import chi2
+from simulated_images import ImageModel, ImageSimulator
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
-from tsepm_ros.detector.echoes import found
-from tsepm_ros.detector.normalising import smoothed
+from tsepm_ros.detector.cfar import found, smoothed
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
 from tsepm_ros.tools.terminal import markdown_table, with_progress
 
@@ -274,9 +273,9 @@ def tracked(target: np.ndarray, strength: float, number: float, seed: int) -> np
     return held
 
 
-def radar_images(options: argparse.Namespace, rotations: slice, number: int) -> Iterator[Any]:
+def radar_images(options: argparse.Namespace, number: int) -> Iterator[Any]:
     """Rotations of the radar in random order, each turned by a random angle."""
-    echoes = np.load(options.data / "radar" / "br24_noise.npz")["image"][rotations]
+    echoes = np.load(options.data / "radar" / "br24_noise.npz")["image"]
     rng = np.random.default_rng(options.seed)
     azimuth = -2 * np.pi * np.arange(echoes.shape[1]) / echoes.shape[1]
     ranges = 10.0 * (np.arange(echoes.shape[2]) + 0.5)
@@ -289,7 +288,7 @@ def shuffled(options: argparse.Namespace) -> list[str]:
     """False tracks on the radar's rotations."""
     sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=10240)
     number = options.images
-    return false_tracks(radar_images(options, slice(None), number), sensor, number, 2.52)
+    return false_tracks(radar_images(options, number), sensor, number, 2.52)
 
 
 def radar_table(options: argparse.Namespace) -> Rows:
@@ -297,7 +296,7 @@ def radar_table(options: argparse.Namespace) -> Rows:
     yield ["false", "found over stated", "independent cells"]
     for number in NUMBERS:
         detector, counts = make_detector(false_detections_per_ping=number), []
-        for image in radar_images(options, slice(0, 5), SETTLED + options.images):
+        for image in radar_images(options, SETTLED + options.images):
             counts.append(len(detector.process(image)))
         found_ = np.mean(counts[SETTLED:]) / number
         yield [f"{number:g}", f"{found_:.2f}", f"{detector.measured['independent_cells']:g}"]

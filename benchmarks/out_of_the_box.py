@@ -21,6 +21,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 from numpy.typing import NDArray
+from result_tables import printed, write_table
 
 from msg_adapters import make_header, write_detections
 from msg_adapters.message_input import MessageInput
@@ -28,7 +29,7 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.evaluation.result_files import add_result
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tracker.options import CommonOptions
 

@@ -30,7 +30,7 @@ from plots_scenes import Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.clusters.multi_detection import LOG_RATIO
+from tsepm_ros.tracker.clusters.extended_targets import LOG_RATIO
 
 MAX_SPEED = 5.0
 POOL_SPEED = 3.0
@@ -272,7 +272,7 @@ def paper_box(options: argparse.Namespace) -> None:
             same &= one.hits == other.hits and one.state.tobytes() == other.state.tobytes()
             same &= off.current.covariance.tobytes() == auto.current.covariance.tobytes()
             same &= off.statistics == auto.statistics
-            largest = max(largest, auto.plots.log_ratio)
+            largest = max(largest, auto.plots.test.log_ratio)
         print(
             f"{kind}: {options.pings} pings, {tracks} tracks, auto is off to the bit: {same}; "
             f"largest log likelihood ratio {largest:.2f}, that of plots {LOG_RATIO:.2f}",

@@ -26,16 +26,23 @@ from typing import Any
 
 import fixed_threads
 import numpy as np
+from equal_rates import Comparison, compare
+from result_tables import printed, write_table
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tools.commands.arguments import add_runs, workers_of
-from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.prediction import Case, false_tracks_per_hour, target_statistics
+from tsepm_ros.tools.commands.arguments import add_runs
+from tsepm_ros.tools.design.prediction import (
+    Case,
+    clutter_scans,
+    false_tracks_per_hour,
+    score_thresholds,
+    score_window,
+    target_statistics,
+)
 from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.evaluation.performance import Comparison, Evaluated, Plan, evaluate
-from tsepm_ros.tools.evaluation.result_files import add_result, code_key, printed, write_table
+from tsepm_ros.tools.evaluation.performance import Evaluated, Plan, evaluate
+from tsepm_ros.tools.evaluation.result_files import add_result, code_key
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import TargetArea
 from tsepm_ros.tools.terminal import with_progress
@@ -89,11 +96,11 @@ def score_at(rate: float, **options: Any) -> OperatingPoint:
     return OperatingPoint("score", label, options, version=code_key())
 
 
-def rate_ratio(density: float, rate: float, hours: float, seed: int, workers: Workers) -> Estimate:
+def rate_ratio(density: float, rate: float, hours: float, seed: int, processes: int) -> Estimate:
     """Rate of false tracks over the target rate."""
     case = clutter_alone(density)
     scans = math.ceil(hours * case.scans_per_hour)
-    given = {"seed": seed, "workers": workers, "progress": with_progress}
+    given = {"seed": seed, "processes": processes, "progress": with_progress}
     options = {"false_tracks_per_hour": float(rate)}
     return false_tracks_per_hour(case, "score", options, scans=scans, **given) / rate
 
@@ -212,7 +219,9 @@ def equal_rate_row(result: Evaluated) -> list[str]:
     for a P_D below its first point's it has *at most* that point's false starts. Above its highest
     P_D, or below its fewest false starts, it is not compared.
     """
-    [row] = [row for row in result.comparisons if row.method == "tsepm" and row.other == "score"]
+    names = [(point.method, point.label) for point in result.points]
+    compared = compare(dict(zip(names, result.runs, strict=True)))
+    [row] = [row for row in compared if row.method == "tsepm" and row.other == "score"]
     pairs = list(zip(result.points, result.measures, strict=True))
     [published] = [measures for point, measures in pairs if point.method == "tsepm"]
     false = [measures.false_per_run.value for point, measures in pairs if point.method == "score"]
@@ -292,12 +301,12 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     sensor = replace(SensorModel(), clutter_density=density)
     case = Case(sensor=sensor, scans=scans, target_speed=SPEED)
     score = ScoreOptions(false_tracks_per_hour=TARGET_RATE)
-    score = replace(score, window=search.score_window(case, score))
-    [(_, planned)] = search.score_thresholds(case, score, [score.window])
+    score = replace(score, window=score_window(case, score))
+    [(_, planned)] = score_thresholds(case, score, [score.window])
     given = {**asdict(case.common), **asdict(score)}
-    simulation = {"seed": options.seed, "workers": options.workers, "progress": with_progress}
+    simulation = {"seed": options.seed, "processes": options.workers, "progress": with_progress}
     simulated = target_statistics(case, "score", given, runs=options.runs, **simulation).detection
-    clutter = search.clutter_scans(case, TARGET_RATE)
+    clutter = clutter_scans(case, TARGET_RATE)
     false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
@@ -334,7 +343,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         command.add_argument("--out", type=Path, default=BUILD, help="folder of the runs done")
     options = parser.parse_args(arguments)
-    options.workers = workers_of(options)
     table = printed(COMMANDS[options.command][0](options))
     line = f"python benchmarks/promises.py {options.command} --runs {options.runs}"
     line += "".join(f" --scene {shlex.quote(name)}" for name in options.scene or ())

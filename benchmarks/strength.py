@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
+from result_tables import printed, write_table
 from strength_scenes import (
     BOX,
     CLUTTER,
@@ -39,7 +40,7 @@ from strength_scenes import (
 )
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.commands.arguments import add_runs, workers_of
+from tsepm_ros.tools.commands.arguments import add_runs
 from tsepm_ros.tools.evaluation.intervals import (
     RESAMPLES,
     TAILS_90,
@@ -48,7 +49,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     mean_count,
     proportion,
 )
-from tsepm_ros.tools.evaluation.result_files import add_result, printed, write_table
+from tsepm_ros.tools.evaluation.result_files import add_result, mapped
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.terminal import with_progress
 
@@ -65,7 +66,7 @@ def runs_of(
 ) -> list[Outcomes]:
     """Outcomes of the runs of a scene, in order."""
     jobs = [Job(scene, change, [options.seed, index], rate) for index in range(options.runs)]
-    return list(with_progress(options.workers.mapped(run, jobs), len(jobs)))
+    return list(with_progress(mapped(run, jobs, options.workers), len(jobs)))
 
 
 def counted(outcomes: Sequence[Outcomes]) -> FloatArray:
@@ -176,7 +177,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         add_result(command)
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = parser.parse_args(given)
-    options.workers = workers_of(options)
     line = f"python benchmarks/strength.py {shlex.join(given)}"
     table = printed(COMMANDS[options.command][0](options))
     write_table(options.result, line, table, seed=options.seed, runs=options.runs)

@@ -4,49 +4,42 @@ All message layouts are here, one module per message family; no module needs rcl
 are imported only to build a message, so reading needs no ROS.
 """
 
-from msg_adapters import (  # noqa: F401 - each registers its types
-    laser_scan_detections,
-    marine_acoustic_detections,
-    object_detections,
-)
-from msg_adapters.diagnostics import diagnostics
-from msg_adapters.nav_messages import odometry_message, read_land, read_own_ship, track_odometry
-from msg_adapters.ping import (
-    Ping,
+from msg_adapters.detections import (
     message_class,
     read_detections,
     supported_types,
     write_detections,
 )
+from msg_adapters.nav_messages import odometry_message, read_land, read_own_ship, track_odometry
+from msg_adapters.ping import Ping
 from msg_adapters.point_cloud import (
     PlacedDetections,
+    detections_cloud,
     placed_detections_cloud,
     read_fields,
     read_placed_detections,
     write_cloud,
 )
-from msg_adapters.point_cloud_detections import detections_cloud
 from msg_adapters.stamps import (
     MessageError,
+    diagnostics,
     make_header,
     ns_to_seconds,
     ns_to_time,
     seconds_to_ns,
     time_to_ns,
 )
-from msg_adapters.track_cloud import (
+from msg_adapters.track_messages import (
     TRACK_DTYPE,
-    read_track_cloud,
-    track_cloud,
-    track_covariances,
-    track_states,
-    tracker_report,
-)
-from msg_adapters.track_markers import (
     clear_markers,
     fixed_echo_markers,
     potential_track_markers,
+    read_track_cloud,
+    track_cloud,
+    track_covariances,
     track_markers,
+    track_states,
+    tracker_report,
     truth_markers,
     truth_tracks,
 )

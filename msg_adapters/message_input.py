@@ -14,7 +14,7 @@ from msg_adapters import (
     tracker_report,
 )
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.scan_queue import Now
+from tsepm_ros.session.inputs import Now
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 
@@ -30,14 +30,12 @@ class MessageInput:
     options : InitiatorNodeOptions
         Options for reading detections.
     say : callable, optional
-        Called with each of the `assumptions` when it is made.
+        Called with each sentence about data that a message does not have and that was assumed.
 
     Attributes
     ----------
     options : InitiatorNodeOptions
         Options for reading detections; may be replaced.
-    assumptions : set of str
-        Sentences about data that the messages do not have and that was assumed.
     """
 
     def __init__(
@@ -49,7 +47,6 @@ class MessageInput:
         self._session = session
         self.options = options
         self._say = say
-        self.assumptions: set[str] = set()
 
     def take_detections(self, message: Any, now: Now) -> None:
         """Take a message of any type of `read_detections` that arrived at `now`, s."""
@@ -67,9 +64,7 @@ class MessageInput:
             meaning = reason_of(reason).meaning or reason
             self._session.drop(reason, f"{number} detections dropped: {meaning}", number)
         for assumption in ping.assumptions:
-            if assumption not in self.assumptions:
-                self.assumptions.add(assumption)
-                self._say(assumption)
+            self._say(assumption)
         self._session.add_scan(ping.sensor_scan, now)
 
     def take_own_ship(self, message: Any) -> None:

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from msg_adapters import messages
 from msg_adapters.stamps import (
     MessageError,
     make_header,
@@ -27,16 +29,10 @@ from msg_adapters.stamps import (
     time_to_ns,
 )
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.tracker.clutter.land import LandMask
-
-if TYPE_CHECKING:
-    from nav_msgs.msg import OccupancyGrid, Odometry
-    from std_msgs.msg import Header
-
-    from tsepm_ros.tracker.tracks import ConfirmedTrack
-
+from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of, stated_axes
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 X, Y, YAW = 0, 1, 5
 
@@ -52,29 +48,6 @@ MAX_VARIANCE = 1e12
 A source writes a larger variance only for an unknown quantity, and in sums and squares it would
 cancel the known variances by rounding.
 """
-
-
-def limited(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a covariance whose variances are at most `MAX_VARIANCE`.
-
-    Larger variances are scaled down and keep their correlations: ``D C D`` is positive
-    semi-definite if C is.
-
-    Parameters
-    ----------
-    covariance : (n, n) ndarray
-        C, finite.
-
-    Returns
-    -------
-    (n, n) ndarray
-        C itself if no variance is larger.
-    """
-    variance = np.diagonal(covariance)
-    if (variance <= MAX_VARIANCE).all():
-        return covariance
-    scale = np.sqrt(MAX_VARIANCE / np.maximum(variance, MAX_VARIANCE))
-    return scale[:, None] * covariance * scale
 
 
 def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
@@ -97,7 +70,7 @@ def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDAr
     return full.ravel()
 
 
-def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
+def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSample:
     """Read the own ship's odometry.
 
     The twist of the message is in the child frame; the full orientation rotates it into the fixed
@@ -107,7 +80,7 @@ def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
     too, see `known_rates`. A variance above `MAX_VARIANCE`, which sources write for unknown
     quantities, is read as `MAX_VARIANCE`.
 
-    Both frames may have other axes by their names: see `tsepm_ros.own_ship.attitude`. In a fixed
+    Both frames may have other axes by their names: see `own_ship.registration`. In a fixed
     frame with z down, a child frame without a suffix has z up or down such that the vessel is
     upright.
 
@@ -138,7 +111,9 @@ def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
         rotation = world @ rotation_of(quaternion)
     linear = _finite("twist.linear", twist.linear, "xyz")
     angular = _finite("twist.angular", twist.angular, "xyz")
-    body = AXES[_body_axes(message.child_frame_id, world, rotation)]
+    axes = stated_axes(message.child_frame_id)
+    upside_down = world[2, 2] < 0.0 and rotation[2, 2] < 0.0
+    body = AXES["down" if axes == "body" and upside_down else axes]
     with refusing("undefined_heading", "pose.orientation"):
         yaw, pitch, roll = angles_of(rotation @ body)
     with np.errstate(over="ignore", invalid="ignore"):  # refused by `PoseSample.check`
@@ -157,13 +132,6 @@ def read_own_ship(message: Odometry, fixed_frame: str = "") -> PoseSample:
         frame_id=message.header.frame_id.lstrip("/"),
         child_frame_id=message.child_frame_id.lstrip("/"),
     )
-
-
-def _body_axes(child_frame_id: str, world: FloatArray, rotation: FloatArray) -> str:
-    """Return the axes of the vessel's frame."""
-    stated = stated_axes(child_frame_id)
-    upside_down = world[2, 2] < 0.0 and rotation[2, 2] < 0.0
-    return "down" if stated == "body" and upside_down else stated
 
 
 def _finite(name: str, vector: Any, components: str) -> list[float]:
@@ -187,10 +155,13 @@ def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
         return None
     block = world @ block @ world.T
     # Rounding in a filter leaves it slightly asymmetric; the sum of halves cannot overflow.
-    return limited(0.5 * block + 0.5 * block.T)
+    block = 0.5 * block + 0.5 * block.T
+    # Scaled down with their correlations kept: ``D C D`` is positive semi-definite if C is.
+    scale = np.sqrt(MAX_VARIANCE / np.maximum(np.diagonal(block), MAX_VARIANCE))
+    return scale[:, None] * block * scale
 
 
-def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> Odometry:
+def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> messages.Odometry:
     """Build the own ship's odometry: the inverse of `read_own_ship`.
 
     Vertical speed and the rates of roll and pitch are 0, because a sample does not contain them.
@@ -215,54 +186,34 @@ def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> Odome
     ValueError
         If the stamp does not fit a time message.
     """
-    from nav_msgs.msg import Odometry
-
-    message = Odometry(
+    message = messages.Odometry(
         header=make_header(seconds_to_ns(sample.stamp), sample.frame_id),
         child_frame_id=sample.child_frame_id,
     )
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x, pose.position.y = float(sample.x), float(sample.y)
-    quaternion = _quaternion(sample)
     orientation = pose.orientation
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
-    to_child = rotation_of(quaternion).T
+    rotation = Rotation.from_euler("ZYX", [sample.yaw, sample.pitch, sample.roll])
+    orientation.x, orientation.y, orientation.z, orientation.w = rotation.as_quat().tolist()
     vx, vy, yaw_rate = (0.0 if math.isnan(rate) else rate for rate in sample.rates or (0.0,) * 3)
-    linear = to_child @ [vx, vy, 0.0]
-    twist.linear.x, twist.linear.y, twist.linear.z = (float(value) for value in linear)
+    linear = rotation.inv().apply([vx, vy, 0.0])
+    twist.linear.x, twist.linear.y, twist.linear.z = linear.tolist()
     # Angular velocity, in the child frame, of a yaw rate at constant roll and pitch.
     roll, pitch = sample.roll, sample.pitch
     twist.angular.x = -yaw_rate * math.sin(pitch)
     twist.angular.y = yaw_rate * math.cos(pitch) * math.sin(roll)
     twist.angular.z = yaw_rate * math.cos(pitch) * math.cos(roll)
-    covariance = _written_covariance(sample.covariance, heading_known)
+    covariance = sample.covariance
+    if not heading_known:
+        covariance = np.zeros((3, 3)) if covariance is None else np.array(covariance, np.float64)
+        covariance[2, :] = covariance[:, 2] = 0.0
+        covariance[2, 2] = UNOBSERVED_VARIANCE
     if covariance is not None:
         message.pose.covariance = odometry_covariance(covariance, (X, Y, YAW))
     return message
 
 
-def _quaternion(sample: PoseSample) -> list[float]:
-    """Return the orientation as x, y, z, w."""
-    halves = (0.5 * sample.roll, 0.5 * sample.pitch, 0.5 * sample.yaw)
-    (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
-    return [
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    ]
-
-
-def _written_covariance(covariance: FloatArray | None, heading_known: bool) -> FloatArray | None:
-    if heading_known:
-        return covariance
-    written = np.zeros((3, 3)) if covariance is None else np.array(covariance, np.float64)
-    written[2, :] = written[:, 2] = 0.0
-    written[2, 2] = UNOBSERVED_VARIANCE
-    return written
-
-
-def track_odometry(header: Header, track: ConfirmedTrack) -> Odometry:
+def track_odometry(header: messages.Header, track: ConfirmedTrack) -> messages.Odometry:
     """Build the odometry of one track.
 
     The child frame ``track_<id>`` is not in tf. The orientation is the identity, so the axes of the
@@ -280,15 +231,12 @@ def track_odometry(header: Header, track: ConfirmedTrack) -> Odometry:
     -------
     nav_msgs.msg.Odometry
     """
-    from nav_msgs.msg import Odometry
-
-    message = Odometry(header=header, child_frame_id=f"track_{track.track_id}")
+    message = messages.Odometry(header=header, child_frame_id=f"track_{track.track_id}")
     position, velocity = message.pose.pose.position, message.twist.twist.linear
     position.x, velocity.x, position.y, velocity.y = (float(value) for value in track.state)
     message.pose.pose.orientation.w = 1.0
-    velocity_covariance = track.covariance[np.ix_([1, 3], [1, 3])]
     message.pose.covariance = odometry_covariance(track.position_covariance, (X, Y))
-    message.twist.covariance = odometry_covariance(velocity_covariance, (X, Y))
+    message.twist.covariance = odometry_covariance(track.covariance[1::2, 1::2], (X, Y))
     return message
 
 
@@ -298,7 +246,7 @@ MAX_TILT = 0.01
 """Largest tilt of a chart, rad."""
 
 
-def read_land(message: OccupancyGrid) -> LandMask | None:
+def read_land(message: messages.OccupancyGrid) -> LandMask | None:
     """Read a chart.
 
     Parameters

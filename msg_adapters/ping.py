@@ -1,45 +1,38 @@
-"""Detection messages: their registry, what is read from them, and what several types share.
-
-An adapter is a function of a message and :class:`ReadingOptions` that returns a :class:`Ping`: the
-good detections, with its drops and assumptions. It is registered under the message's type name, as
-is a writer that converts a scan to that message, for simulations::
-
-    @register("sensor_msgs/msg/LaserScan")
-    def read_laser_scan(scan, options): ...
-
-    @register_writer("sensor_msgs/msg/LaserScan")
-    def write_laser_scan(header, scan, sound_speed): ...
+"""What is read from a message of detections, and what the readers of several types share.
 
 Units, angles and lengths of the arrays in messages are converted by functions at the end.
 """
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.stamps import MessageError, ns_to_seconds
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.own_ship.attitude import AXES, stated_axes, without_suffix
-from tsepm_ros.own_ship.registration import MessageFacts, SensorScan
+from tsepm_ros.own_ship.registration import (
+    AXES,
+    MessageFacts,
+    SensorScan,
+    stated_axes,
+    without_suffix,
+)
 from tsepm_ros.session.drop_reasons import NUMBERS
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, arc_of, wrap
 from tsepm_ros.tracker.sensor import SensorModel
-
-if TYPE_CHECKING:
-    from std_msgs.msg import Header
 
 BEARING_REFERENCES = ("bow", "north")
 """Reference directions of a `bearing`, which is positive clockwise."""
 
 SOUND_SPEED = 1500.0
 """Default speed of sound, m/s."""
+MIN_SOUND_SPEED, MAX_SOUND_SPEED = 100.0, 10_000.0
+"""Accepted sound speeds of messages, m/s; in their definitions, 0 means unknown."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +74,7 @@ MAX_TURN = 2.5 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Ping:
-    """The good detections of one message, which every adapter returns.
+    """The good detections of one message, which every reader returns.
 
     Attributes
     ----------
@@ -133,7 +126,7 @@ def good_detections(
     assumptions: tuple[str, ...] = (),
     beams: Arc | None = None,
 ) -> Ping:
-    """Leave out the bad detections of a message and count them; the last step of every adapter.
+    """Leave out the bad detections of a message and count them; the last step of every reader.
 
     The reasons are ``range_not_finite``, ``range_not_positive``, ``azimuth_not_finite``,
     ``range_std_not_positive`` and ``azimuth_std_not_positive`` (also for nan and infinity),
@@ -173,7 +166,7 @@ def good_detections(
         As in `tsepm_ros.own_ship.registration.SensorScan`; by default the axes that the name of the
         frame states.
     faults : mapping of str to (n,) ndarray of bool, optional
-        The adapter's own reasons and the detections to which they apply; they precede the others.
+        The reader's own reasons and the detections to which they apply; they precede the others.
     nothing : mapping of str to (n,) ndarray of bool, optional
         Elements of the message without a detection, which are no drops, by the value that says so,
         in words.
@@ -259,163 +252,42 @@ _IS_FAULT: Mapping[str, Callable[[str, FloatArray], BoolArray]] = {
 """Whether values of a quantity, by its name, have a fault of `drop_reasons.NUMBERS`."""
 
 
-Adapter = Callable[[Any, ReadingOptions], Ping]
-Writer = Callable[["Header", Scan, float], Any]
-
 T = TypeVar("T")
-adapters: dict[str, Adapter] = {}
-"""Every adapter, by the message type that it reads."""
-_writers: dict[str, Writer] = {}
 
 
-def register(type_name: str) -> Callable[[Adapter], Adapter]:
-    """Register the decorated adapter for a message type.
-
-    Parameters
-    ----------
-    type_name : str
-        ROS name of the type, for example ``sensor_msgs/msg/PointCloud2``.
-    """
-
-    def decorate(adapter: Adapter) -> Adapter:
-        adapters[type_name] = adapter
-        return adapter
-
-    return decorate
-
-
-def register_writer(type_name: str) -> Callable[[Writer], Writer]:
-    """Register the decorated function as the writer of a message type."""
-
-    def decorate(writer: Writer) -> Writer:
-        _writers[type_name] = writer
-        return writer
-
-    return decorate
-
-
-def supported_types() -> tuple[str, ...]:
-    """Return the sorted names of the message types that `read_detections` supports."""
-    return tuple(sorted(adapters))
-
-
-def read_detections(
-    message: Any,
-    *,
-    bearing_reference: str = "bow",
-    sound_speed: float = 0.0,
-    sensor: SensorModel | None = None,
-) -> Ping:
-    """Read a detection message of any supported type.
-
-    Bad detections are left out and counted; an unusable message is an error.
-
-    Parameters
-    ----------
-    message : ROS message
-        Of one of `supported_types`. Only its attributes are used, so messages of a bag library are
-        possible if their ``__msgtype__`` is the name of the type.
-    bearing_reference : {"bow", "north"}, optional
-        Reference direction of a field `bearing`, which is positive clockwise. An azimuth is always
-        counter-clockwise from the sensor's x axis.
-    sound_speed : float, optional
-        m/s. If it is not 0 and a message has no times, the ping is assumed to leave at the stamp:
-        `time_offset` is range / sound_speed. It also applies to messages with an unset field for
-        the sound speed; for these, 0 means SOUND_SPEED.
-    sensor : SensorModel, optional
-        Its range errors, by which the rays of one object in a `LaserScan` differ.
-
-    Returns
-    -------
-    Ping
+def read_by(readers: Mapping[str, Callable[..., T]], message: Any, *options: Any) -> T:
+    """What the reader of a message's type makes of it.
 
     Raises
     ------
     MessageError
-        If the type is not supported or the message is malformed.
-    ValueError
-        If an option has a value that is not allowed.
+        If there is no reader, or the message lacks a field; and what the reader raises.
     """
-    options = ReadingOptions(bearing_reference, sound_speed, sensor)
-    return read_by(_adapter(type_name_of(message)), message, options)
-
-
-def read_by(reader: Callable[..., T], message: Any, *options: Any) -> T:
-    """What a reader makes of a message.
-
-    Raises
-    ------
-    MessageError
-        If the message lacks a field; and what the reader raises.
-    """
+    name = type_name_of(message)
+    check_supported(name, readers)
     try:
-        return reader(message, *options)
+        return readers[name](message, *options)
     except AttributeError as error:  # the installed package has another version of the type
-        name = type_name_of(message)
         raise MessageError(
             "missing_field",
             f"this {name} does not have the fields of the supported version: {error}",
         ) from error
 
 
-def write_detections(type_name: str, header: Header, scan: Scan, *, sound_speed: float) -> Any:
-    """Make a message of any supported type, like a sonar driver.
-
-    Data without a field in the type is left out: see the writer of its module.
-
-    Parameters
-    ----------
-    type_name : str
-        One of `supported_types`.
-    header : std_msgs.msg.Header
-        Stamp of the scan and the sensor's frame.
-    scan : Scan
-        Its ranges, azimuths and features are written; the stamp is that of the header.
-    sound_speed : float
-        m/s; 0: the echoes arrive without delay.
-
-    Returns
-    -------
-    ROS message
+def check_supported(type_name: str, readable: Collection[str]) -> None:
+    """Refuse a message type that is not read.
 
     Raises
     ------
     MessageError
-        If the type is not supported, or its package is not installed.
-    ValueError
-        If the type needs a travel time and the sound speed is 0.
+        If the type is none of those.
     """
-    message_class(type_name)
-    return _writers[type_name](header, scan, sound_speed)
-
-
-def message_class(type_name: str, readable: Collection[str] | None = None) -> type:
-    """Import the class of a supported message type.
-
-    Parameters
-    ----------
-    type_name : str
-        One of those.
-    readable : collection of str, optional
-        The supported types; by default `supported_types`.
-
-    Raises
-    ------
-    MessageError
-        If the type is not supported, or its package is not installed.
-    """
-    if type_name not in (readable or ()):
-        _adapter(type_name)
-    package, _, name = type_name.split("/")
-    try:
-        message_type: type = getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
+    if type_name not in readable:
         raise MessageError(
-            "package_not_installed",
-            f"message type {type_name!r} needs the package {package!r}, which is not installed "
-            f"or too old ({error})",
-        ) from error
-    return message_type
+            "unknown_type",
+            f"message type {type_name!r} is not supported; supported types are "
+            f"{', '.join(sorted(readable))}",
+        )
 
 
 def type_name_of(message: Any) -> str:
@@ -425,15 +297,22 @@ def type_name_of(message: Any) -> str:
     return declared or f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
 
 
-def _adapter(type_name: str) -> Adapter:
-    try:
-        return adapters[type_name]
-    except KeyError:
-        raise MessageError(
-            "unknown_type",
-            f"message type {type_name!r} is not supported; supported types are "
-            f"{', '.join(supported_types())}",
-        ) from None
+def stated_sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str, ...]]:
+    """The sound speed of a message of marine_acoustic_msgs, m/s, and what is assumed about it.
+
+    Parameters
+    ----------
+    message : ROS message
+    otherwise : float
+        m/s, for a message without one; 0: `SOUND_SPEED`.
+    """
+    speed = float(message.ping_info.sound_speed)
+    if MIN_SOUND_SPEED <= speed <= MAX_SOUND_SPEED:
+        return speed, ()
+    name = type_name_of(message).rpartition("/")[2]
+    speed = otherwise or SOUND_SPEED
+    source = "the parameter sound_speed" if otherwise else "sound_speed is not set"
+    return speed, (f"{name} has no sound speed: {speed:g} m/s is assumed; {source}",)
 
 
 def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:

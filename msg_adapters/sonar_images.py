@@ -19,27 +19,22 @@ import array
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter1d
 
-from msg_adapters.ping import SOUND_SPEED, read_by, type_name_of
+from msg_adapters import messages
+from msg_adapters.ping import fitted, read_by, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector, Stages
-from tsepm_ros.detector.detector_options import DetectorOptions
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.image_turns import ImagePing, ImageTurns
+from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
-
-if TYPE_CHECKING:
-    from nav_msgs.msg import OccupancyGrid
-    from sensor_msgs.msg import Image
-    from std_msgs.msg import Header
 
 DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
@@ -77,6 +72,7 @@ def read_image(
     Returns
     -------
     ImagePing
+        Without the cells at range 0. All else but bearings is checked by the detector.
 
     Raises
     ------
@@ -84,16 +80,7 @@ def read_image(
         If the type is not supported, an array has another length than the message states, or a
         geometry is impossible; the sentence says what to change.
     """
-    name = type_name_of(message)
-    if name not in IMAGES:
-        raise MessageError(
-            "unknown_type", f"{name} is no image; supported: {', '.join(sorted(IMAGES))}"
-        )
-    return _checked(read_by(IMAGES[name], message, layout, sensor, sound_speed))
-
-
-def _checked(ping: ImagePing) -> ImagePing:
-    """The ping without the cells at range 0; all else but bearings is checked by the detector."""
+    ping = read_by(IMAGES, message, layout, sensor, sound_speed)
     first, delays = int((ping.range <= 0.0).sum()), ping.time_offset
     of_bearings = ping.azimuth if delays is None else np.concatenate([ping.azimuth, delays])
     if not (np.abs(of_bearings) < MOST).all():
@@ -107,7 +94,7 @@ def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: f
     """ProjectedSonarImage: z ahead, x up, y to starboard."""
     beams = np.array([(one.x, one.y, one.z) for one in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
-    speed, assumptions = _sound_speed(message, sound_speed)
+    speed, assumptions = stated_sound_speed(message, sound_speed)
     up = np.arctan2(beams[:, 0], np.hypot(beams[:, 1], beams[:, 2]))
     if (np.abs(up) > LEVEL).any():
         assumptions += ("beams are not level: their ranges count as horizontal",)
@@ -129,12 +116,8 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     if not message.sample_rate > 0.0:
         raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
     table = _table(message.image, len(angles), samples, layout.rows != "ranges")
-    speed, assumptions = _sound_speed(message, sound_speed)
-    delays = np.array(message.tx_delays, float)
-    if len(delays) not in (0, 1, len(angles)):
-        raise MessageError(
-            "wrong_length", f"tx_delays has {len(delays)} values, {len(angles)} beams"
-        )
+    speed, assumptions = stated_sound_speed(message, sound_speed)
+    delays = fitted("tx_delays", message.tx_delays, len(angles))
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
@@ -144,7 +127,7 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
         * (int(message.sample0) + np.arange(samples, dtype=float)),
         -angles,
         table,
-        time_offset=np.broadcast_to(delays, angles.shape) if delays.any() else None,
+        time_offset=delays if delays is not None and delays.any() else None,
         sound_speed=speed,
         is_part=len(angles) == 1,
         assumptions=assumptions,
@@ -264,15 +247,6 @@ def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
     return values.reshape(beams, cells) if beam_rows else values.reshape(cells, beams).T
 
 
-def _sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str, ...]]:
-    """Sound speed of a message, or another, m/s; and what is assumed."""
-    stated = float(message.ping_info.sound_speed)
-    if math.isfinite(stated) and stated > 0.0:
-        return stated, ()
-    speed = otherwise or SOUND_SPEED
-    return speed, (f"images have no sound speed: {speed:g} m/s is used (sound_speed)",)
-
-
 class ImageInput:
     """From arriving messages of images to detections, for the node and offline runs.
 
@@ -283,7 +257,7 @@ class ImageInput:
     drop : callable
         Called with a reason and a sentence for an image that is not used.
     say : callable
-        Called with each assumption once.
+        Called with each sentence about what a message does not state.
 
     Attributes
     ----------
@@ -300,7 +274,6 @@ class ImageInput:
         say: Callable[[str], None],
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
-        self._said: set[str] = set()
         self.plans: list[Plan] | None = None
         self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
 
@@ -309,6 +282,10 @@ class ImageInput:
         if options[DetectorOptions] != self._options[DetectorOptions]:
             self.detector = Detector(options[DetectorOptions])
         self._options = options
+
+    def coverage(self, ping: ImagePing) -> ImageCoverage:
+        """Coverage of a ping, without the detector's blanking distance."""
+        return ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
 
     def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
         """Take a message; the pings that it completes and the detections of each."""
@@ -320,8 +297,7 @@ class ImageInput:
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")
             return
-        for assumption in set(ping.assumptions) - self._said:
-            self._said.add(assumption)
+        for assumption in ping.assumptions:
             self._say(assumption)
         for whole in self.turns.add(ping):
             try:
@@ -397,11 +373,9 @@ def plan_of(ping: ImagePing, stages: Stages) -> Plan:
     return Plan(ping.stamp_ns, cell, np.where(seen, np.nan_to_num(levels), -1).astype(np.int8))
 
 
-def plan_message(header: Header, plan: Plan) -> OccupancyGrid:
+def plan_message(header: messages.Header, plan: Plan) -> messages.OccupancyGrid:
     """Make a grid of a plan, in the frame of the sensor."""
-    from nav_msgs.msg import OccupancyGrid
-
-    message = OccupancyGrid(header=header, data=array.array("b", plan.levels.tobytes()))
+    message = messages.OccupancyGrid(header=header, data=array.array("b", plan.levels.tobytes()))
     message.info.resolution, message.info.map_load_time = plan.cell, header.stamp
     message.info.width = message.info.height = PLAN_SIDE
     message.info.origin.position.x = message.info.origin.position.y = -0.5 * PLAN_SIDE * plan.cell
@@ -419,14 +393,14 @@ IMAGES: dict[str, Reader] = {
 """Readers by the message type."""
 
 
-def normalised_image(header: Header, image: NDArray[Any]) -> Image:
+def normalised_image(header: messages.Header, image: NDArray[Any]) -> messages.Image:
     """Make an image of numbers (b, m), 32FC1, a row per beam."""
-    from sensor_msgs.msg import Image
-
-    rows = np.ascontiguousarray(image, "<f4")
-    data = array.array("B")
-    data.frombytes(rows.view(np.uint8).data)
-    height, width = rows.shape
-    return Image(
-        header=header, height=height, width=width, encoding="32FC1", step=4 * width, data=data
+    height, width = image.shape
+    return messages.Image(
+        header=header,
+        height=height,
+        width=width,
+        encoding="32FC1",
+        step=4 * width,
+        data=array.array("B", image.astype("<f4").tobytes()),
     )

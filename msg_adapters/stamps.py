@@ -1,4 +1,4 @@
-"""What all messages have: stamps and headers; and the error for those that cannot be used.
+"""What all messages have: stamps and headers; the error for those that cannot be used; and health.
 
 Stamps are builtin_interfaces/Time, integer nanoseconds and seconds.
 
@@ -8,14 +8,11 @@ Integer nanoseconds are exact. Seconds since 1970 in a float64 are not: they res
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from builtin_interfaces.msg import Time
-    from std_msgs.msg import Header
-
+from msg_adapters import messages
+from tsepm_ros.diagnostics.health_figures import Status
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -59,7 +56,7 @@ def refusing(reason: str, subject: str = "") -> Iterator[None]:
         raise MessageError(reason, f"{subject} {error}".lstrip()) from None
 
 
-def time_to_ns(time: Time) -> int:
+def time_to_ns(time: messages.Time) -> int:
     """Return the nanoseconds of a time message.
 
     Raises
@@ -74,7 +71,7 @@ def time_to_ns(time: Time) -> int:
     return int(time.sec) * NANOSECONDS_PER_SECOND + int(time.nanosec)
 
 
-def ns_to_time(nanoseconds: int) -> Time:
+def ns_to_time(nanoseconds: int) -> messages.Time:
     """Return the time message of integer nanoseconds.
 
     Raises
@@ -82,11 +79,9 @@ def ns_to_time(nanoseconds: int) -> Time:
     ValueError
         If the seconds do not fit 32 bits with a sign.
     """
-    from builtin_interfaces.msg import Time
-
     seconds, rest = divmod(int(nanoseconds), NANOSECONDS_PER_SECOND)
     check_seconds(seconds)
-    return Time(sec=seconds, nanosec=rest)
+    return messages.Time(sec=seconds, nanosec=rest)
 
 
 def check_seconds(seconds: int) -> None:
@@ -124,7 +119,7 @@ def seconds_to_ns(seconds: float) -> int:
     return int(whole) * NANOSECONDS_PER_SECOND + round(fraction * NANOSECONDS_PER_SECOND)
 
 
-def make_header(stamp_ns: int, frame_id: str) -> Header:
+def make_header(stamp_ns: int, frame_id: str) -> messages.Header:
     """Return a message header.
 
     Parameters
@@ -139,6 +134,43 @@ def make_header(stamp_ns: int, frame_id: str) -> Header:
     ValueError
         If the stamp does not fit a time message.
     """
-    from std_msgs.msg import Header
+    return messages.Header(stamp=ns_to_time(stamp_ns), frame_id=frame_id)
 
-    return Header(stamp=ns_to_time(stamp_ns), frame_id=frame_id)
+
+def diagnostics(
+    stamp_ns: int, node_name: str, statuses: Iterable[Status]
+) -> messages.DiagnosticArray:
+    """Build the message of a node's health on ``/diagnostics``.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        ns.
+    node_name : str
+        Fully qualified: two boats have nodes of one name. The name of a status is ``node: task``,
+        as rqt_robot_monitor and the aggregator expect; the hardware is named after the node, too.
+    statuses : iterable of Status
+        Their values are written in their order, floats with six digits.
+
+    Returns
+    -------
+    diagnostic_msgs.msg.DiagnosticArray
+    """
+    return messages.DiagnosticArray(
+        header=make_header(stamp_ns, ""),
+        status=[
+            messages.DiagnosticStatus(
+                level=bytes([status.level]),
+                name=f"{node_name}: {status.task}",
+                message=status.message,
+                hardware_id=node_name,
+                values=[
+                    messages.KeyValue(
+                        key=key, value=f"{value:.6g}" if isinstance(value, float) else f"{value}"
+                    )
+                    for key, value in status.values.items()
+                ],
+            )
+            for status in statuses
+        ],
+    )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tsepm_ros.detector.detector import make_detector
     from tsepm_ros.detector.image import SonarImage
     from tsepm_ros.methods.registry import available_methods, make_initiator
-    from tsepm_ros.tracker.clutter.land import LandMask
+    from tsepm_ros.tracker.clutter.fixed_places import LandMask
     from tsepm_ros.tracker.scan import Scan
     from tsepm_ros.tracker.sensor import SensorModel
     from tsepm_ros.tracker.tracks import ConfirmedTrack
@@ -22,7 +22,7 @@ __version__ = "0.3.0"
 
 _PLACES = {
     "ConfirmedTrack": "tracker.tracks",
-    "LandMask": "tracker.clutter.land",
+    "LandMask": "tracker.clutter.fixed_places",
     "Scan": "tracker.scan",
     "SensorModel": "tracker.sensor",
     "SonarImage": "detector.image",

@@ -11,6 +11,7 @@ import dataclasses
 import difflib
 import math
 import re
+import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -80,14 +81,12 @@ class Parameter:
         """The allowed values in words; empty if all values are allowed."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
-        low = f"{self.minimum:g}"
+        high = f"{self.maximum:g}"
         if self.positive:
-            return f"above 0 and at most {self.maximum:g}" if self.maximum < math.inf else "above 0"
-        if self.minimum == -math.inf and self.maximum == math.inf:
-            return ""
+            return "above 0" if self.maximum == math.inf else f"above 0 and at most {high}"
         if self.maximum == math.inf:
-            return f"at least {low}"
-        return f"from {low} to {self.maximum:g}"
+            return "" if self.minimum == -math.inf else f"at least {self.minimum:g}"
+        return f"from {self.minimum:g} to {high}"
 
     def check(self, value: Any, name: str = "") -> Value:
         """Return `value` in this parameter's type.
@@ -149,19 +148,11 @@ class Parameter:
         if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
             value = value.item()  # a NumPy scalar
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
-            value = _as_float(value)
+            value = float(value) if abs(value) <= sys.float_info.max else value
         if type(value) is not self.type:
             kinds = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
             expected = kinds[self.type] + (f", {self.bounds}" if self.choices else "")
             raise ValueError(f"{name} must be {expected}; got {shown(value)}")
-        return value
-
-
-def _as_float(value: int) -> float | int:
-    """The integer as a float, or the integer itself if it is too large for a float."""
-    try:
-        return float(value)
-    except OverflowError:
         return value
 
 
@@ -208,13 +199,7 @@ def check_value(name: str, value: Any, rows: Mapping[str, Parameter]) -> Value:
     try:
         return rows[name].check(value, name)
     except ValueError as error:
-        raise ValueError(f"{error}{meant_instead(name, value, rows)}") from None
-
-
-def meant_instead(name: str, value: Any, rows: Mapping[str, Parameter]) -> str:
-    """The question for the parameter of another group that a refused value fits; may be empty."""
-    return _question(
-        [
+        fitting = [
             other
             for other, row in rows.items()
             if other != name
@@ -222,7 +207,21 @@ def meant_instead(name: str, value: Any, rows: Mapping[str, Parameter]) -> str:
             and row.type is not rows[name].type
             and row.allows(value)
         ]
-    )
+        raise ValueError(f"{error}{_question(fitting)}") from None
+
+
+def refuse_integer(row: Parameter, value: Any, where: str = "") -> None:
+    """Refuse an integer for a number, as ROS does in parameter files and at the start of a node.
+
+    Raises
+    ------
+    ValueError
+        The message begins with `where`.
+    """
+    if row.type is float and type(value) is int:
+        raise ValueError(
+            f"{where}{row.name} must be a number with a decimal point ({value}.0); got {value}"
+        )
 
 
 def shown(value: object) -> str:
@@ -237,18 +236,9 @@ def _leaf(name: str) -> str:
 
 def _nearest(name: str, known: Collection[str]) -> list[str]:
     """The names closest to an unknown name, compared with and without their groups."""
-
-    def likeness(other: str) -> float:
-        matcher = difflib.SequenceMatcher(b=name.lower().replace("-", "_"))
-        ratios = []
-        for text in {other, _leaf(other)}:
-            matcher.set_seq1(text)
-            ratios.append(matcher.ratio())
-        return max(ratios)
-
-    ratios = {other: likeness(other) for other in known}
-    best = max(ratios.values(), default=0.0)
-    return [other for other, ratio in ratios.items() if ratio == best >= MIN_LIKENESS]
+    texts = {text for other in known for text in (other, _leaf(other))}
+    close = difflib.get_close_matches(name.lower().replace("-", "_"), texts, 1, MIN_LIKENESS)
+    return [other for other in known if {other, _leaf(other)} & {*close}]
 
 
 def _question(names: Sequence[str]) -> str:
@@ -268,18 +258,6 @@ def table(group: type | object) -> Iterator[Parameter]:
             )
 
 
-def check_group(group: object) -> None:
-    """Check every parameter of a frozen group in its ``__post_init__``.
-
-    Raises
-    ------
-    ValueError
-        Naming the first parameter whose value is not allowed.
-    """
-    for row in table(group):
-        object.__setattr__(group, row.name, row.check(getattr(group, row.name)))
-
-
 class ParameterGroup:
     """Base class of frozen dataclasses whose fields are parameters: each is checked.
 
@@ -290,4 +268,5 @@ class ParameterGroup:
     """
 
     def __post_init__(self) -> None:
-        check_group(self)
+        for row in table(self):
+            object.__setattr__(self, row.name, row.check(getattr(self, row.name)))

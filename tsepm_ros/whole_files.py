@@ -7,6 +7,7 @@ renamed: a reader sees the earlier file or the new one, also after a kill or on 
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import re
 import secrets
@@ -26,12 +27,11 @@ def temporary_beside(path: Path) -> Path:
     Temporary files and folders that processes which no longer exist have left of the same file are
     removed.
     """
-    for other in path.parent.glob(f".{_escaped(path.name)}.*"):
+    for other in path.parent.glob(f".{glob.escape(path.name)}.*"):
         found = _TEMPORARY.fullmatch(other.name)
         if found and found["name"] == path.name and not _exists(int(found["process"])):
             remove(other)
-    name = f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part{path.suffix}"
-    return path.parent / name
+    return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part{path.suffix}")
 
 
 @contextmanager
@@ -104,16 +104,10 @@ def _synchronise(path: Path) -> None:
         os.close(descriptor)
 
 
-def _escaped(name: str) -> str:
-    return re.sub(r"([*?\[])", r"[\1]", name)
-
-
 def _exists(process: int) -> bool:
     """Whether a process of this machine has this id."""
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:  # it belongs to somebody else
-        return True
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)  # others belong to somebody else
     return True

@@ -15,7 +15,7 @@ from support import plain_tsepm as plain
 
 
 class OracleContender(Contender):
-    """The loop body of `plain_tsepm.plain_tsepm_with_counts`, called once per scan."""
+    """`plain_tsepm.step`, called once per scan."""
 
     def __init__(self, sea: Sea, min_hits: int, window: int) -> None:
         super().__init__(sea, min_hits, window)
@@ -36,24 +36,11 @@ class OracleContender(Contender):
 
     def process(self, scan: RawScan) -> int:
         """See `Contender.process`."""
-        settings = self._settings
         fields = {"stamp": scan.stamp, "range": scan.range, "azimuth": scan.azimuth}
-        detections = plain.convert_scan(fields, self._scan_index, settings)
-        updated = plain.update_tracks(self._potential, detections, settings)
-        confirmed, alive = plain.confirm_tracks(updated, settings)
-        evaluated = [
-            plain.evaluate_track(
-                track.hits,
-                plain.estimate_track(track.hits, scan.stamp, settings),
-                scan.stamp,
-                settings,
-            )
-            for track in confirmed
-        ]
-        retained = [track for track in evaluated if plain.is_retained(track, settings)]
-        self._new = plain.merge_tracks(retained, scan.stamp, settings)
-        self._potential = alive + plain.start_tracks(self._potential, detections, settings)
-        self._raw = len(confirmed)
+        self._new, self._potential, counts = plain.step(
+            self._potential, fields, self._scan_index, self._settings
+        )
+        self._raw = counts.confirmed
         self._scan_index += 1
         return len(self._new)
 

@@ -16,7 +16,7 @@ from PIL import Image
 
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.tools.demo import target_rows
-from tsepm_ros.tools.evaluation.result_files import add_result, write_table
+from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
 from tsepm_ros.tools.pictures.plan_position import draw, save
 from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.tools.terminal import with_progress
@@ -72,7 +72,10 @@ def main() -> None:
         save(scene_of(options.recording, *values), IMAGES / "joyride.png")
     header, *rows = target_rows(demo)
     line = "python docs/images/draw_pictures.py"
-    write_table(options.result, line, (header, rows), seed=SEED, runs=1)
+    if options.result:
+        write_result(
+            options.result, Result(command=line, seed=SEED, runs=1, header=header, rows=rows)
+        )
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -34,6 +35,19 @@ PORT = 8471
 SCANS, LAST_STAMP = 16, 180.0
 
 
+def live_page(browser: Browser) -> Tab:
+    """The viewer's page, once it answers."""
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", PORT), 1.0).close()
+            break
+        except OSError:
+            time.sleep(0.1)
+    tab = browser.tab(theme="dark")
+    tab.open(f"http://127.0.0.1:{PORT}/")
+    return tab
+
+
 def live(browser: Browser) -> None:
     """The page beside the running nodes, after the scenario's last ping."""
     nodes = {
@@ -51,9 +65,7 @@ def live(browser: Browser) -> None:
             given = [part for parameter in parameters for part in ("-p", parameter)]
             command = [sys.executable, "-m", f"tsepm_ros.{name}", "--ros-args", *given]
             processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
-        time.sleep(3.0)
-        tab = browser.tab(theme="dark")
-        tab.open(f"http://127.0.0.1:{PORT}/")
+        tab = live_page(browser)
         tab.until(f"scene.frames.some((frame) => frame.stamp >= {LAST_STAMP})")
         tab.value("select(3)")
         tab.picture(FOLDER / "watching_live.png")
@@ -103,9 +115,7 @@ def sonar(browser: Browser) -> None:
             processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
         while not publisher.get_subscription_count():
             time.sleep(0.1)
-        time.sleep(5.0)
-        tab = browser.tab(theme="dark")
-        tab.open(f"http://127.0.0.1:{PORT}/")
+        tab = live_page(browser)
         tab.press("#layer-image")
         for message in images(100):
             publisher.publish(message)

@@ -158,8 +158,6 @@ def test_a_bad_covariance_drops_its_detection(value):
 
 
 KNOWN = foreign.PingInfo(sound_speed=1500.0)
-ROUNDED = 1e-7
-"""Relative error of a float32."""
 
 
 def travel_times(times, rx_angles, **more):
@@ -182,29 +180,6 @@ def ranges(distances, vectors, **more):
 
 def flags(*values):
     return [foreign.DetectionFlag(flag=value) for value in values]
-
-
-@pytest.mark.parametrize("elevation", [0.0, 0.3, -0.7])
-@pytest.mark.parametrize("azimuth", [0.0, 0.4, -1.2])
-def test_the_horizontal_place_is_found_of_any_direction(azimuth, elevation):
-    x, y, z = (
-        math.sin(elevation),
-        -math.cos(elevation) * math.sin(azimuth),
-        math.cos(elevation) * math.cos(azimuth),
-    )
-    angles = {"tx_angles": [math.asin(x)], "rx_angles": [math.asin(y)]}
-    times = foreign.SonarDetections(ping_info=KNOWN, two_way_travel_times=[2.0], **angles)
-    for message in (
-        times,
-        ranges([1500.0], [(x, y, z)]),
-        ranges([1500.0], [(3 * x, 3 * y, 3 * z)]),
-    ):
-        found = read_detections(message)
-        assert found.scan.range[0] == pytest.approx(1500.0 * math.cos(elevation), rel=3 * ROUNDED)
-        assert found.scan.azimuth[0] == pytest.approx(azimuth, abs=10 * ROUNDED)
-        assert found.sensor_scan.height[0] == pytest.approx(
-            1500.0 * math.sin(elevation), rel=10 * ROUNDED
-        )
 
 
 def test_times_follow_from_ranges_also_of_a_beam_that_looks_abaft():
@@ -293,13 +268,6 @@ def test_a_bad_travel_time_is_dropped_and_the_rest_kept(values, reason):
     np.testing.assert_array_equal(found.index, [0, 2])
 
 
-@pytest.mark.parametrize("angle", [math.pi / 2, -math.pi / 2])
-def test_abeam_is_a_direction(angle):
-    assert read_detections(travel_times([2.0], [angle])).scan.azimuth[0] == pytest.approx(
-        -angle, abs=1e-6
-    )
-
-
 @pytest.mark.parametrize(
     ("vector", "reason"),
     [
@@ -340,19 +308,3 @@ def test_intensities_that_do_not_fit_lose_no_detection():
     found = read_detections(travel_times([2.0, 2.0, 2.0], [0.0], intensities=[1.0, 2.0]))
     assert (len(found), found.scan.features) == (3, {})
     assert "intensities" in found.assumptions[0]
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        travel_times([], [], tx_angles=[0.0], tx_delays=[0.0], flags=flags(0)),
-        foreign.SonarDetections(),
-        ranges([], [], transmit_delays=[0.0]),
-        foreign.SonarRanges(),
-    ],
-    ids=["travel_times", "travel_times_default", "ranges", "ranges_default"],
-)
-@pytest.mark.filterwarnings("error")
-def test_a_ping_without_detections_is_good(message):
-    found = read_detections(message)
-    assert (len(found), found.dropped) == (0, {})

@@ -7,7 +7,7 @@ import pytest
 from sensor_msgs.msg import LaserScan
 
 from msg_adapters import read_detections
-from msg_adapters.laser_scan_detections import NO_TIMES, RAYS_AT_ONCE
+from msg_adapters.detections import NO_TIMES, RAYS_AT_ONCE
 from tsepm_ros import SensorModel
 
 NAN, INF = math.nan, math.inf

@@ -15,8 +15,7 @@ from support.raw_cloud import raw_cloud
 from support.registered import places
 
 from msg_adapters import MessageError, make_header, read_detections, read_own_ship
-from tsepm_ros.own_ship.attitude import stated_axes, without_suffix
-from tsepm_ros.own_ship.registration import Mounting
+from tsepm_ros.own_ship.registration import Mounting, stated_axes, without_suffix
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings

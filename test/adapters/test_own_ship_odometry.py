@@ -60,7 +60,7 @@ def _carried(linear, angular, *, turn=TURN, speed=SPEED):
         )
         message.pose.pose.position.x = speed * time
         history.add(read_own_ship(message))
-    x, _, yaw = history.poses(np.array([100.5]))[0]
+    x, _, yaw, *_ = history.poses(np.array([100.5]))[0]
     return x, yaw
 
 

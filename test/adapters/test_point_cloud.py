@@ -56,23 +56,6 @@ def test_a_signalling_nan_is_a_nan():
     assert math.isnan(read_fields(cloud, ["a"])["a"][0])
 
 
-@pytest.mark.parametrize(
-    "sizes",
-    [
-        pytest.param({"width": 0}, id="width"),
-        pytest.param({"height": 0, "width": 4}, id="height"),
-        pytest.param({"width": 0, "point_step": 0, "row_step": 0}, id="no-sizes"),
-        pytest.param({"width": 0, "height": 5, "row_step": 64}, id="rows-without-data"),
-    ],
-)
-def test_a_cloud_without_points_reads_as_empty(sizes):
-    cloud = raw_cloud([("a", "f"), ("b", "d")], [])
-    for name, value in sizes.items():
-        setattr(cloud, name, value)
-    values = read_fields(cloud, ["a", "b"])
-    assert [values[name].shape for name in "ab"] == [(0,), (0,)]
-
-
 def _first_field(**values):
     def change(cloud):
         for name, value in values.items():

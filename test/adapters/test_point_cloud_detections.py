@@ -137,16 +137,6 @@ def test_z_is_the_height_beside_x_and_y_alone():
     assert read_detections(raw_cloud(fields[:2], [rows[0][:2]])).sensor_scan.height is None
 
 
-@pytest.mark.parametrize("angle", ["azimuth", "bearing"])
-@pytest.mark.parametrize("elevation", [0.5, -0.5, 0.0])
-def test_an_elevation_makes_the_range_slant(angle, elevation):
-    fields = [("range", "d"), (angle, "d"), ("elevation", "d"), ("z", "d")]
-    found = read_detections(raw_cloud(fields, [(1000.0, 0.25, elevation, 9.0)]))
-    assert found.scan.range[0] == pytest.approx(1000.0 * math.cos(elevation), rel=1e-15)
-    assert found.sensor_scan.height[0] == pytest.approx(1000.0 * math.sin(elevation), rel=1e-15)
-    assert abs(found.scan.azimuth[0]) == 0.25
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("elevation", "reason"),
@@ -291,22 +281,6 @@ def test_a_bad_x_or_y_is_a_bad_range(x, y, reason):
     found = read_detections(raw_cloud([("x", "d"), ("y", "d")], [(x, y), (3.0, 4.0)]))
     assert found.dropped == {reason: 1}
     np.testing.assert_array_equal(found.scan.range, [5.0])
-
-
-@pytest.mark.parametrize("reference", ["bow", "north"])
-@pytest.mark.parametrize("value", [NAN, INF])
-@pytest.mark.filterwarnings("error")
-def test_a_bad_bearing_is_a_bad_azimuth(value, reference):
-    cloud = raw_cloud([("range", "f"), ("bearing", "f")], [(1.0, value)])
-    found = read_detections(cloud, bearing_reference=reference)
-    assert found.dropped == {"azimuth_not_finite": 1}
-
-
-@pytest.mark.parametrize("names", ["range azimuth", "range bearing", "x y", ""])
-def test_an_empty_cloud_has_no_detections(names):
-    found = read_detections(raw_cloud([(name, "f") for name in names.split()], []))
-    assert len(found) == len(found.scan.azimuth) == len(found.index) == 0
-    assert found.dropped == {}
 
 
 @pytest.mark.parametrize("points", [0, 1], ids=["empty", "one-point"])

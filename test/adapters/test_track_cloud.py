@@ -8,18 +8,15 @@ import pytest
 from support.raw_cloud import DATATYPES, raw_cloud
 
 from msg_adapters import (
-    TRACK_DTYPE,
     MessageError,
     PlacedDetections,
     placed_detections_cloud,
     read_placed_detections,
     read_track_cloud,
     track_cloud,
-    track_covariances,
-    track_states,
     tracker_report,
 )
-from msg_adapters.track_cloud import track_arrays
+from msg_adapters.track_messages import track_arrays
 from tsepm_ros.tracker.scan import FEATURES
 
 LAYOUT = [
@@ -69,37 +66,6 @@ def test_fields_and_bytes_stand_at_the_offsets_of_the_contract(header, make_trac
         np.testing.assert_array_equal(found, expected)
         assert data[start + 196 : start + 200] == bytes(4)
         assert data[start + 226 : start + 232] == bytes(6)
-
-
-def test_reading_is_the_exact_inverse(header, make_track, over_the_wire):
-    random = np.random.default_rng(3)
-    tracks = [
-        make_track(
-            track_id=int(random.integers(2**32)),
-            state=random.normal(size=4) * 5000,
-            covariance=random.normal(size=(4, 4)),
-            hits=((0, 0),) * int(random.integers(20)),
-            evaluation=random.normal(),
-            score=math.nan,
-            scan_count=int(random.integers(65536)),
-            age=random.uniform(0, 100),
-            stationary_probability=random.uniform(),
-            signal_to_clutter_db=random.uniform(),
-            revision=int(random.integers(3)),
-            existence_probability=random.uniform(),
-            time_since_hit=random.uniform(0, 100),
-        )
-        for _ in range(20)
-    ]
-    records = read_track_cloud(over_the_wire(track_cloud(header, tracks)))
-    assert records.dtype == TRACK_DTYPE
-    np.testing.assert_array_equal(track_states(records), [track.state for track in tracks])
-    np.testing.assert_array_equal(track_covariances(records), [t.covariance for t in tracks])
-    np.testing.assert_array_equal(records["hit_count"], [len(track.hits) for track in tracks])
-    for name in (*("track_id", "evaluation", "score", "scan_count", "age"), *EARLIER):
-        np.testing.assert_array_equal(records[name], [getattr(track, name) for track in tracks])
-    np.testing.assert_array_equal(records["x"], [np.float32(track.state[0]) for track in tracks])
-    np.testing.assert_array_equal(records["y"], [np.float32(track.state[2]) for track in tracks])
 
 
 EARLIER = {

@@ -12,8 +12,14 @@ from visualization_msgs.msg import Marker
 
 from msg_adapters import fixed_echo_markers, make_header, potential_track_markers, track_markers
 from msg_adapters.nav_messages import UNOBSERVED_VARIANCE
-from msg_adapters.track_markers import MAX_LABELS, POTENTIAL_COLORS, marker_sizes
-from msg_adapters.track_objects import radar_tracks, track_uuid, tracked_objects
+from msg_adapters.track_messages import (
+    MAX_LABELS,
+    POTENTIAL_COLORS,
+    marker_sizes,
+    radar_tracks,
+    track_uuid,
+    tracked_objects,
+)
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 

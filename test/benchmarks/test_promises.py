@@ -12,9 +12,8 @@ from support.run_summaries import run_of, start
 
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.measures import measures_of
-from tsepm_ros.tools.evaluation.performance import Evaluated, compare
+from tsepm_ros.tools.evaluation.performance import Evaluated
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario
 
 SCENE = replace(load_scenario("box"), scans=4)
@@ -23,9 +22,7 @@ SWEEP = {"1/h": (2, 1), "10/h": (4, 4)}
 
 
 def options(folder: Path, runs: int) -> argparse.Namespace:
-    return argparse.Namespace(
-        runs=runs, seed=1, workers=Workers(), out=folder, scene=None, warm_up=0
-    )
+    return argparse.Namespace(runs=runs, seed=1, workers=1, out=folder, scene=None, warm_up=0)
 
 
 def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) -> list[str]:
@@ -41,8 +38,8 @@ def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) ->
             SCENE,
             4,
             [OperatingPoint(*name) for name in records],
+            list(records.values()),
             [measures_of(SCENE, runs, 4) for runs in records.values()],
-            compare(records),
         )
     )
 
@@ -97,7 +94,7 @@ def test_a_difference_of_shares_is_close_far_or_open():
 
 @pytest.mark.long
 def test_the_wish_is_kept_about():
-    ratio = promises.rate_ratio(density=3e-7, rate=100.0, hours=0.1, seed=1, workers=Workers())
+    ratio = promises.rate_ratio(density=3e-7, rate=100.0, hours=0.1, seed=1, processes=1)
     assert 0.3 < ratio.value < 2.0
     assert ratio.low < ratio.value < ratio.high
 

@@ -27,7 +27,7 @@ from support import foreign_messages as foreign
 
 from msg_adapters import MessageError
 from msg_adapters.ping import ReadingOptions
-from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields, read_image
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups

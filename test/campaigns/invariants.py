@@ -7,7 +7,7 @@ import numpy as np
 from campaign import Finding
 
 from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
-from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tracker.tracks import TrackArrays
 
 ROUNDING = 1e-9

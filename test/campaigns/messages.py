@@ -25,8 +25,7 @@ from streams import KINDS, GoodPing, Stream, good_stream
 from msg_adapters import MessageError, read_detections, read_land, read_own_ship, tracker_report
 from msg_adapters.message_input import MessageInput
 from tsepm_ros import available_methods
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.options import CommonOptions
@@ -82,11 +81,11 @@ class Fed:
         dropped = self.session.dropped
         check_reasons(dropped)
         lost = lost_scans(dropped)
-        counted = len(self.results) + lost + self.session.waiting
+        counted = len(self.results) + lost + self.session.figures().waiting
         require(
             counted == self.sent,
             f"{self.sent} messages: {len(self.results)} results, {lost} drops, "
-            f"{self.session.waiting} waiting; {dict(dropped)}",
+            f"{self.session.figures().waiting} waiting; {dict(dropped)}",
         )
 
 

@@ -1,10 +1,9 @@
-"""The node over the middleware: mutated messages, clocks that jump, peers that vanish, overload.
+"""The node over the middleware: mutated messages, a subscriber that is stopped, overload.
 
 A case has a node, a driver and an observer in a domain of their own, and is one of `KINDS`. No
 callback raises; everything that came in is a scan or a counted drop.
 """
 
-import contextlib
 import copy
 import signal
 import subprocess
@@ -12,22 +11,18 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any
 
 import campaign
 import numpy as np
-import rclpy
 from campaign import Finding, Tried
 from invariants import lost_scans, require
 from mutation import mutate
 from nav_msgs.msg import OccupancyGrid, Odometry
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from streams import START, good_stream, land_message, stamp_of, tracker_message
 from support.ros_domains import own_domain
 from support.ros_world import World
@@ -188,64 +183,6 @@ def no_messages(world: World, rng: np.random.Generator, domain: int) -> Tried:
     return Counter({"byte strings": number, "messages": number, "good tracks": sum(alone)})
 
 
-def clock_jumps(world: World, rng: np.random.Generator, domain: int) -> Tried:
-    """Simulated time jumps while pings arrive."""
-    scene = Scene(world, use_sim_time=True, own_ship_source=str(rng.choice(["none", "odometry"])))
-    clock = scene.driver.create_publisher(Clock, "/clock", DEEP)
-    world.until_connected()
-    jumps = 0
-    for ping in good_stream(POINTS).pings:
-        for _ in range(3):
-            jump = float(
-                rng.choice([0.0, 1.0, 1e3, 1e6, 1e9, 2**31 - 1, START, rng.uniform(0, 1e9)])
-            )
-            clock.publish(Clock(clock=stamp_of(jump)))
-            jumps += 1
-            world.spin_once()
-        scene.send(copy.deepcopy(ping.detections))
-        world.spin_once()
-    scene.settle()
-    return Counter({"clock jumps": jumps, "messages": scene.sent})
-
-
-@contextlib.contextmanager
-def other_type(domain: int) -> Iterator[None]:
-    """A driver of LaserScan on the same topic, as of another process."""
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    node = Node("laser", context=context)
-    try:
-        publisher = node.create_publisher(LaserScan, "detections", DEEP)
-        publisher.publish(good_stream("sensor_msgs/msg/LaserScan").pings[0].detections)
-        yield
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
-
-
-def vanishing(world: World, rng: np.random.Generator, domain: int) -> Tried:
-    """The driver goes and comes back."""
-    scene = Scene(world)
-    tried: Tried = Counter()
-    for turn in range(4):
-        widths = scene.stream(shift=turn * 1000.0)
-        require(sum(widths) >= 1, f"turn {turn}: nothing is confirmed")
-        world.end(scene.driver)
-        scene.driver = world.add(Node("driver", context=world.context))
-        if rng.random() < 0.5:
-            with other_type(domain):
-                for _ in range(20):
-                    world.spin_once()
-            tried["another type"] += 1
-        scene.detections = scene.driver.create_publisher(PointCloud2, "detections", DEEP)
-        world.until(scene.detections.get_subscription_count, "the subscription")
-        world.until_connected()
-        tried["vanished drivers"] += 1
-    scene.settle()
-    tried["messages"] += scene.sent
-    return tried
-
-
 def stopped_subscriber(world: World, rng: np.random.Generator, domain: int) -> Tried:
     """A reliable subscriber is stopped: the node does not wait for it."""
     with tempfile.TemporaryFile() as output:
@@ -291,10 +228,7 @@ def overload(world: World, rng: np.random.Generator, domain: int) -> Tried:
     return Counter({"overloading pings": number, "messages": number})
 
 
-KINDS = (
-    *(mutated_messages, mutated_messages, no_messages, clock_jumps, vanishing),
-    *(stopped_subscriber, overload),
-)
+KINDS = (*(mutated_messages, mutated_messages, no_messages, stopped_subscriber, overload),)
 
 
 def case(number: int, rng: np.random.Generator) -> Tried:

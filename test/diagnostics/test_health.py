@@ -11,11 +11,11 @@ from tsepm_ros.diagnostics.health_figures import Connections, Latency, Level, St
 from tsepm_ros.parameters import table
 from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.result import SessionSnapshot
-from tsepm_ros.session.scan_queue import waited
+from tsepm_ros.session.inputs import waited
+from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen import Extent
+from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.method import ScanStatistics
 
 GOOD = SessionSnapshot(
@@ -359,7 +359,7 @@ def test_reset_forgets_drops_scans_and_arrivals():
     run.health.reset()
     run.figures = GOOD
     assert run.said("detections", 13.0) == (Level.WARN, "no scan yet")
-    assert run.health.latency == Latency()
+    assert not run.health.scans
 
 
 def test_what_is_remembered_of_scans_is_the_window_and_bounded():
@@ -373,7 +373,7 @@ def test_what_is_remembered_of_scans_is_the_window_and_bounded():
     for k in range(1000, 1400):
         run.scan(3.0 + 0.05 * k)
     assert run.said("latency", 73.0)[0] == Level.OK
-    assert len(run.health._scans) <= 1202
+    assert len(run.health.scans) <= 1202
     run = Run(window=86_400.0)
     for k in range(MAX_RECORDS + 10):
         run.health.arrived(0.01 * k, 0.01 * k)

@@ -20,8 +20,7 @@ import numpy as np
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Scenario, Simulator

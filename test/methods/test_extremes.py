@@ -5,8 +5,8 @@ import pytest
 from support.builders import scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.initial_state import ESTIMATORS
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.merging import close
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 

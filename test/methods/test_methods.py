@@ -16,7 +16,7 @@ from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import method_class
-from tsepm_ros.parameters import check_group, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter, table
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -234,13 +234,10 @@ def test_every_method_describes_itself(method):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToyOptions:
+class ToyOptions(ParameterGroup):
     """Options of the toy."""
 
     window: int = parameter(2, "Scans", minimum=2)
-
-    def __post_init__(self) -> None:
-        check_group(self)
 
 
 class Toy(Method):
@@ -269,7 +266,7 @@ from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.evaluation.simulated_run import operating_points
-from tsepm_ros.settings.parameter_files import as_markdown, as_yaml
+from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import NODES, make_groups, settings_from, with_method
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
@@ -279,7 +276,6 @@ made = make_initiator("toy", sensor=SensorModel(), window=3, max_speed=5.0)
 assert [track.track_id for track in made.process(Scan(0.0, [3000.0], [0.0]))] == [0]
 groups = with_method(NODES["track_initiator"], "toy")
 assert "toy.window: 2" in as_yaml("track_initiator", groups)
-assert "| `toy.window` |" in as_markdown(groups)
 assert [point.label for point in operating_points(["toy"])] == ["default", "long"]
 settings = settings_from(make_groups(groups, {"method": "toy", "toy.window": 5}))
 assert settings.window == 5

@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 from sensor_msgs.msg import PointCloud2, PointField
 from support.boat import Boat
 from support.expectation import assert_same, assert_stamps, confirmed
 from support.ros_world import WARN
-from support.sonar_driver import START_NS, Ping, cloud, pings, points
+from support.sonar_driver import START_NS, Ping, cloud, pings, points, stamp_ns
 
 SECOND = 10**9
 SENT = pings(14)
@@ -91,14 +90,14 @@ def test_unusable_messages_are_dropped_counted_and_named_and_cost_nothing_else(w
     assert_stamps(received, SENT)
 
 
-@pytest.mark.parametrize("name", ["no_azimuth", "short_data"])
-def test_an_unusable_first_message_does_no_harm(world, name):
+def test_an_unusable_first_message_does_no_harm(world):
     boat = Boat(world)
-    bad = spoilt(name, START_NS - SECOND)
-    bad.header.frame_id = "elsewhere"
-    boat.driver.publisher.publish(bad)
+    for name in ("no_azimuth", "short_data"):
+        bad = spoilt(name, START_NS - SECOND)
+        bad.header.frame_id = "elsewhere"
+        boat.driver.publisher.publish(bad)
     assert_same(boat.send(SENT), confirmed(SENT))
-    assert world.dropped() == {UNUSABLE[name][1]: 1}
+    assert world.dropped() == {"missing_field": 1, "short_data": 1}
 
 
 def test_a_scan_of_100_000_detections_is_processed_and_so_are_those_after_it(world):
@@ -111,38 +110,41 @@ def test_a_scan_of_100_000_detections_is_processed_and_so_are_those_after_it(wor
     assert world.dropped() == {}
 
 
-@pytest.mark.parametrize(
-    ("name", "usual", "absurd"),
-    [
-        ("range", 4000.0, 1e300),
-        ("azimuth", 0.5, 1e300),
-        ("range_std", 45.0, 1e300),
-        ("azimuth_std", 0.0175, 1e3),
-        ("time_offset", 0.0, 1e300),
-    ],
-)
-def test_a_finite_but_absurd_value_costs_no_track_of_others(world, name, usual, absurd):
+ABSURD = [
+    ("range", 4000.0, 1e300),
+    ("azimuth", 0.5, 1e300),
+    ("range_std", 45.0, 1e300),
+    ("azimuth_std", 0.0175, 1e3),
+    ("time_offset", 0.0, 1e300),
+]
+
+
+def test_finite_but_absurd_values_cost_no_track_of_others(world):
     boat = Boat(world)
-    boat.send(SENT[:WHEN])
     ping = SENT[WHEN]
-    columns = {"range": ping.range, "azimuth": ping.azimuth}
-    columns.setdefault(name, np.full(len(ping.range), usual))
-    more = {"range": 4000.0, "azimuth": 0.5, name: absurd}
-    columns = {key: np.append(values, more[key]) for key, values in columns.items()}
-    boat.driver.publisher.publish(cloud(ping.stamp_ns, columns, datatype=PointField.FLOAT64))
-    boat.send(SENT[WHEN + 1 :])
-    x = [point["x"] for one in boat.tracks[:9] for point in points(one)]
-    assert any(2900 < value < 3500 for value in x), "the target that was there all along"
-    assert "internal_error" not in world.dropped()
+    for name, usual, absurd in ABSURD:
+        columns = {"range": ping.range, "azimuth": ping.azimuth}
+        columns.setdefault(name, np.full(len(ping.range), usual))
+        more = {"range": 4000.0, "azimuth": 0.5, name: absurd}
+        columns = {key: np.append(values, more[key]) for key, values in columns.items()}
+        boat.send(SENT[:WHEN])
+        seen = len(boat.tracks)
+        boat.driver.publisher.publish(cloud(ping.stamp_ns, columns, datatype=PointField.FLOAT64))
+        boat.send(SENT[WHEN + 1 :])
+        world.until(lambda: stamp_ns(boat.tracks[-1]) == SENT[-1].stamp_ns, "the last ping")
+        x = [point["x"] for one in boat.tracks[seen:][:6] for point in points(one)]
+        assert any(2900 < value < 3500 for value in x), "the target that was there all along"
+        assert "internal_error" not in world.dropped()
+        world.reset()
 
 
-@pytest.mark.parametrize("nanosec", [10**9, 2**32 - 1])
-@pytest.mark.parametrize("sec", [SENT[WHEN].stamp_ns // SECOND, 2**31 - 1], ids=["now", "last"])
-def test_a_stamp_that_no_clock_gives_is_dropped_and_counted(world, sec, nanosec):
+def test_a_stamp_that_no_clock_gives_is_dropped_and_counted(world):
     boat = Boat(world)
     received = boat.send(SENT[:WHEN])
-    bad = message(SENT[WHEN])
-    bad.header.stamp.sec, bad.header.stamp.nanosec = sec, nanosec
-    boat.driver.publisher.publish(bad)
+    for sec in (SENT[WHEN].stamp_ns // SECOND, 2**31 - 1):
+        for nanosec in (10**9, 2**32 - 1):
+            bad = message(SENT[WHEN])
+            bad.header.stamp.sec, bad.header.stamp.nanosec = sec, nanosec
+            boat.driver.publisher.publish(bad)
     assert_same([*received, *boat.send(SENT[WHEN:])], confirmed(SENT))
-    assert world.dropped() == {"stamp_invalid": 1}
+    assert world.dropped() == {"stamp_invalid": 4}

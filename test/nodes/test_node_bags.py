@@ -23,7 +23,7 @@ from support.boat import named
 from support.live_and_offline import FAST, assert_same_live_and_offline, listen_raw
 from support.ros_world import World
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.parameter_files import parse_values
 from tsepm_ros.tools.players.scan_player import ScanPlayer
@@ -61,8 +61,7 @@ def test_messages_are_played_byte_for_byte_under_the_nodes_names(world, tmp_path
     assert own_ship == recorded(entries, ODOMETRY)
 
 
-@BOTH
-@pytest.mark.parametrize("method", ["score", "tsepm"])
+@pytest.mark.parametrize(("storage", "method"), [*zip(STORAGES, ("score", "tsepm"), strict=True)])
 def test_a_bag_gives_the_same_tracks_through_the_node_and_offline(world, tmp_path, storage, method):
     path = write_bag(tmp_path / "bag", simulated(), storage)
     offline = assert_same_live_and_offline(world, path, tmp_path, *PARAMETERS, f"method:={method}")
@@ -104,23 +103,21 @@ def test_a_start_offset_leaves_out_what_came_before(world, tmp_path):
     assert (np.diff(times) >= 0).all()
 
 
-@pytest.mark.parametrize(
-    ("parameters", "sentence"),
-    [
-        ({"detections_topic": "/other"}, "recording: the bag has no topic /other"),
-        ({"start_offset": 1e6}, r"start_offset: 1e\+06 s is beyond the end of the bag of"),
-        ({"start_stamp": 10.0}, "start_stamp: the messages of a bag are published with"),
-        ({"recording": "bag.mcap"}, r"recording: the bag .* cannot be read"),
-    ],
-)
-def test_what_a_bag_cannot_do_is_refused_with_a_sentence(
-    world, tmp_path, monkeypatch, parameters, sentence
-):
+IMPOSSIBLE = [
+    ({"detections_topic": "/other"}, "recording: the bag has no topic /other"),
+    ({"start_offset": 1e6}, r"start_offset: 1e\+06 s is beyond the end of the bag of"),
+    ({"start_stamp": 10.0}, "start_stamp: the messages of a bag are published with"),
+    ({"recording": "bag.mcap"}, r"recording: the bag .* cannot be read"),
+]
+
+
+def test_what_a_bag_cannot_do_is_refused_with_a_sentence(world, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_bag(tmp_path / "bag", simulated())
     (tmp_path / "bag.mcap").write_bytes(b"no bag")
-    with pytest.raises(ParameterError, match=sentence):
-        world.make(ScanPlayer, {**FAST, "recording": "bag", **parameters})
+    for parameters, sentence in IMPOSSIBLE:
+        with pytest.raises(ParameterError, match=sentence):
+            world.make(ScanPlayer, {**FAST, "recording": "bag", **parameters})
 
 
 def test_a_type_whose_package_is_not_here_is_refused_with_its_topic(world, tmp_path, monkeypatch):

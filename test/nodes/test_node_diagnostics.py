@@ -36,7 +36,8 @@ def test_the_wait_for_own_ship_data_is_told_apart_from_the_work(world):
     figures = {name: float(world.figures()[name]) for name in ("waiting_ms", "latency_all_ms")}
     assert 300.0 < figures["waiting_ms"] < 1e3 * world.deadline
     assert figures["latency_all_ms"] < figures["waiting_ms"]
-    assert boat.node.latency.waiting == boat.node.latency.total - boat.node.latency.to_all
+    latency = boat.node.health.scans[-1].latency
+    assert latency.waiting == latency.total - latency.to_all
 
 
 def test_odometry_that_is_not_listened_to_is_said_once(world):

@@ -10,17 +10,14 @@ import pytest
 from kalman_tracker import KalmanTracker
 from sensor_msgs.msg import PointCloud2
 from support.expectation import COVARIANCE, STATE
-from support.ros_world import LATCHED, RELIABLE, WARN, World
-from support.sonar_driver import START_NS, points, stamp_ns
+from support.ros_world import LATCHED, World
+from support.sonar_driver import points, stamp_ns
 
-from msg_adapters import PlacedDetections, make_header, placed_detections_cloud, track_cloud
-from tsepm_ros import ConfirmedTrack
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NUMBERS = (*STATE, *COVARIANCE)
-SECOND = 10**9
 SCANS, PERIOD = 24, 12.0
 TARGETS = ((3000.0, 4.0, 1500.0, -2.0), (-2500.0, 0.0, 2500.0, 4.0), (500.0, -3.0, -4000.0, 3.0))
 SCENARIO = f"""
@@ -132,77 +129,6 @@ def test_tracks_of_a_tracker_that_dies_are_held_until_it_is_started_again(world,
     assert len(play.tracked) > before
     assert all(near(one) == followed for one in play.tracked[before:])
     assert sum(len(one) for message in play.tracks for one in near(message)) == len(TARGETS)
-
-
-class Alone:
-    """The tracker without an initiator: what that would say is said by hand."""
-
-    TRACK = ConfirmedTrack(
-        7, 0.0, np.array([3000.0, 4.0, 1500.0, -2.0]), np.diag([1e4, 1.0, 1e4, 1.0]), (), 0.0
-    )
-
-    def __init__(self, world: World) -> None:
-        self.world = world
-        qos = {"tracks": RELIABLE, "tracks/current": LATCHED, "detections/placed": RELIABLE}
-        self.publisher = {
-            topic: world.observer.create_publisher(PointCloud2, topic, one)
-            for topic, one in qos.items()
-        }
-        self.tracked = world.listen(PointCloud2, "tracked")
-        self.tracker = world.make(KalmanTracker)
-        world.until_connected()
-
-    def say(self, topic: str, after: float, *tracks: ConfirmedTrack) -> None:
-        header = make_header(START_NS + round(after * SECOND), "sonar")
-        self.publisher[topic].publish(track_cloud(header, tracks))
-
-    def detect(self, after: float) -> None:
-        """A ping that sees the track at its place of then, and something else."""
-        x, vx, y, vy = self.TRACK.state
-        placed = PlacedDetections(
-            position=np.array([[x + vx * after, y + vy * after], [-200.0, -450.0]]),
-            covariance=np.stack([900.0 * np.eye(2)] * 2),
-            time_offset=np.zeros(2),
-        )
-        header = make_header(START_NS + round(after * SECOND), "sonar")
-        self.publisher["detections/placed"].publish(placed_detections_cloud(header, placed))
-
-    def until_waiting(self, pings: int, placed: int) -> None:
-        tracker = self.tracker
-        self.world.until(
-            lambda: (len(tracker._waiting), len(tracker._placed)) == (pings, placed),
-            f"{pings} pings and the detections of {placed} to be there",
-        )
-
-    def answers(self, *after: float) -> list[set[int]]:
-        """Wait for answers to pings at these times, and no others; returns the ids of each."""
-        self.world.until(lambda: len(self.tracked) >= len(after), "answers")
-        times = [(stamp_ns(message) - START_NS) / SECOND for message in self.tracked]
-        assert times == list(after)
-        return [ids(message) for message in self.tracked]
-
-
-def test_it_says_nothing_of_what_it_does_not_know_and_starts_over_with_time(world):
-    alone = Alone(world)
-    for after in (0.0, 12.0):
-        alone.say("tracks", after)
-        alone.detect(after)
-    alone.until_waiting(2, 2)
-    assert not alone.tracked, "what is held is not known"
-    alone.say("tracks/current", 0.0, alone.TRACK)
-    assert alone.answers(12.0) == [{7}]
-    alone.say("tracks", 24.0)  # a ping that lacks its detections
-    alone.say("tracks", 36.0)
-    alone.detect(36.0)
-    assert alone.answers(12.0, 36.0) == [{7}, {7}]
-    world.until_logged("passed over", level=WARN)
-    assert alone.tracker._tracker.targets[7].misses == 0
-    [said] = points(alone.tracked[-1])
-    np.testing.assert_allclose([said[name] for name in STATE], [3144.0, 4.0, 1428.0, -2.0])
-    alone.say("tracks", -1000.0)
-    alone.detect(-1000.0)
-    assert alone.answers(12.0, 36.0, -1000.0)[-1] == set()
-    world.until_logged("time went back", level=WARN)
 
 
 def test_an_interrupt_ends_it_cleanly(start):

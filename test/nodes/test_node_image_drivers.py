@@ -1,4 +1,4 @@
-"""Images of every message type, as a driver on a turning vessel sends them, through both nodes.
+"""Images as drivers on a turning vessel send them, whole, in spokes or beam by beam: both nodes.
 
 A target to port and one to starboard are confirmed where they are, and an offline run of the same
 messages gives the same tracks to the bit.
@@ -16,15 +16,12 @@ import pytest
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Vector3
 from nav_msgs.msg import Odometry
-from scipy.ndimage import map_coordinates
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from support.foreign_messages import (
     PingInfo,
     ProjectedSonarImage,
     RadarEcho,
     RadarSector,
-    RawSonarImage,
-    SonarEcho,
     SonarImageData,
 )
 from support.ros_world import RELIABLE
@@ -32,7 +29,7 @@ from support.ros_world import RELIABLE
 from msg_adapters import make_header, read_track_cloud
 from msg_adapters.message_input import MessageInput
 from msg_adapters.sonar_images import DTYPES, ImageInput
-from msg_adapters.track_cloud import track_cloud
+from msg_adapters.track_messages import track_cloud
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
@@ -125,67 +122,6 @@ def projected() -> Iterator[tuple[float, Any]]:
         )
 
 
-def raw() -> Iterator[tuple[float, Any]]:
-    """Gemini: 16 bits, beam by beam, angles to starboard."""
-    for t, field in pings():
-        yield (
-            t,
-            RawSonarImage(
-                header=header(t),
-                ping_info=PingInfo(sound_speed=1500.0),
-                sample_rate=3750.0,
-                samples_per_beam=CELLS,
-                sample0=3,
-                rx_angles=(-SECTOR).tolist(),
-                image=table((field * 900.0).astype(np.uint16)),
-            ),
-        )
-
-
-def picture(encoding: str) -> Iterator[tuple[float, Any]]:
-    """As displayed: far above, port at the left."""
-    kinds = {"mono8": (np.uint8, 15.0), "mono16": (np.uint16, 3000.0), "32FC1": (np.float32, 1.0)}
-    kind, scale = kinds[encoding]
-    for t, field in pings():
-        most = np.inf if kind is np.float32 else np.iinfo(kind).max
-        rows = np.ascontiguousarray(np.minimum(field * scale, most)[::-1].T[::-1].astype(kind))
-        yield (
-            t,
-            Image(
-                header=header(t),
-                height=CELLS,
-                width=48,
-                step=48 * rows.itemsize,
-                encoding=encoding,
-                data=rows.tobytes(),
-            ),
-        )
-
-
-def fan() -> Iterator[tuple[float, Any]]:
-    """A picture in x and y, the sonar in the middle of the lowest row."""
-    size, pixel = 152, FAR / 152
-    y, x = np.indices((size, 2 * size)) + 0.5
-    ahead, port = (size - y) * pixel, (size - x) * pixel
-    place = np.hypot(ahead, port), np.arctan2(port, ahead)
-    cells = (place[1] + 0.8) / 1.6 * 48 - 0.5, (place[0] - NEAR) / 0.2 - 0.5
-    seen = (place[0] > NEAR) & (place[0] < FAR) & (np.abs(place[1]) < 0.8)
-    for t, field in pings():
-        smooth = map_coordinates(shown(field).astype(float), cells, order=1, mode="nearest")
-        rows = np.where(seen, smooth, 0.0).astype(np.uint8)
-        yield (
-            t,
-            Image(
-                header=header(t),
-                height=size,
-                width=2 * size,
-                step=2 * size,
-                encoding="mono8",
-                data=rows.tobytes(),
-            ),
-        )
-
-
 def spokes() -> Iterator[tuple[float, Any]]:
     """A radar that turns in 2.4 s: 12 spokes a message, each at its own time."""
     sonar, step = Sonar(2.0 * math.pi / 96), 0.025
@@ -202,25 +138,6 @@ def spokes() -> Iterator[tuple[float, Any]]:
                 range_min=float(RANGE[0]),
                 range_max=float(RANGE[-1]),
                 intensities=[RadarEcho(echoes=one.tolist()) for one in field],
-            ),
-        )
-
-
-def echoes() -> Iterator[tuple[float, Any]]:
-    """A Ping360 that turns in 2.4 s, one bearing a message."""
-    sonar = Sonar(2.0 * math.pi / 96)
-    for k in range(12 * 96):
-        t, azimuth = 0.025 * k, AROUND[k % 96]
-        field = shown(sonar.amplitude(np.array([azimuth]), np.array([t])))[0]
-        padded = np.concatenate([np.zeros(5, np.uint8), np.repeat(field, 2)])  # cells of 0.1 m
-        yield (
-            t,
-            SonarEcho(
-                header=header(t),
-                angle=float(azimuth),
-                range=30.5,
-                speed_of_sound=1500,
-                intensities=padded.tobytes(),
             ),
         )
 
@@ -255,13 +172,7 @@ class Driver(NamedTuple):
 
 DRIVERS = {
     "ProjectedSonarImage": Driver(projected),
-    "RawSonarImage": Driver(raw),
-    "Image mono8": Driver(lambda: picture("mono8")),
-    "Image mono16": Driver(lambda: picture("mono16")),
-    "Image 32FC1": Driver(lambda: picture("32FC1")),
-    "Image fan": Driver(fan, parameters={"image.rows": "fan"}),
     "RadarSector": Driver(spokes, whole=True, parameters={"sound_speed": 0.0}),
-    "SonarEcho": Driver(echoes, whole=True),
     "one column": Driver(columns),
 }
 

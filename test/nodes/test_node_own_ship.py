@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat
-from support.expectation import STATE, assert_same, assert_stamps, confirmed
+from support.expectation import STATE, assert_same, confirmed
 from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN
 from support.ship import (
     MOVING,
@@ -141,40 +141,6 @@ def test_a_scan_is_processed_as_soon_as_tf_knows_its_last_echo(world, by_tf):
     assert times[0] == pytest.approx(0.0, abs=1e-6)
     assert times[-1] == pytest.approx(4.0)
     assert np.diff(times).max() <= 0.5 + 1e-6
-
-
-@pytest.mark.parametrize(
-    ("stamp_ns", "more"),
-    [
-        pytest.param(-5 * SECOND, {}, id="stamp_before_1970"),
-        pytest.param(START_NS - 30 * SECOND, {"time_offset": [9e5]}, id="time_offset_far_ahead"),
-        pytest.param(START_NS - 30 * SECOND, {}, id="before_what_tf_knows"),
-    ],
-)
-def test_a_scan_that_tf_never_places_costs_itself_alone(world, by_tf, stamp_ns, more):
-    _, boat = by_tf(Ship(), first=-1.0, last=1000.0, own_ship_timeout=SOON)
-    boat.driver.ping(Ping(stamp_ns, [1000.0], [0.0]), **more)
-    world.until(world.dropped, "the count")
-    assert_same(boat.send(SENT), confirmed(SENT))
-
-
-def test_scans_wait_for_odometry_that_comes_after_them_and_keep_their_order(world):
-    boat = Boat(world, own_ship_source="odometry", own_ship_timeout=3600.0)
-    for ping in SENT[:4]:
-        boat.driver.ping(ping)
-    world.until(lambda: world.figures()["waiting_for_own_ship"] == "4", "scans that wait")
-    assert len(boat.tracks) == 0
-    publish_poses(boat, Ship(), 0, 13)
-    boat.take(2, 0)
-    world.until(lambda: world.figures()["waiting_for_own_ship"] == "2", "scans that still wait")
-    assert len(boat.tracks) == 2
-    publish_poses(boat, Ship(), 14, 140)
-    for ping in SENT[4:]:
-        boat.driver.ping(ping)
-    received = boat.take(12, 0)
-    assert_same(received, confirmed(SENT))
-    assert_stamps(received, SENT)
-    assert world.dropped() == {}
 
 
 def test_odometry_that_waits_unread_while_the_machine_is_busy_is_used(world):

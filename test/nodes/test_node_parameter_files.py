@@ -10,7 +10,7 @@ from rclpy.parameter import parameter_dict_from_yaml_file
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from support.ros_world import remapped
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import NODES, full_table
@@ -91,20 +91,19 @@ def test_the_quality_of_service_of_publishers_may_be_overridden(world):
     assert node.get_parameter(f"{prefix}.depth").value == 7
 
 
-@pytest.mark.parametrize("kind", [TrackInitiator, SonarSimulator])
-@pytest.mark.parametrize(
-    ("name", "value", "part"),
-    [
-        ("/detections.subscription.reliability", "best_effort", "only publishers take overrides"),
-        ("/nowhere.publisher.depth", 5, "the node publishes"),
-        ("/diagnostics.publisher.depth", 0, "at least 1"),
-        ("/diagnostics.publisher.depth", 2**31, "below 2"),
-        ("/diagnostics.publisher.reliability", "sometimes", "reliable or best_effort"),
-        ("/diagnostics.publisher.deadline", 5, "the policy must be"),
-    ],
-)
-def test_other_overrides_are_refused_with_a_sentence(world, kind, name, value, part):
-    name = name.replace("/diagnostics", "/detections") if kind is SonarSimulator else name
-    with pytest.raises(ParameterError, match="qos_overrides") as error:
-        world.make(kind, {f"qos_overrides.{name}": value})
-    assert part in str(error.value)
+OTHER = [
+    ("/detections.subscription.reliability", "best_effort", "only publishers take overrides"),
+    ("/nowhere.publisher.depth", 5, "the node publishes"),
+    ("/diagnostics.publisher.depth", 0, "at least 1"),
+    ("/diagnostics.publisher.depth", 2**31, "below 2"),
+    ("/diagnostics.publisher.reliability", "sometimes", "reliable or best_effort"),
+    ("/diagnostics.publisher.deadline", 5, "the policy must be"),
+]
+
+
+def test_other_overrides_are_refused_with_a_sentence(world):
+    for name, value, part in OTHER:
+        for kind, topic in ((TrackInitiator, "/diagnostics"), (SonarSimulator, "/detections")):
+            with pytest.raises(ParameterError, match="qos_overrides") as error:
+                world.make(kind, {f"qos_overrides.{name.replace('/diagnostics', topic)}": value})
+            assert part in str(error.value)

@@ -92,27 +92,6 @@ def test_detections_are_handed_over_where_they_were_placed_with_what_a_filter_ne
         assert [point["intensity"] for point in shown] == list(range(len(delay)))
 
 
-def test_potential_tracks_are_drawn_by_their_evidence(world):
-    boat = Boat(world, publish_potential_tracks=True, method="score", clutter_density="given")
-    clouds = world.listen(PointCloud2, "potential_tracks")
-    markers = world.listen(MarkerArray, "potential_tracks/markers")
-    world.until_connected()
-    boat.send(pings(3))
-    world.until(lambda: len(clouds) == 3 and len(markers) == 3, "potential tracks")
-    found = points(clouds[-1])
-    assert all(math.isfinite(point["score"]) for point in found)
-    first, positions, velocities = markers[-1].markers
-    assert first.action == Marker.DELETEALL
-    there = [(point["state_x"], point["state_y"]) for point in found]
-    drawn_at = [(point.x, point.y) for point in positions.points]
-    best = max(found, key=lambda point: point["score"])
-    assert drawn_at[0] == (best["state_x"], best["state_y"])
-    assert set(drawn_at) < set(there), "what is more likely clutter is not drawn"
-    assert len(velocities.points) == 2 * len(drawn_at) > 2
-    red = [color.r for color in positions.colors]
-    assert red == sorted(red, reverse=True) and red[0] > red[-1]
-
-
 def test_potential_tracks_come_only_while_switched_on(world):
     """Those published last are removed at the end, for later viewers too."""
     boat = Boat(world)
@@ -188,20 +167,3 @@ def test_fixed_echoes_are_published_beside_the_tracks_and_shown_to_late_viewers(
     after = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
     world.until(lambda: after, "markers after the reset")
     assert [marker.action for marker in after[-1].markers] == [Marker.DELETEALL]
-
-
-def test_without_min_speed_the_topic_is_there_and_empty_and_a_reset_clears_it(world):
-    boat = Boat(world)
-    echoes = world.listen(PointCloud2, "fixed_echoes", LATCHED)
-    markers = world.listen(MarkerArray, "fixed_echoes/markers", LATCHED)
-    world.until_connected()
-    sent = pings(8, targets=TARGETS)
-    received = boat.send(sent)
-    world.until(lambda: len(echoes) == len(sent), "an answer to every ping")
-    assert {message.width for message in echoes} == {0}
-    probabilities = [p["stationary_probability"] for m in received for p in points(m)]
-    assert probabilities
-    assert all(0.0 <= probability <= 1.0 for probability in probabilities)
-    world.reset()
-    world.until(lambda: len(echoes) > len(sent), "the empty message")
-    assert [marker.action for marker in markers[-1].markers] == [Marker.DELETEALL]

@@ -22,7 +22,7 @@ from support.show import (
 )
 from support.sonar_driver import points, stamp_ns
 
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 
 
@@ -150,10 +150,11 @@ UNPLAYABLE = {
 }
 
 
-@pytest.mark.parametrize("name", UNPLAYABLE)
-def test_what_cannot_be_played_is_refused_with_a_sentence(world, record, name):
-    files, parameters, said = UNPLAYABLE[name]
-    with pytest.raises(ParameterError) as error:
-        world.make(ScanPlayer, {"recording": record(**files), **parameters})
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
+def test_what_cannot_be_played_is_refused_with_a_sentence(world, tmp_path):
+    for name, (files, parameters, said) in UNPLAYABLE.items():
+        (tmp_path / name).mkdir()
+        recording = write_recording(tmp_path / name, **files)
+        with pytest.raises(ParameterError) as error:
+            world.make(ScanPlayer, {"recording": recording, **parameters})
+        assert said in str(error.value)
+        assert "\n" not in str(error.value)

@@ -65,9 +65,9 @@ def documented(node: str) -> set[tuple[str, str, str]]:
     (section,) = (
         part
         for part in PAGE.read_text(encoding="utf-8").split("\n## ")
-        if part.startswith(f"`{node}`\n")
+        if f"`{node}`" in part.partition("\n")[0]
     )
-    table = section.split("\n| name | direction | type | what |\n", 1)[1].split("\n\n", 1)[0]
+    table = section.split("\n| name | direction | type | content |\n", 1)[1].split("\n\n", 1)[0]
     rows = [[cell.strip(" `") for cell in line.split("|")[1:4]] for line in table.splitlines()[1:]]
     return {(full_name(node, name), direction, kind) for name, direction, kind in rows}
 

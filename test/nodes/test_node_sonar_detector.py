@@ -95,7 +95,7 @@ def test_targets_to_port_and_to_starboard_are_detected_and_shown_where_they_are(
     assert set(found[0].features) >= {"intensity", "range_width", "azimuth_width"}
     world.until(lambda: markers and images and plans, "what shows the image")
     assert (images[-1].height, images[-1].width, images[-1].encoding) == (BEAMS, CELLS, "32FC1")
-    assert markers[-1].markers[-1].points
+    assert markers[-1].markers[-1].points and markers[-1].markers[-1].color.a == 1.0
     assert len(plans) <= 2.0 * (time.monotonic() - begin) + 1.0, "at most twice a second"
     assert plans[-1].header.frame_id == "sonar"
     assert max(plans[-1].data) > 50

@@ -20,7 +20,7 @@ pytest.importorskip("tornado")
 
 from msg_adapters import diagnostics, make_header, odometry_message, track_cloud
 from tsepm_ros.diagnostics.health_figures import Level, Status
-from tsepm_ros.nodes.node_parameters import ParameterError
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.viewer import track_viewer
@@ -84,8 +84,11 @@ def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
     world.until_logged("a message on tracks/current cannot be shown: field 'track_id' is missing")
 
 
-@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["volatile", "best_effort"])
-@pytest.mark.parametrize("viewer_first", [True, False], ids=["viewer_first", "source_first"])
+@pytest.mark.parametrize(
+    ("qos", "viewer_first"),
+    [(RELIABLE, True), (BEST_EFFORT, False)],
+    ids=["volatile, viewer first", "best effort, source first"],
+)
 def test_sources_that_offer_less_are_shown_too(world, qos, viewer_first):
     viewer = world.make(TrackViewer, {"port": 0}) if viewer_first else None
     publisher = world.observer.create_publisher(PointCloud2, "tracks/current", qos)
@@ -105,22 +108,22 @@ def test_sources_that_offer_less_are_shown_too(world, qos, viewer_first):
     assert watcher.health["level"] == 2
 
 
-@pytest.mark.parametrize(
-    ("parameters", "sentence"),
-    [
-        ({"token": "short"}, "token must have at least 16 characters"),
-        ({"origin": "59.65"}, "origin must be latitude,longitude"),
-        ({"host": "no-such-host.invalid"}, "cannot be served on no-such-host.invalid"),
-        ({"prot": 1}, "prot is not a parameter; did you mean port?"),
-        ({"qos_overrides./nowhere.publisher.depth": 5}, "nowhere"),  # the server has started
-    ],
-)
-def test_a_node_with_bad_parameters_is_refused_and_serves_nothing(world, parameters, sentence):
+BAD = [
+    ({"token": "short"}, "token must have at least 16 characters"),
+    ({"origin": "59.65"}, "origin must be latitude,longitude"),
+    ({"host": "no-such-host.invalid"}, "cannot be served on no-such-host.invalid"),
+    ({"prot": 1}, "prot is not a parameter; did you mean port?"),
+    ({"qos_overrides./nowhere.publisher.depth": 5}, "nowhere"),  # the server has started
+]
+
+
+def test_a_node_with_bad_parameters_is_refused_and_serves_nothing(world):
     before = threading.enumerate()
-    with pytest.raises(ParameterError, match=re.escape(sentence)):
-        world.make(TrackViewer, {"port": 0, **parameters})
-    new = [thread.name for thread in threading.enumerate() if thread not in before]
-    assert "page server" not in new
+    for parameters, sentence in BAD:
+        with pytest.raises(ParameterError, match=re.escape(sentence)):
+            world.make(TrackViewer, {"port": 0, **parameters})
+        new = [thread.name for thread in threading.enumerate() if thread not in before]
+        assert "page server" not in new
 
 
 def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(world, monkeypatch):

@@ -13,7 +13,7 @@ from support.sonar_driver import START_NS, Ping, cloud, points
 from support.transforms import Transforms
 
 from msg_adapters import make_header, read_detections
-from tsepm_ros.nodes.subscriptions import TfOwnShip
+from tsepm_ros.nodes.subscriptions import tf_look_up
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -33,7 +33,7 @@ def turning(begin: Rotation, rate: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Trans
 
 def session_with(buffer: Any) -> Session:
     session = Session(Settings(SessionOptions(own_ship_source="tf", fixed_frame="map")))
-    session.own_ship.look_up = TfOwnShip(None, session, buffer).look_up
+    session.own_ship.look_up = tf_look_up(None, session, buffer)
     return session
 
 
@@ -115,7 +115,7 @@ def test_echoes_take_the_attitude_of_their_arrival():
 def test_a_rotation_that_gives_no_heading_places_nothing(rotation, axes):
     session = session_with(Transforms(lambda _: ((0.0, 0.0), rotation)))
     session.own_ship.look_up("sonar", START, START + 0.1, axes)
-    assert session.own_ship_stamp is None
+    assert session.own_ship.poses.last_stamp is None
     assert set(session.dropped) == {"own_ship_invalid"}
 
 

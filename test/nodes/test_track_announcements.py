@@ -9,9 +9,14 @@ import pytest
 from support.boat import Boat
 from support.sonar_driver import pings, points
 
-from tsepm_ros.nodes import diagnostics_publisher
-from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
-from tsepm_ros.nodes.publishers import MAX_LINES, PERIOD, TrackAnnouncements, announcement
+from tsepm_ros.nodes import base_node
+from tsepm_ros.nodes.base_node import ParameterisedNode
+from tsepm_ros.nodes.publishers import (
+    MAX_LINES,
+    PERIOD,
+    TrackAnnouncements,
+    announcement,
+)
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
@@ -92,12 +97,12 @@ def test_the_node_logs_each_confirmed_track(world):
 
 @pytest.fixture
 def node():
-    return Mock()
+    return Mock(_last={}, _said={})
 
 
 @pytest.mark.parametrize("reason", ["intensity", "plots"])
 def test_a_fact_is_no_warning(node, reason):
-    ThrottledWarnings(node).warn(reason, "it is so", 0)
+    ParameterisedNode.warn(node, reason, "it is so")
     node.get_logger().info.assert_called_once_with("it is so")
     node.get_logger().warning.assert_not_called()
 
@@ -109,8 +114,7 @@ def test_dropped_detections_are_said_again_once_they_are_ten_times_as_many(
     node, monkeypatch, reason, expected
 ):
     """One in each of 99 pings that are 12 s apart; a dropped scan is said each time."""
-    warnings = ThrottledWarnings(node)
     for ping in range(1, 100):
-        monkeypatch.setattr(diagnostics_publisher.time, "monotonic", lambda ping=ping: 12.0 * ping)
-        warnings.warn(reason, "dropped", ping if expected == 99 else ping * 2)
+        monkeypatch.setattr(base_node.time, "monotonic", lambda ping=ping: 12.0 * ping)
+        ParameterisedNode.warn(node, reason, "dropped", ping if expected == 99 else ping * 2)
     assert node.get_logger().warning.call_count == expected

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -9,6 +10,8 @@ import pytest
 import yaml
 from rclpy.qos import DurabilityPolicy
 from support.boat import named
+from support.ros_domains import own_domain
+from support.ros_world import World
 
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.settings.node_options import SimulatorNodeOptions
@@ -27,9 +30,14 @@ TYPES = {
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
-@pytest.fixture
-def published(world) -> dict[str, tuple[str, DurabilityPolicy]]:
+@pytest.fixture(scope="module")
+def published() -> Iterator[dict[str, tuple[str, DurabilityPolicy]]]:
     """Types and durabilities by topic, of a simulator and a track initiator."""
+    with own_domain() as domain, World(domain) as world:
+        yield of_both(world)
+
+
+def of_both(world: World) -> dict[str, tuple[str, DurabilityPolicy]]:
     world.make(TrackInitiator, named({"own_ship_source": "odometry"}))
     world.make(SonarSimulator)
     world.until_connected()

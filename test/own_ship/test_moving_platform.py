@@ -5,8 +5,8 @@ import functools
 
 import numpy as np
 import pytest
+from support.run_summaries import study
 
-from tsepm_ros.tools.evaluation.performance import study
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion

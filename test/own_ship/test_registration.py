@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from support.builders import whitened
 from support.registered import place, places, rolling, sail, session
 from support.sessions import NotedSession
 
 from msg_adapters.ping import ReadingOptions
-from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship.attitude import levelled
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan, sensor_covariance
+from tsepm_ros.own_ship.registration import Mounting, SensorScan, levelled
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
@@ -354,51 +352,7 @@ def test_range_rates_measured_steeply_are_left_out_and_that_is_said_where_they_c
     assert one.dropped == {}
 
 
-@pytest.mark.parametrize("name", ["x", "y", "yaw"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
-def test_a_mounting_that_cannot_be_is_refused(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be"):
-        Mounting(**{name: value})
-
-
-def test_the_covariance_of_the_sensor_is_that_of_its_errors():
-    rng = np.random.default_rng(6)
-    root = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [0.01, -0.02, 0.02]])
-    covariance = root @ root.T
-    vessel = np.zeros((200_000, 5))
-    vessel[:, :3] = [10.0, 20.0, 0.7] + rng.standard_normal((200_000, 3)) @ root.T
-    mounting = Mounting(x=100.0, y=-40.0, yaw=1.0)
-    arm = mounting.sensor_poses(np.array([[0.0, 0.0, 0.7, 0.0, 0.0]]))[0, :2]
-    expected = sensor_covariance(covariance, arm)
-    # Entries of a whitened sample covariance of 2e5 deviate by 0.003; what is left is 2nd order.
-    found = whitened(mounting.sensor_poses(vessel), expected)
-    np.testing.assert_allclose(found, np.eye(3), atol=0.02)
-    assert not np.allclose(whitened(vessel[:, :3], expected), np.eye(3), atol=0.3)
-
-
 MANY = 500
-
-
-def directions(azimuth, elevation):
-    level = np.cos(elevation)
-    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1)
-
-
-@pytest.mark.parametrize("mounting_yaw", [0.0, 2.2])
-@pytest.mark.parametrize("steepest", [0.0, 0.5, 1.5], ids=["no elevation", "half", "steep"])
-def test_a_tilted_detection_lies_where_the_full_rotation_puts_it(steepest, mounting_yaw):
-    rng = np.random.default_rng(1)
-    slant, azimuth = rng.uniform(1.0, 9000.0, MANY), rng.uniform(-math.pi, math.pi, MANY)
-    elevation = rng.uniform(-steepest, steepest, MANY)
-    yaw, pitch, roll = rng.uniform(-1.0, 1.0, (3, MANY)) * [[math.pi], [1.5], [math.pi]]
-    attitude = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1))
-    mounting = Rotation.from_euler("z", mounting_yaw)
-    place = slant[:, None] * (attitude * mounting).apply(directions(azimuth, elevation))
-    height = None if steepest == 0.0 else slant * np.sin(elevation)
-    found, turned = levelled(slant * np.cos(elevation), azimuth, height, roll, pitch, mounting_yaw)
-    heading = yaw + mounting_yaw
-    np.testing.assert_allclose(found * np.cos(turned + heading), place[:, 0], atol=1e-8)
-    np.testing.assert_allclose(found * np.sin(turned + heading), place[:, 1], atol=1e-8)
 
 
 @pytest.mark.parametrize("zero", [0.0, -0.0])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from support.sessions import arrived, ping, settings
 
-from msg_adapters.laser_scan_detections import no_returns
+from msg_adapters.detections import no_returns
 from msg_adapters.ping import ReadingOptions, good_detections
-from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.own_ship.registration import MessageFacts, Mounting, SensorScan
 from tsepm_ros.session.consistency_checks import (
@@ -25,8 +25,8 @@ from tsepm_ros.session.consistency_checks import (
 )
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen import Extent
+from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 
 START = 1_700_000_000.0
 
@@ -136,6 +136,15 @@ def test_a_clock_ahead_of_the_arrivals_is_asked_about(seconds):
         sentence = said[f"clock of {name}"]
         assert f"{seconds:.3g} s ahead" in sentence
         assert ("GPS" in sentence) is (seconds < 40.0)
+
+
+def test_bearings_that_are_sent_one_after_the_other_are_no_clock_ahead():
+    pings = [
+        (range_, azimuth, {**more, "time_offset": np.linspace(0.0, 2.9, len(range_))})
+        for range_, azimuth, more in noisy()
+    ]
+    assert asked_of(pings, period=3.0, now=3.0) == {}
+    assert "1.5 s ahead" in asked_of(pings, period=3.0, now=1.4)["clock of detections"]
 
 
 def test_a_clock_behind_by_leap_seconds_is_asked_about_and_others_are_latency():

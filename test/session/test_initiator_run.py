@@ -13,7 +13,7 @@ from support.sessions import NotedSession, failing_at, held, play, play_empty, s
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.method import ScanStatistics

@@ -13,8 +13,7 @@ from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.drop_reasons import MAX_SENTENCE
 from tsepm_ros.session.inputs import MAX_NOTICED, Frames
-from tsepm_ros.session.result import vessel_pose
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import Session, vessel_pose
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.options import CommonOptions
@@ -55,7 +54,7 @@ def test_a_scan_whose_own_ship_data_never_comes_is_dropped_after_the_timeout():
     assert list(one.process(52.0)) == []
     assert one.dropped == {"own_ship_missing": 1}
     assert one.heard == ["own_ship_missing"]
-    assert one.waiting == 0
+    assert one.figures().waiting == 0
 
 
 def reader(one, *stamps):
@@ -229,7 +228,7 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
     for stamp in (31.0, 32.0):
         one.add_own_ship(PoseSample(stamp, 1e9, 0.0, 0.0, rates=(10.0, 0.0, 0.0), frame_id="odom"))
     assert play(one, [36]) == []
-    assert (one.dropped, one.waiting) == ({"own_ship_jump": 1}, 0)
+    assert (one.dropped, one.figures().waiting) == ({"own_ship_jump": 1}, 0)
     sail(one, 40.0, 60.0)
     (result,) = play(one, [48])
     assert held(result) == [track.track_id for track in confirmed]
@@ -328,12 +327,12 @@ def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
     one = moving(fixed_frame=given)
     sail(one, 0.0, frame_id="")
     assert one.dropped == ({} if given else {"own_ship_empty_frame": 1})
-    assert (one.fixed_frame, one.own_ship_stamp) == (given, 0.0 if given else None)
+    assert (one.fixed_frame, one.own_ship.poses.last_stamp) == (given, 0.0 if given else None)
 
 
 def test_the_frames_that_were_noticed_are_bounded():
     """A source that names another frame with each message neither grows nor repeats for ever."""
-    frames = Frames(SessionOptions(own_ship_source="odometry"), moves=True)
+    frames = Frames(SessionOptions(own_ship_source="odometry"))
     frames.admit(SensorScan(Scan(0.0, [], []), "sonar"), 10)
     noticed = 0
     for number in range(10 * MAX_NOTICED):

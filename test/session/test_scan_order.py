@@ -20,7 +20,8 @@ from support.sessions import (
 )
 
 from tsepm_ros import Scan
-from tsepm_ros.session.scan_queue import MAX_INTERVAL, Arrival, ScanOrder
+from tsepm_ros.methods.score import Score
+from tsepm_ros.session.inputs import MAX_INTERVAL, Arrival, ScanOrder
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -37,7 +38,8 @@ class Order(ScanOrder):
     """
 
     def __init__(self, window: int = 8, restart_jump: float = 60.0, max_gap: float = 0.0) -> None:
-        super().__init__(window, restart_jump, max_gap)
+        session = SessionOptions(restart_jump=restart_jump, max_gap=max_gap)
+        super().__init__(Settings(session, methods={"score": Score.Options(window=window)}))
 
     def classify(self, stamp: float) -> Arrival:
         arrival = super().classify(stamp)
@@ -144,7 +146,7 @@ def test_a_stamp_far_back_is_confirmed_by_one_that_follows_it_before_the_last(fo
     one.classify(100_000.0)
     assert ScanOrder.classify(one, 10.0) is Arrival.FAR_BACK
     assert one.is_confirmed(10.0, following) is confirmed
-    one.max_gap = 2 * MAX_INTERVAL
+    one.settings = Order(max_gap=2 * MAX_INTERVAL).settings
     assert one.is_confirmed(10.0, 10.0 + 2 * MAX_INTERVAL)
 
 
@@ -156,18 +158,15 @@ def test_a_sonar_that_changes_to_a_long_period_is_followed():
     assert arrivals[-5:] == [NEXT] * 5
 
 
-def test_resizing_keeps_the_latest_intervals():
+def test_another_window_has_the_latest_intervals():
     one = Order(window=8)
     for stamp in (0.0, 100.0, 200.0, 300.0, 310.0, 320.0, 330.0):
         one.classify(stamp)
-    one.resize(3)
+    one.settings = Order(window=3).settings
     assert one.gap_limit == 3 * 10.0
     one.classify(340.0)
-    one.resize(8)
+    one.settings = Order(window=8).settings
     assert one.gap_limit == 8 * 10.0
-    one.reset()
-    assert one.gap_limit == MAX_INTERVAL
-    assert one.classify(-1e6) is NEXT
 
 
 def test_a_scan_that_is_not_accepted_leaves_no_trace():
@@ -219,7 +218,7 @@ def test_the_queue_of_waiting_scans_is_bounded_also_over_a_restart():
     one = NotedSession(moving_settings(), queue_length=QUEUE_LENGTH)
     for k in range(QUEUE_LENGTH + 3):
         one.add_scan(ping(float(k)), 0.0)
-    assert one.waiting == QUEUE_LENGTH
+    assert one.figures().waiting == QUEUE_LENGTH
     assert one.dropped == {"queue_full": 3}
     sail(one, 0.0, 100.0)
     assert [result.stamp for result in one.process(0.0)] == [
@@ -292,7 +291,7 @@ def test_of_a_restart_that_is_confirmed_nothing_is_lost_and_the_wait_is_not_coun
 def test_the_last_scan_of_all_if_far_back_is_dropped_and_counted():
     one = session()
     play(one, [1000, 5])
-    assert (list(one.process(last=True)), one.waiting) == ([], 0)
+    assert (list(one.process(last=True)), one.figures().waiting) == ([], 0)
     assert one.dropped == {"scan_far_back": 1}
 
 

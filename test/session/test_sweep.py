@@ -30,8 +30,7 @@ from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 
-@pytest.mark.parametrize("size", [1, 6])
-@pytest.mark.parametrize("pose", [still, circling])
+@pytest.mark.parametrize(("size", "pose"), [(6, still), (1, circling)], ids=["still", "circling"])
 def test_a_turn_in_parts_gives_the_tracks_of_the_turn_in_one_message(pose, size):
     """To the bit: hits, states and covariances, also of a ship that moves and turns."""
     ranges, options, own_ship = turns(10, pose), {}, None
@@ -138,6 +137,9 @@ def test_an_open_scan_ends_after_a_silence_on_both_clocks():
     assert result.scan.swept[1] == pytest.approx(1.0)
     one.add_scan(beam(4.0, 2.0, 100.0), (54.0, 11.0))
     assert [len(result.scan) for result in one.process(last=True)] == [1]
+    one.add_scan(beam(5.0, 2.0, 100.0), (55.0, 12.0))
+    one.reset()
+    assert list(one.process(last=True)) == []
 
 
 def test_a_part_of_a_turn_counts_no_misses_elsewhere():

@@ -12,7 +12,7 @@ import yaml
 from tsepm_ros import SensorModel, available_methods
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.parameters import check_group, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter, table
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
     PlaybackOptions,
@@ -55,7 +55,7 @@ GROUPS = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class Example:
+class Example(ParameterGroup):
     """One of everything."""
 
     flag: bool = parameter(True, "A flag")
@@ -66,9 +66,6 @@ class Example:
     any: float = parameter(0.0, "Any number")
     mode: str = parameter("slow", "A mode", choices=("slow", "fast"), read_only=True)
     name: str = parameter("", "A name")
-
-    def __post_init__(self) -> None:
-        check_group(self)
 
 
 ROWS = {row.name: row for row in table(Example)}
@@ -374,7 +371,7 @@ def test_a_file_without_a_section_for_the_node_in_its_namespace_is_named(written
     assert len(unused_files(arguments, "/track_initiator")) == 1
 
 
-@pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 50_000])
+@pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 5_000])
 def test_what_is_no_parameter_file_is_left_to_ros(written, text):
     assert unused_files(written(text), "/track_initiator") == []
 

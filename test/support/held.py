@@ -5,6 +5,7 @@ import numpy as np
 from support.builders import FIXED_RANGE_ERROR, detections
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
 NOTHING = detections(np.zeros((0, 2)), 0.0)
@@ -56,6 +57,6 @@ def published(maintenance: TrackMaintenance) -> list[int]:
 
 
 def holding(*track_ids: int, hold_time: float = 1e6, existence: float = 0.9) -> TrackMaintenance:
-    maintenance = TrackMaintenance(hold_time)
+    maintenance = TrackMaintenance(CommonOptions(hold_time=hold_time))
     maintenance.add(tracks(*track_ids), existence)
     return maintenance

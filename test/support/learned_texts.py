@@ -26,8 +26,7 @@ SENSORS = {
     ),
 }
 """Sensors, and their clutter's density, 1/m^2."""
-STRENGTHS = (None, "linear", "decibels")
-SCENES = [(sensor, strengths) for sensor in SENSORS for strengths in STRENGTHS]
+SCENES = list(SENSORS)
 LEARNT_FROM, TARGET = (2500.0, -3.0, 2000.0, 2.0), (1500.0, 3.0, 1500.0, -2.0)
 REPLACEMENTS: tuple[Any, ...] = (
     *(0, 0.0, -1, -1.0, -1e308, 5e-324, 1e-320, 1e-310, 1e200, -1e200, 1e308, 2**63, 2**64),
@@ -36,49 +35,40 @@ REPLACEMENTS: tuple[Any, ...] = (
 )
 
 
-def scans(
-    scene: tuple[str, str | None], number: int, seed: int, target: tuple[float, ...], first: int
-) -> list[Scan]:
+def scans(scene: str, number: int, seed: int, target: tuple[float, ...], first: int) -> list[Scan]:
     """Scans of even clutter and of a target [x, vx, y, vy]."""
-    sensor, density = SENSORS[scene[0]]
+    sensor, density = SENSORS[scene]
     rng, made = np.random.default_rng(seed), []
     for k in range(number):
         n = rng.poisson(density * sensor.coverage_area)
         range_ = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, n))
         azimuth = sensor.azimuth_min + rng.uniform(0.0, sensor.sector_width, n)
-        strength = rng.exponential(size=n)
         if rng.random() < 0.9:
             x, y = target[0] + 12.0 * k * target[1], target[2] + 12.0 * k * target[3]
             range_ = np.append(range_, math.hypot(x, y) * (1.0 + 0.015 * rng.standard_normal()))
             error = sensor.azimuth_std * rng.standard_normal()
             azimuth = np.append(azimuth, math.atan2(y, x) + error)
-            strength = np.append(strength, 8.0 * rng.exponential())
-        if scene[1] == "decibels":
-            strength = 10.0 * np.log10(np.maximum(strength, 1e-9)) - 40.0
-        features = {"intensity": strength} if scene[1] else {}
-        made.append(Scan(12.0 * (first + k), range_, azimuth, features=features))
+        made.append(Scan(12.0 * (first + k), range_, azimuth))
     return made
 
 
 @cache
-def learned_text(scene: tuple[str, str | None]) -> str:
+def learned_text(scene: str) -> str:
     """What a run of 60 scans has learned."""
-    sensor = SENSORS[scene[0]][0]
+    sensor = SENSORS[scene][0]
     initiator = make_initiator("score", sensor=sensor)
     for scan in scans(scene, 60, 7, LEARNT_FROM, 0):
         initiator.process(scan)
     return learned_memory.written(initiator.learned, sensor, "sonar", TIME)
 
 
-def read(scene: tuple[str, str | None], text: str) -> Learned:
-    return learned_memory.read(text, SENSORS[scene[0]][0], "sonar", TIME, DAY).learned
+def read(scene: str, text: str) -> Learned:
+    return learned_memory.read(text, SENSORS[scene][0], "sonar", TIME, DAY)[0]
 
 
-def confirming_ping(
-    scene: tuple[str, str | None], learned: Learned | None
-) -> tuple[int | None, Tracker]:
+def confirming_ping(scene: str, learned: Learned | None) -> tuple[int | None, Tracker]:
     """Ping at which a target confirms after a restart, with what was learned or without."""
-    initiator, found = make_initiator("score", sensor=SENSORS[scene[0]][0]), None
+    initiator, found = make_initiator("score", sensor=SENSORS[scene][0]), None
     if learned is not None:
         initiator.learned = learned
     for k, scan in enumerate(scans(scene, 25, 11, TARGET, 1000)):
@@ -91,7 +81,7 @@ def confirming_ping(
 
 
 @cache
-def confirming_ping_alone(scene: tuple[str, str | None]) -> int:
+def confirming_ping_alone(scene: str) -> int:
     found = confirming_ping(scene, None)[0]
     assert found is not None
     return found

@@ -151,8 +151,7 @@ class PlainMaintenance:
     ) -> list[float]:
         """Take a scan, of a part of the coverage or all; returns the held density at detections."""
         rule, stamp = self.rule, scan["stamp"]
-        self.ended, self.declined = {"tracker": self.declined}, []
-        self.association = {}
+        self.ended, self.declined, self.association = {"tracker": self.declined}, [], {}
         if self.report is not None and abs(stamp - self.report) > rule.tracked_timeout:
             self.report = None
         self.end("not_detected", [t.last_detected >= stamp - rule.hold_time for t in self.tracks])
@@ -176,72 +175,36 @@ class PlainMaintenance:
             for track, some in zip(predicted, near, strict=True)
         ]
         # L_ijm = s_i P_D N_ijm / lambda_j, and b_i = 1 - s_i P_D P_G.
-        ratios = [
-            [
-                {
-                    j: track.visible
-                    * rule.detection_probability
-                    * one.likelihood
-                    / plots[j].clutter
-                    for j, one in mode.items()
-                }
-                for mode in modes
-            ]
-            for track, modes in zip(predicted, fits, strict=True)
-        ]
-        empty = [1.0 - t.visible * p * P_G for t, p in zip(predicted, p_d, strict=True)]
-        mean = [
-            {
-                j: sum(m.probability * of[j] for m, of in zip(t.modes, modes, strict=True))
-                for j in near[i]
-            }
-            for i, (t, modes) in enumerate(zip(predicted, ratios, strict=True))
-        ]
-        everyone = range(len(predicted))
-        alone = [
-            {
-                j: factor(predicted[i].existence, empty[i], mean[i][j], others(mean[i], j))
-                for j in mean[i]
-            }
-            for i in everyone
-        ]
-        left = [
-            {
-                j: math.prod(alone[k][j] for k in everyone if k != i and j in alone[k])
-                for j in mean[i]
-            }
-            for i in everyone
-        ]
-        competing = [{j: mean[i][j] / left[i][j] for j in mean[i]} for i in everyone]
-        density = [
-            plot.clutter
-            * (
-                math.prod(
-                    factor(predicted[i].existence, empty[i], mean[i][j], others(competing[i], j))
-                    for i in everyone
-                    if j in mean[i]
-                )
-                - 1.0
-            )
-            for j, plot in enumerate(plots)
-        ]
+        density = np.array([plot.clutter for plot in plots])
+        visible = np.array([track.visible for track in predicted])
+        empty = 1.0 - visible * p_d * P_G
+        ratios = np.zeros((len(predicted), 2, len(plots)))
+        for i, m in itertools.product(range(len(predicted)), (ON, TURN)):
+            for j, one in fits[i][m].items():
+                ratios[i, m, j] = one.likelihood
+        ratios *= visible[:, None, None] * rule.detection_probability / density
+        weights = np.array([[m.probability for m in t.modes] for t in predicted]).reshape(-1, 2)
+        existence = np.array([track.existence for track in predicted])
+        mean = np.einsum("im,imj->ij", weights, ratios)
+        alone = factors(existence, empty, mean, mean)
+        left = np.array([np.delete(alone, i, axis=0).prod(axis=0) for i in range(len(predicted))])
+        left = left.reshape(mean.shape)
+        competing = mean / left
+        density = density * (factors(existence, empty, mean, competing).prod(axis=0) - 1.0)
         self.tracks, learned, located, explained = [], [], {}, {}
         for i, track in enumerate(predicted):
-            of_modes = [{j: of[j] / left[i][j] for j in of} for of in ratios[i]]
             listed = self.report is not None and track.unlisted_since == -math.inf
             limit = math.inf if listed else rule.settings.max_speed
-            track, detected = update(track, fits[i], of_modes, empty[i], limit)
+            track, detected = update(track, fits[i], ratios[i] / left[i], empty[i], limit)
             if near[i]:
                 error = plots[near[i][0]].detection.covariance
                 wide = track.mean[1][np.ix_([0, 2], [0, 2])]
                 located[track.id] = largest(wide) <= 2.0**2 * largest(error)
-            whole = empty[i] + sum(competing[i].values())
-            for j, value in competing[i].items():
-                self.association[track.id, j] = value / whole * track.existence
-                if self.association[track.id, j] > 0.5:
-                    error = largest(plots[j].detection.covariance)
-                    track = replace(track, hit_variance=error)
-            explained[track.id] = sum(competing[i].values()) / whole * track.existence
+            origin = competing[i] / (empty[i] + competing[i].sum()) * track.existence
+            self.association |= {(track.id, j): float(origin[j]) for j in near[i]}
+            for j in np.flatnonzero(origin > 0.5):
+                track = replace(track, hit_variance=largest(plots[j].detection.covariance))
+            explained[track.id] = origin.sum()
             covered = track.covered_scans + (p_d[i] > 0.0)
             if p_d[i] > 0.0:
                 learned.append((detected * track.proven / track.existence, covered))
@@ -253,7 +216,7 @@ class PlainMaintenance:
         self.tracks = counted(self.tracks, located, explained)
         self.end("duplicate", [track.agreeing < 5 for track in self.tracks])
         self.tracks = [replace(track, published=self.shown(track)) for track in self.tracks]
-        return density
+        return density.tolist()
 
     def shown(self, track: Track) -> bool:
         """Whether a track is published, not withheld.
@@ -431,28 +394,27 @@ def range_rate_innovation(
     return plot.range_rate - rate - c / r, float(variance), gradient
 
 
-def others(ratio: Mapping[int, float], j: int) -> float:
-    """Sum of a track's likelihood ratios but that of a plot."""
-    return sum(value for k, value in ratio.items() if k != j)
-
-
-def factor(existence: float, empty: float, ratio: float, rest: float) -> float:
-    """f: factor of the scan's likelihood by a target's possible origin of a plot."""
-    without = 1.0 - existence + existence * (empty + rest)
-    return (without + existence * ratio) / without
+def factors(
+    existence: np.ndarray, empty: np.ndarray, ratio: np.ndarray, of_others: np.ndarray
+) -> np.ndarray:
+    """f: factors of the scan's likelihood by each target's possible origin of each plot."""
+    rest = of_others.sum(axis=1, keepdims=True) - of_others
+    r = existence[:, None]
+    without = 1.0 - r + r * (empty[:, None] + rest)
+    return (without + r * ratio) / without
 
 
 def update(
     track: Track,
     fits: Sequence[Mapping[int, Fit]],
-    ratios: Sequence[Mapping[int, float]],
+    ratios: np.ndarray,
     empty: float,
     max_speed: float,
 ) -> tuple[Track, float]:
     """The track after a scan, and the probability that its target was detected."""
     wholes, modes = [], []
     for mode, fit_of, ratio_of in zip(track.modes, fits, ratios, strict=True):
-        whole = empty + sum(ratio_of.values())  # 1 - delta of the mode
+        whole = empty + ratio_of.sum()  # 1 - delta of the mode
         parts = [(empty / whole, mode.state, mode.covariance)]
         parts += [(ratio_of[j] / whole, one.state, one.covariance) for j, one in fit_of.items()]
         wholes.append(whole)

@@ -114,7 +114,7 @@ def in_gate(
 ) -> bool:
     """Eq. 7."""
     if options["gate_error"] == "major_axis":
-        sigma = math.sqrt(max(np.linalg.eigvalsh(last.covariance)))
+        sigma = last.major_axis_std
     else:
         apart = math.dist(last.point, last.sensing.position)
         measured = apart * math.exp(-0.5 * last.sensing.azimuth_std**2)
@@ -153,7 +153,7 @@ def plain_kalman(hits: list[Detection], stamp: float, noise: float) -> Estimate:
         x = x + kalman_gain @ (hit.point - h @ x)
         p = (np.eye(4) - kalman_gain @ h) @ p
     x, p = plain_predict(x, p, stamp - time, noise)
-    return Estimate(x, p, [hit.covariance for hit in hits])
+    return Estimate(x, p, np.array([hit.covariance for hit in hits]))
 
 
 def plain_predict(
@@ -174,7 +174,7 @@ def plain_line(hits: list[Detection], stamp: float) -> Estimate:
     position = mean + direction * ends[1] + velocity * (stamp - hits[-1].time)
     state = np.array([position[0], velocity[0], position[1], velocity[1]])
     covariance = unweighted_least_squares(hits, stamp).covariance
-    return Estimate(state, covariance, [hit.covariance for hit in hits])
+    return Estimate(state, covariance, np.array([hit.covariance for hit in hits]))
 
 
 # --- logic ---------------------------------------------------------------------------------------

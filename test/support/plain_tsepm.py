@@ -8,6 +8,7 @@ and rad; azimuth is counter-clockwise from the sensor's x axis, a state ``[x, vx
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +19,9 @@ WEIGHTED_PASSES = 2
 
 MEASUREMENT_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 """H of Eqs. 10 and 18: the position within the state."""
+
+Key = tuple[int, int]
+"""Of a scan and of a detection in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +52,12 @@ class Parameters:
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """How a detection was measured: what its covariance depends on besides its place."""
+    """How a detection was measured; without an own range_std, the sensor's model counts."""
 
     position: np.ndarray
     yaw: float
     pose_covariance: np.ndarray | None
-    """Of x, y and yaw."""
     range_std: float | None
-    """The detection's own; None means the sensor's model."""
     azimuth_std: float
     across_as_along: bool
 
@@ -64,12 +66,15 @@ class Sensing:
 class Detection:
     """A detection, converted to the fixed frame: z of Eq. 9 and R of Eq. 11 at its time."""
 
-    key: tuple[int, int]
-    """Of the scan and of the detection in it."""
+    key: Key
     time: float
     point: np.ndarray
     covariance: np.ndarray
     sensing: Sensing
+
+    @cached_property
+    def major_axis_std(self) -> float:
+        return math.sqrt(np.linalg.eigvalsh(self.covariance)[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,30 +91,23 @@ class Estimate:
 
     state: np.ndarray
     covariance: np.ndarray
-    hit_covariances: list[np.ndarray]
-
-
-@dataclass(frozen=True, eq=False)
-class EvaluatedTrack:
-    """A confirmed track with its estimate and both figures of Section 3.4."""
-
-    hits: tuple[Detection, ...]
-    estimate: Estimate
-    distance: float
-    clutter_statistic: float
+    hit_covariances: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class PlainTrack:
-    """A track put out: hits, evaluation and f1 of the best member, and the hits of every one."""
+    """A confirmed or merged track: its hits, or its best member's, and f1, and what is tested."""
 
     stamp: float
-    hits: tuple[tuple[int, int], ...]
-    members: frozenset[tuple[tuple[int, int], ...]]
+    detections: tuple[Detection, ...]
     state: np.ndarray
     covariance: np.ndarray
-    evaluation: float
     distance: float
+    evaluation: float
+
+    @property
+    def hits(self) -> tuple[Key, ...]:
+        return tuple(one.key for one in self.detections)
 
 
 @dataclass(frozen=True)
@@ -125,25 +123,33 @@ def plain_tsepm_with_counts(
     scans: Sequence[Mapping[str, Any]], **parameters: Any
 ) -> tuple[list[list[PlainTrack]], list[PlainCounts]]:
     """Run the method over scans, with the fields of `Scan` as keys and those of `Parameters`."""
-    settings = Parameters(**parameters)
-    potential: list[PotentialTrack] = []
-    all_tracks = []
-    all_counts = []
-    for scan_index, scan in enumerate(scans):
-        stamp = float(scan["stamp"])
-        detections = convert_scan(scan, scan_index, settings)  # Step 1
-        updated = update_tracks(potential, detections, settings)  # Step 2
-        confirmed, alive = confirm_tracks(updated, settings)  # Step 3
-        evaluated = []
-        for track in confirmed:
-            estimate = estimate_track(track.hits, stamp, settings)  # Step 4
-            evaluated.append(evaluate_track(track.hits, estimate, stamp, settings))  # Step 5
-        retained = [track for track in evaluated if is_retained(track, settings)]  # Step 6
-        merged = merge_tracks(retained, stamp, settings)  # Step 7
-        potential = alive + start_tracks(potential, detections, settings)  # Step 8
-        all_tracks.append(merged)
-        all_counts.append(PlainCounts(len(potential), len(confirmed), len(retained)))
-    return all_tracks, all_counts
+    settings, potential, results = Parameters(**parameters), [], []
+    for index, scan in enumerate(scans):
+        merged, potential, counts = step(potential, scan, index, settings)
+        results.append((merged, counts))
+    return [merged for merged, _ in results], [counts for _, counts in results]
+
+
+def step(
+    potential: list[PotentialTrack], scan: Mapping[str, Any], index: int, settings: Parameters
+) -> tuple[list[PlainTrack], list[PotentialTrack], PlainCounts]:
+    """Take a scan; returns its tracks, the potential tracks after it, and the numbers of both."""
+    stamp = float(scan["stamp"])
+    detections = convert_scan(scan, index, settings)  # Step 1
+    confirmed, alive = [], []
+    for track in split(potential, detections, settings):  # Step 2
+        if track.scan_count <= settings.window and len(track.hits) >= settings.min_hits:  # Step 3
+            confirmed.append(evaluated(track.hits, stamp, settings))  # Steps 4 and 5
+        elif track.scan_count < settings.window:
+            alive.append(track)
+    retained = [track for track in confirmed if track.evaluation <= pruning_threshold(settings)]
+    merged = [of_group(group, stamp, settings) for group in groups(retained, settings)]  # Step 7
+    alive += [  # Step 8: in no gate of those alive when the scan came
+        PotentialTrack((one,), 1)
+        for one in detections
+        if not any(is_gated(track, one, settings) for track in potential)
+    ]
+    return merged, alive, PlainCounts(len(alive), len(confirmed), len(retained))
 
 
 # --- Step 1: obtain and convert measurements -----------------------------------------------------
@@ -154,46 +160,32 @@ def convert_scan(scan: Mapping[str, Any], scan_index: int, settings: Parameters)
 
     E[cos(azimuth)] shrinks by exp(-azimuth_std^2 / 2), so the point is divided by it.
     """
+    poses = np.reshape(scan.get("sensor_pose", (0.0, 0.0, 0.0)), (-1, 3))
+    pose_covariance = scan.get("sensor_pose_covariance")
+
+    def own(name: str, row: int) -> float | None:
+        values = scan.get(name)
+        return None if values is None else float(values[row])
+
     detections = []
     for j, (range_, azimuth) in enumerate(zip(scan["range"], scan["azimuth"], strict=True)):
-        sensing = sensing_of(scan, j, settings)
-        shrinkage = math.exp(-(sensing.azimuth_std**2) / 2.0)
-        direction = np.array([math.cos(azimuth), math.sin(azimuth)])
-        offset = rotation_matrix(sensing.yaw) @ (float(range_) * direction / shrinkage)
-        covariance = fixed_frame_covariance(
-            float(range_), float(azimuth), offset, sensing, settings
+        x, y, yaw = poses[j if len(poses) > 1 else 0].tolist()
+        azimuth_std = own("azimuth_std", j)
+        sensing = Sensing(
+            np.array([x, y]),
+            yaw,
+            None if pose_covariance is None else np.array(pose_covariance, float),
+            own("range_std", j),
+            settings.azimuth_std if azimuth_std is None else azimuth_std,
+            settings.across_as_along and azimuth_std is None,
         )
-        time = float(scan["stamp"]) + (detection_value(scan, "time_offset", j) or 0.0)
+        reach = float(range_) * math.exp(sensing.azimuth_std**2 / 2.0)
+        offset = reach * np.array([math.cos(azimuth + yaw), math.sin(azimuth + yaw)])
+        covariance = converted_covariance(float(range_), azimuth + yaw, offset, sensing, settings)
+        time = float(scan["stamp"]) + (own("time_offset", j) or 0.0)
         point = sensing.position + offset
         detections.append(Detection((scan_index, j), time, point, covariance, sensing))
     return detections
-
-
-def detection_value(scan: Mapping[str, Any], name: str, detection_index: int) -> float | None:
-    """Return an optional value of one detection, None where the scan does not have it."""
-    values = scan.get(name)
-    return None if values is None else float(values[detection_index])
-
-
-def sensing_of(scan: Mapping[str, Any], detection_index: int, settings: Parameters) -> Sensing:
-    """Return how one detection of a scan was measured."""
-    poses = np.reshape(scan.get("sensor_pose", (0.0, 0.0, 0.0)), (-1, 3))
-    x, y, yaw = poses[detection_index if len(poses) > 1 else 0].tolist()
-    pose_covariance = scan.get("sensor_pose_covariance")
-    azimuth_std = detection_value(scan, "azimuth_std", detection_index)
-    return Sensing(
-        position=np.array([x, y]),
-        yaw=yaw,
-        pose_covariance=None if pose_covariance is None else np.array(pose_covariance, float),
-        range_std=detection_value(scan, "range_std", detection_index),
-        azimuth_std=settings.azimuth_std if azimuth_std is None else azimuth_std,
-        across_as_along=settings.across_as_along and azimuth_std is None,
-    )
-
-
-def rotation_matrix(angle: float) -> np.ndarray:
-    """Return the matrix that turns a vector counter-clockwise."""
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
 def range_variance(range_: float, sensing: Sensing, settings: Parameters) -> float:
@@ -204,51 +196,34 @@ def range_variance(range_: float, sensing: Sensing, settings: Parameters) -> flo
 
 
 def converted_covariance(
-    range_: float, azimuth: float, range_variance_: float, azimuth_std: float
+    range_: float, direction: float, lever: np.ndarray, sensing: Sensing, settings: Parameters
 ) -> np.ndarray:
     """Return the exact covariance of the unbiased converted point, R of Eq. 11.
 
-    With z = (r_m cos a_m, r_m sin a_m) / s, s = exp(-azimuth_std^2 / 2), and Gaussian r_m and a_m
-    about the given range r and azimuth a, E[z] = p = (r cos a, r sin a) and
-
-        E[r_m^2] = r^2 + range_variance,
-        E[cos^2 a_m] = (1 + s^4 cos 2a) / 2,
-        E[sin^2 a_m] = (1 - s^4 cos 2a) / 2,
-        E[sin a_m cos a_m] = s^4 sin 2a / 2,
-
-    so that the covariance is E[z z^T] - p p^T.
+    With z = r_m (cos a_m, sin a_m) / s along and across the line of sight, s as in `convert_scan`,
+    and Gaussian r_m and a_m about r and 0, E[z] = (r, 0), and half of E[r_m^2] / s^2 times 1 + s^4
+    and 1 - s^4 are the mean squares. An uncertain yaw turns the lever.
     """
-    shrinkage = math.exp(-(azimuth_std**2) / 2.0)
-    mean_square = (range_**2 + range_variance_) / shrinkage**2
-    cos_double = shrinkage**4 * math.cos(2.0 * azimuth)
-    sin_double = shrinkage**4 * math.sin(2.0 * azimuth)
-    x = range_ * math.cos(azimuth)
-    y = range_ * math.sin(azimuth)
-    xx = mean_square * (1.0 + cos_double) / 2.0 - x * x
-    yy = mean_square * (1.0 - cos_double) / 2.0 - y * y
-    xy = mean_square * sin_double / 2.0 - x * y
-    return np.array([[xx, xy], [xy, yy]])
-
-
-def fixed_frame_covariance(
-    range_: float, azimuth: float, offset: np.ndarray, sensing: Sensing, settings: Parameters
-) -> np.ndarray:
-    """Return R of Eq. 11 in the fixed frame; the offset is the lever of the sensor's yaw."""
-    in_sensor_frame = converted_covariance(
-        range_, azimuth, range_variance(range_, sensing, settings), sensing.azimuth_std
-    )
+    s = math.exp(-(sensing.azimuth_std**2) / 2.0)
+    half = 0.5 * (range_**2 + range_variance(range_, sensing, settings)) / s**2
+    variances = np.array([half * (1.0 + s**4) - range_**2, half * (1.0 - s**4)])
     if sensing.across_as_along:
-        along = np.array([[math.cos(azimuth)], [math.sin(azimuth)]])
-        across = rotation_matrix(0.5 * math.pi) @ along
-        lacking = along.T @ in_sensor_frame @ along - across.T @ in_sensor_frame @ across
-        in_sensor_frame = in_sensor_frame + max(float(lacking[0, 0]), 0.0) * (across @ across.T)
-    rotation = rotation_matrix(sensing.yaw)
-    covariance = rotation @ in_sensor_frame @ rotation.T
+        variances[1] = max(variances)
+    axes = np.array(
+        [[math.cos(direction), -math.sin(direction)], [math.sin(direction), math.cos(direction)]]
+    )
+    covariance = axes * variances @ axes.T
     if sensing.pose_covariance is not None:
-        dx, dy = offset
-        pose_jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx]])
-        covariance = covariance + pose_jacobian @ sensing.pose_covariance @ pose_jacobian.T
+        jacobian = np.array([[1.0, 0.0, -lever[1]], [0.0, 1.0, lever[0]]])
+        covariance = covariance + jacobian @ sensing.pose_covariance @ jacobian.T
     return covariance
+
+
+def covariance_at(position: np.ndarray, sensing: Sensing, settings: Parameters) -> np.ndarray:
+    """Return R of Eq. 11 for a target at a position of the fixed frame."""
+    offset = position - sensing.position
+    direction = math.atan2(offset[1], offset[0])
+    return converted_covariance(math.hypot(*offset), direction, offset, sensing, settings)
 
 
 # --- Step 2: update the potential tracks (track splitting) ---------------------------------------
@@ -259,53 +234,25 @@ def probability_threshold(probability: float) -> float:
     return math.sqrt(-2.0 * math.log(1.0 - probability))
 
 
-def gate_threshold(last_hit: Detection, detection: Detection, settings: Parameters) -> float:
-    """Return gamma_1 of Eq. 4, with kT the time between the two detections."""
-    elapsed = abs(detection.time - last_hit.time)
-    major_axis_std = math.sqrt(max(np.linalg.eigvalsh(last_hit.covariance)))
-    alpha = probability_threshold(settings.gate_probability)
-    return settings.max_speed * elapsed + alpha * major_axis_std
-
-
 def is_gated(track: PotentialTrack, detection: Detection, settings: Parameters) -> bool:
-    """Tell whether a detection lies within the gate about a track's last hit (Eq. 4)."""
-    last_hit = track.hits[-1]
-    separation = math.dist(detection.point, last_hit.point)
-    return separation <= gate_threshold(last_hit, detection, settings)
+    """Tell whether a detection lies within gamma_1 of a track's last hit (Eq. 4)."""
+    last = track.hits[-1]
+    gamma = settings.max_speed * abs(detection.time - last.time)
+    gamma += probability_threshold(settings.gate_probability) * last.major_axis_std
+    return math.dist(detection.point, last.point) <= gamma
 
 
-def update_tracks(
+def split(
     potential: list[PotentialTrack], detections: list[Detection], settings: Parameters
 ) -> list[PotentialTrack]:
     """Replace each track by a child for each gated detection, or note a miss (Section 3.2)."""
     updated = []
     for track in potential:
-        gated = [detection for detection in detections if is_gated(track, detection, settings)]
-        for detection in gated:
-            updated.append(PotentialTrack((*track.hits, detection), track.scan_count + 1))
-        if not gated:
-            updated.append(PotentialTrack(track.hits, track.scan_count + 1))
+        gated = [(one,) for one in detections if is_gated(track, one, settings)]
+        updated += [
+            PotentialTrack(track.hits + more, track.scan_count + 1) for more in gated or [()]
+        ]
     return updated
-
-
-# --- Step 3: confirm the track -------------------------------------------------------------------
-
-
-def confirm_tracks(
-    updated: list[PotentialTrack], settings: Parameters
-) -> tuple[list[PotentialTrack], list[PotentialTrack]]:
-    """Return the confirmed tracks and those that stay potential; terminate the rest (Step 3)."""
-    confirmed = []
-    alive = []
-    for track in updated:
-        hit_count = len(track.hits)
-        if track.scan_count <= settings.window and hit_count >= settings.min_hits:
-            confirmed.append(track)
-        elif track.scan_count >= settings.window and hit_count < settings.min_hits:
-            continue
-        else:
-            alive.append(track)
-    return confirmed, alive
 
 
 # --- Step 4: estimate the initial state and covariance matrix ------------------------------------
@@ -313,124 +260,63 @@ def confirm_tracks(
 
 def transition_matrix(duration: float) -> np.ndarray:
     """Return A of Eq. 17 for a duration in place of T; a negative one goes back in time."""
-    return np.kron(np.eye(2), [[1.0, duration], [0.0, 1.0]])
+    matrix = np.eye(4)
+    matrix[0, 1] = matrix[2, 3] = duration
+    return matrix
 
 
-def hit_matrix(hit: Detection, stamp: float) -> np.ndarray:
-    """Return H_ti of Eq. 16: from the state at the stamp to the position at the hit's time."""
-    return MEASUREMENT_MATRIX @ transition_matrix(hit.time - stamp)
-
-
-def estimate_track(hits: Sequence[Detection], stamp: float, settings: Parameters) -> Estimate:
-    """Estimate state and covariance at the stamp by the chosen least squares (Step 4)."""
-    if settings.estimator == "weighted":
-        return weighted_least_squares(hits, stamp, settings)
-    return unweighted_least_squares(hits, stamp)
+def stacked(hits: Sequence[Detection], stamp: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return H_ti of Eq. 16 from the state at the stamp to each hit, (m, 2, 4), and Z, (m, 2)."""
+    H = [MEASUREMENT_MATRIX @ transition_matrix(hit.time - stamp) for hit in hits]
+    return np.array(H), np.array([hit.point for hit in hits])
 
 
 def unweighted_least_squares(hits: Sequence[Detection], stamp: float) -> Estimate:
     """Estimate by Eqs. 19 and 20, the products of Eq. 15 summed hit by hit."""
-    normal_matrix = np.zeros((4, 4))  # H^T H
-    normal_vector = np.zeros(4)  # H^T Z
-    middle = np.zeros((4, 4))  # H^T R H
-    for hit in hits:
-        h = hit_matrix(hit, stamp)
-        normal_matrix += h.T @ h
-        normal_vector += h.T @ hit.point
-        middle += h.T @ hit.covariance @ h
-    inverse = np.linalg.inv(normal_matrix)
-    return Estimate(
-        state=inverse @ normal_vector,
-        covariance=inverse @ middle @ inverse,
-        hit_covariances=[hit.covariance for hit in hits],
-    )
+    (H, z), R = stacked(hits, stamp), np.array([hit.covariance for hit in hits])
+    inverse = np.linalg.inv(np.einsum("mij,mik->jk", H, H))
+    middle = np.einsum("mij,mik,mkl->jl", H, R, H)
+    return Estimate(inverse @ np.einsum("mij,mi->j", H, z), inverse @ middle @ inverse, R)
 
 
-def weighted_least_squares(
-    hits: Sequence[Detection], stamp: float, settings: Parameters
-) -> Estimate:
-    """The weighted counterpart of Eqs. 19 and 20, each R where the last fit puts the target."""
+def estimated(hits: Sequence[Detection], stamp: float, settings: Parameters) -> Estimate:
+    """Estimate by Eqs. 19 and 20, or weighted, each R where the last fit puts the target."""
     estimate = unweighted_least_squares(hits, stamp)
-    for _ in range(WEIGHTED_PASSES):
-        information = np.zeros((4, 4))  # H^T R^-1 H
-        information_vector = np.zeros(4)  # H^T R^-1 Z
-        hit_covariances = []
-        for hit in hits:
-            h = hit_matrix(hit, stamp)
-            hit_covariance = covariance_at(h @ estimate.state, hit.sensing, settings)
-            weight = np.linalg.inv(hit_covariance)
-            information += h.T @ weight @ h
-            information_vector += h.T @ weight @ hit.point
-            hit_covariances.append(hit_covariance)
-        covariance = np.linalg.inv(information)
-        estimate = Estimate(covariance @ information_vector, covariance, hit_covariances)
+    H, z = stacked(hits, stamp)
+    for _ in range(WEIGHTED_PASSES if settings.estimator == "weighted" else 0):
+        places = zip(H @ estimate.state, hits, strict=True)
+        R = np.array([covariance_at(place, hit.sensing, settings) for place, hit in places])
+        weighted = np.swapaxes(H, 1, 2) @ np.linalg.inv(R)  # H^T R^-1
+        covariance = np.linalg.inv((weighted @ H).sum(axis=0))
+        estimate = Estimate(covariance @ np.einsum("mij,mj->i", weighted, z), covariance, R)
     return estimate
 
 
-def covariance_at(position: np.ndarray, sensing: Sensing, settings: Parameters) -> np.ndarray:
-    """Return R of Eq. 11 for a target at a position of the fixed frame."""
-    offset = position - sensing.position
-    range_ = math.hypot(offset[0], offset[1])
-    azimuth = math.atan2(offset[1], offset[0]) - sensing.yaw
-    return fixed_frame_covariance(range_, azimuth, offset, sensing, settings)
+# --- Steps 5 and 6: determine the evaluation value, and prune ------------------------------------
 
 
-# --- Step 5: determine the evaluation value ------------------------------------------------------
-
-
-def evaluate_track(
-    hits: tuple[Detection, ...], estimate: Estimate, stamp: float, settings: Parameters
-) -> EvaluatedTrack:
+def evaluated(hits: tuple[Detection, ...], stamp: float, settings: Parameters) -> PlainTrack:
     """Attach both figures of Section 3.4 to a confirmed track (Step 5)."""
-    return EvaluatedTrack(
-        hits=hits,
-        estimate=estimate,
-        distance=normalized_distance(hits, estimate, stamp),
-        clutter_statistic=clutter_statistic(hits, settings.clutter_density),
-    )
+    estimate = estimated(hits, stamp, settings)
+    distance = tested = normalized_distance(hits, estimate, stamp)
+    if settings.evaluation == "clutter_statistic":  # f2 of Eq. 25, by the discs of Eq. 24
+        areas = [math.pi * math.dist(one.point, other.point) ** 2 for one, other in pairwise(hits)]
+        tested = 2.0 * settings.clutter_density * sum(areas)
+    return PlainTrack(stamp, hits, estimate.state, estimate.covariance, distance, tested)
 
 
 def normalized_distance(hits: Sequence[Detection], estimate: Estimate, stamp: float) -> float:
-    """Return f1 of Eq. 23, the largest f(k) of Eq. 22 over the hits."""
-    distances = []
-    for hit, hit_covariance in zip(hits, estimate.hit_covariances, strict=True):
-        transition = transition_matrix(hit.time - stamp)
-        state = transition @ estimate.state
-        state_covariance = transition @ estimate.covariance @ transition.T
-        residual = hit.point - MEASUREMENT_MATRIX @ state
-        residual_covariance = (  # SC_k of Eq. 21
-            MEASUREMENT_MATRIX @ state_covariance @ MEASUREMENT_MATRIX.T + hit_covariance
-        )
-        distances.append(float(residual @ np.linalg.inv(residual_covariance) @ residual))
-    return max(distances)
-
-
-def clutter_statistic(hits: Sequence[Detection], clutter_density: float) -> float:
-    """Return f2 of Eq. 25, V(k) being the disc (Eq. 24) out to the next associated point."""
-    areas = [math.pi * math.dist(one.point, other.point) ** 2 for one, other in pairwise(hits)]
-    return 2.0 * clutter_density * sum(areas)
-
-
-def evaluation_of(track: EvaluatedTrack, settings: Parameters) -> float:
-    """Return the figure that the pruning tests."""
-    if settings.evaluation == "clutter_statistic":
-        return track.clutter_statistic
-    return track.distance
-
-
-# --- Step 6: prune track -------------------------------------------------------------------------
-
-
-def is_retained(track: EvaluatedTrack, settings: Parameters) -> bool:
-    """Tell whether the pruning keeps a confirmed track (Step 6, Section 3.5)."""
-    return evaluation_of(track, settings) <= pruning_threshold(settings)
+    """Return f1 of Eq. 23, the largest f(k) of Eq. 22 over the hits; SC_k is Eq. 21's."""
+    H, z = stacked(hits, stamp)
+    residual = z - H @ estimate.state
+    spread = H @ estimate.covariance @ np.swapaxes(H, 1, 2) + estimate.hit_covariances
+    return float(np.einsum("mi,mij,mj->m", residual, np.linalg.inv(spread), residual).max())
 
 
 def pruning_threshold(settings: Parameters) -> float:
     """Return the largest evaluation that the pruning keeps (Eq. 26; for f2 the lower tail)."""
     if settings.evaluation == "clutter_statistic":
-        degrees_of_freedom = 2 * settings.min_hits - 2
-        return float(chi2.ppf(settings.clutter_test_size, degrees_of_freedom))
+        return float(chi2.ppf(settings.clutter_test_size, 2 * settings.min_hits - 2))
     threshold = probability_threshold(settings.pruning_probability)
     return threshold**2 if settings.reading == "squared" else threshold
 
@@ -438,105 +324,39 @@ def pruning_threshold(settings: Parameters) -> float:
 # --- Step 7: merge track -------------------------------------------------------------------------
 
 
-def hit_keys(track: EvaluatedTrack) -> tuple[tuple[int, int], ...]:
-    """Return (scan index, detection index) of each hit, oldest first."""
-    return tuple(hit.key for hit in track.hits)
-
-
-def may_merge(first: EvaluatedTrack, second: EvaluatedTrack, settings: Parameters) -> bool:
-    """Tell whether two tracks share more than M/2 hits and are close by Eq. 30 (Section 3.6)."""
-    shared = set(hit_keys(first)) & set(hit_keys(second))
-    if len(shared) <= settings.min_hits / 2:
+def may_merge(one: PlainTrack, other: PlainTrack, settings: Parameters) -> bool:
+    """Tell whether two tracks share more than M/2 hits and are close by Eqs. 28 to 30."""
+    if len(set(one.hits) & set(other.hits)) <= settings.min_hits / 2:
         return False
-    threshold = probability_threshold(settings.merging_probability)
-    return state_distance(first, second) <= threshold**2
+    apart = one.state - other.state
+    square = apart @ np.linalg.inv(one.covariance + other.covariance) @ apart
+    return float(square) <= probability_threshold(settings.merging_probability) ** 2
 
 
-def state_distance(first: EvaluatedTrack, second: EvaluatedTrack) -> float:
-    """Return the left side of Eq. 30, the squared distance of two states (Eqs. 28 and 29)."""
-    difference = first.estimate.state - second.estimate.state
-    covariance = first.estimate.covariance + second.estimate.covariance
-    return float(difference @ np.linalg.inv(covariance) @ difference)
-
-
-def group_tracks(tracks: list[EvaluatedTrack], settings: Parameters) -> list[list[EvaluatedTrack]]:
+def groups(tracks: list[PlainTrack], settings: Parameters) -> list[list[PlainTrack]]:
     """Return the connected components of the pairwise conditions."""
-    groups = []
-    remaining = list(tracks)
+    found, remaining = [], list(tracks)
     while remaining:
         group = [remaining.pop(0)]
         for member in group:  # grows while it is walked through
-            neighbours = [other for other in remaining if may_merge(member, other, settings)]
-            group.extend(neighbours)
-            remaining = [other for other in remaining if other not in neighbours]
-        groups.append(group)
-    return groups
+            near = [other for other in remaining if may_merge(member, other, settings)]
+            group += near
+            remaining = [other for other in remaining if other not in near]
+        found.append(group)
+    return found
 
 
-def merge_tracks(
-    tracks: list[EvaluatedTrack], stamp: float, settings: Parameters
-) -> list[PlainTrack]:
-    """Merge each group of tracks into one (Step 7, Section 3.6)."""
-    merged = []
-    for group in group_tracks(tracks, settings):
-        best = min(group, key=lambda track: (evaluation_of(track, settings), hit_keys(track)))
-        state, covariance = merged_state(group, stamp, settings)
-        merged.append(
-            PlainTrack(
-                stamp=stamp,
-                hits=hit_keys(best),
-                members=frozenset(hit_keys(track) for track in group),
-                state=state,
-                covariance=covariance,
-                evaluation=evaluation_of(best, settings),
-                distance=best.distance,
-            )
-        )
-    return merged
-
-
-def merged_state(
-    group: list[EvaluatedTrack], stamp: float, settings: Parameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return state and covariance of a group; a track alone keeps its own."""
-    if len(group) == 1:
-        return group[0].estimate.state, group[0].estimate.covariance
-    if settings.merging == "refit":
-        return refitted_state(group, stamp, settings)
-    return moments_state(group)
-
-
-def moments_state(group: list[EvaluatedTrack]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weighted means of Eqs. 32 and 33, with the weights of Eq. 31."""
-    total_distance = sum(track.distance for track in group)
-    state = np.zeros(4)
-    covariance = np.zeros((4, 4))
-    for track in group:
-        weight = track.distance / total_distance if total_distance > 0.0 else 1.0 / len(group)
-        state += weight * track.estimate.state
-        covariance += weight * track.estimate.covariance
-    return state, covariance
-
-
-def refitted_state(
-    group: list[EvaluatedTrack], stamp: float, settings: Parameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate again (Step 7) from the group's hits, every distinct detection taken once."""
-    distinct = {hit.key: hit for track in group for hit in track.hits}
-    hits = [distinct[key] for key in sorted(distinct)]
-    estimate = estimate_track(hits, stamp, settings)
-    return estimate.state, estimate.covariance
-
-
-# --- Step 8: create new potential tracks ---------------------------------------------------------
-
-
-def start_tracks(
-    potential: list[PotentialTrack], detections: list[Detection], settings: Parameters
-) -> list[PotentialTrack]:
-    """Start a track from every detection in no gate of those alive when the scan came (Step 8)."""
-    return [
-        PotentialTrack((detection,), 1)
-        for detection in detections
-        if not any(is_gated(track, detection, settings) for track in potential)
-    ]
+def of_group(group: list[PlainTrack], stamp: float, settings: Parameters) -> PlainTrack:
+    """Merge a group (Section 3.6): means by Eqs. 31 to 33, or a fit to all its hits, each once."""
+    best = min(group, key=lambda track: (track.evaluation, track.hits))
+    state, covariance = best.state, best.covariance
+    if len(group) > 1 and settings.merging == "refit":
+        distinct = {hit.key: hit for track in group for hit in track.detections}
+        refit = estimated([distinct[key] for key in sorted(distinct)], stamp, settings)
+        state, covariance = refit.state, refit.covariance
+    elif len(group) > 1:
+        weights = np.array([track.distance for track in group])
+        weights = weights / weights.sum() if weights.any() else np.full(len(group), 1 / len(group))
+        state = weights @ [track.state for track in group]
+        covariance = np.tensordot(weights, [track.covariance for track in group], 1)
+    return PlainTrack(stamp, best.detections, state, covariance, best.distance, best.evaluation)

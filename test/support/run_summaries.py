@@ -1,13 +1,16 @@
-"""Invented summaries of runs for the tests."""
+"""Summaries of runs for the tests, invented and of many runs of a scenario."""
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 from tsepm_ros.tools.evaluation.measures import RunSummary, ScanSummary, StartSummary
-from tsepm_ros.tools.evaluation.simulated_run import Outcome
+from tsepm_ros.tools.evaluation.performance import run
+from tsepm_ros.tools.evaluation.result_files import mapped
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
+from tsepm_ros.tools.simulation import Scenario
 
-NOTHING = ScanSummary(false=0, held=0, localisation=0.0, missed=0.0, false_held=0.0)
+NOTHING = ScanSummary(false=0, held=0)
 
 
 def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartSummary:
@@ -27,3 +30,10 @@ def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) 
 def as_json(summaries: Iterable[RunSummary]) -> list[dict]:
     """The summaries as JSON for comparison, since nan is not equal to itself."""
     return [summary.as_json() for summary in summaries]
+
+
+def study(
+    scenario: Scenario, point: OperatingPoint, runs: Sequence[int], seed: int, processes: int = 1
+) -> Iterator[RunSummary]:
+    """Runs of a scenario, run i seeded with (seed, i)."""
+    return mapped(run, [(scenario, [seed, index], point) for index in runs], processes)

@@ -10,8 +10,7 @@ from msg_adapters import read_detections
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.scan import Arc

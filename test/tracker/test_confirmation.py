@@ -16,10 +16,9 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation
 from tsepm_ros.tracker.confirmation import min_purity_probability
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import Tree
 from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, DetectionWindow, convert
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
 

@@ -17,7 +17,7 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
-from tsepm_ros.tracker.sensor import PosesByAzimuth, echo_poses_of, inside
+from tsepm_ros.tracker.sensor import echo_poses_of, inside
 
 SECTOR = SensorModel(
     max_range=4000.0,
@@ -131,7 +131,7 @@ def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn
         sensor_pose=pose[order],
     )
     poses = echo_poses_of(scan)
-    assert isinstance(poses, PosesByAzimuth)
+    assert poses.by_azimuth
     # Places where the beam looks once, and when it does.
     when = rng.uniform(0.3, 2.2, 50)
     beam, far = seam + when * 2 * np.pi / 2.5, rng.uniform(100.0, 900.0, 50)

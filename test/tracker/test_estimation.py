@@ -6,24 +6,21 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 from scipy.stats import chi2
 from support.builders import detections, fit_matrix
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
-from tsepm_ros.tracker import initial_state
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.evaluation import clutter_statistic
 from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
     figures_of_hits,
     fit,
-    positions_at,
     unweighted,
     weighted,
 )
-from tsepm_ros.tracker.measurement import DETECTION, convert, major_sigma
+from tsepm_ros.tracker.measurement import DETECTION, DetectionWindow, convert, major_sigma
+from tsepm_ros.tracker.motion import position_after
 from tsepm_ros.tracker.tracks import TrackArrays
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
@@ -103,9 +100,7 @@ def nees(states: np.ndarray, covariances: np.ndarray, truth: np.ndarray = STATE)
     return np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariances), error)
 
 
-@pytest.mark.parametrize(
-    ("estimator", "published"), [("unweighted", 3.85), ("weighted", 4.14), ("polar", 4.15)]
-)
+@pytest.mark.parametrize(("estimator", "published"), [("unweighted", 3.85), ("weighted", 4.14)])
 def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estimator, published):
     # NEES has mean 4 where state and covariance are right. The design's figures come from fewer
     # runs, with errors 2 % below the bound and so NEES some 3 % low: 0.2 covers both. A covariance
@@ -113,154 +108,13 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
     fitted = fit(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
     square = np.square(fitted.state - STATE).mean(axis=0)
-    positions = positions_at(STATE[None], TIMES[None] - 50.0)[0]
+    positions = position_after(STATE, TIMES - 50.0)
     bound = np.diag(cramer_rao(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
     assert math.sqrt(bound[0] + bound[2]) == pytest.approx(125.8, rel=0.01)  # the design's figures
     assert math.sqrt(bound[1] + bound[3]) == pytest.approx(4.10, rel=0.01)
     for axes in ([0, 2], [1, 3]):
         ratio = math.sqrt(square[axes].sum() / bound[axes].sum())
         assert ratio == pytest.approx(1.0, abs=0.02)
-
-
-# The polar fit. Ranges and azimuths from moving, turned sensors, with a range error that grows.
-GROWING = SensorModel(range_std=10.0, range_std_fraction=0.03, azimuth_std=math.radians(2.0))
-
-
-def polar_hits(
-    runs: int, pose_covariance: np.ndarray | None = None, own_range_std: float | None = None
-) -> np.ndarray:
-    rng = np.random.default_rng(12)
-    truth = np.array([-4000.0, 4.0, 100.0, -6.0])  # crosses the azimuth of pi, seen from the origin
-    hits = np.zeros((runs, 5), DETECTION)
-    for k, stamp in enumerate(TIMES):
-        pose = np.array([30.0 * k, -20.0 * k * k, 0.4 * k])
-        x, y = truth[0::2] + truth[1::2] * (stamp - 50.0) - pose[:2]
-        range_ = math.hypot(x, y) * (1.0 + 0.03 * rng.standard_normal(runs))
-        azimuth = math.atan2(y, x) - pose[2] + GROWING.azimuth_std * rng.standard_normal(runs)
-        own = None if own_range_std is None else np.full(runs, own_range_std)
-        scan = Scan(
-            stamp,
-            range_,
-            azimuth,
-            range_std=own,
-            sensor_pose=pose,
-            sensor_pose_covariance=pose_covariance,
-        )
-        hits[:, k] = convert(scan, GROWING, k)
-    return hits
-
-
-def measured(hit: np.void) -> np.ndarray:
-    """Range and azimuth that a hit was converted from."""
-    offset = hit["position"] - hit["sensor_pose"][:2]
-    shrink = math.exp(-(hit["azimuth_std"] ** 2) / 2)
-    return np.array([math.hypot(*offset) * shrink, math.atan2(offset[1], offset[0])])
-
-
-def expected(state: np.ndarray, tau: float, pose: np.ndarray) -> np.ndarray:
-    x, y = fit_matrix([tau]) @ state - pose[:2]
-    return np.array([math.hypot(x, y), math.atan2(y, x)])
-
-
-def range_std_of(hit: np.void, range_: float) -> float:
-    if not math.isnan(hit["range_std"]):
-        return hit["range_std"]
-    return math.hypot(GROWING.range_std, GROWING.range_std_fraction * range_)
-
-
-def likelihood_residuals(state: np.ndarray, track: np.ndarray) -> list[float]:
-    """Residuals whose squares sum up to -2 ln of the likelihood, ln of the variance included."""
-    residuals = []
-    for hit in track:
-        h = expected(state, hit["time"] - 50.0, hit["sensor_pose"])
-        sigma = range_std_of(hit, h[0])
-        range_error, turn = measured(hit) - h
-        turn = math.remainder(turn, 2 * math.pi)
-        residuals += [range_error / sigma, turn / hit["azimuth_std"]]
-        residuals.append(math.sqrt(2.0 * math.log(sigma)))
-    return residuals
-
-
-@pytest.mark.parametrize("own_range_std", [None, 40.0], ids=["growing", "own"])
-def test_the_polar_fit_is_the_general_solution_of_the_likelihood(own_range_std):
-    hits = polar_hits(20, own_range_std=own_range_std)
-    fitted = fit(hits, 50.0, GROWING, "polar")
-    for track, state, covariance in zip(hits, fitted.state, fitted.covariance, strict=True):
-        sigma = np.sqrt(np.diag(covariance))
-        found = least_squares(
-            likelihood_residuals,
-            state + sigma,
-            args=(track,),
-            x_scale=sigma,
-            xtol=1e-12,
-            ftol=1e-14,
-            gtol=1e-12,
-        ).x
-        assert np.abs((state - found) / sigma).max() < 2e-3  # steps end below 1e-3
-
-
-def differenced(function, at: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Jacobian by central differences."""
-    columns = [(function(at + d) - function(at - d)) / (2 * d.sum()) for d in np.diag(step)]
-    return np.stack(columns, axis=-1)
-
-
-@pytest.mark.parametrize("pose_std", [(0.0, 0.0, 0.0), (60.0, 90.0, 0.03)], ids=["known", "poor"])
-def test_the_covariance_of_the_polar_fit_is_the_inverse_of_the_differenced_information(pose_std):
-    root = np.diag(pose_std) @ np.array([[1.0, 0.0, 0.0], [0.5, 0.8, 0.0], [0.3, 0.2, 0.9]])
-    hits = polar_hits(5, root @ root.T)
-    fitted = fit(hits, 50.0, GROWING, "polar")
-    for track, state, covariance in zip(hits, fitted.state, fitted.covariance, strict=True):
-        information = np.zeros((4, 4))
-        for hit in track:
-            tau, pose = hit["time"] - 50.0, hit["sensor_pose"]
-            of_state = differenced(lambda s: expected(s, tau, pose), state, np.full(4, 1e-3))  # noqa: B023
-            of_pose = differenced(lambda p: expected(state, tau, p), pose, np.full(3, 1e-3))  # noqa: B023
-            of_pose[1, 2] = -1.0  # the azimuth is measured from the sensor's own axis
-            range_ = np.array([expected(state, tau, pose)[0]])
-            variance = range_std_of(hit, range_[0]) ** 2
-            S = of_pose @ root @ root.T @ of_pose.T
-            S += np.diag([variance, hit["azimuth_std"] ** 2])
-            slope = differenced(
-                lambda r: np.array([range_std_of(hit, r[0]) ** 2]),  # noqa: B023
-                range_,
-                np.array([0.1]),
-            )
-            weight = np.linalg.inv(S)
-            information += of_state.T @ weight @ of_state
-            change = np.zeros((2, 2))
-            change[0, 0] = slope[0, 0]
-            of_variance = 0.5 * np.trace(weight @ change @ weight @ change)
-            information += of_variance * np.outer(of_state[0], of_state[0])
-        whitening = np.linalg.cholesky(covariance)
-        unit = whitening.T @ information @ whitening
-        np.testing.assert_allclose(unit, np.eye(4), rtol=0, atol=1e-4)
-
-
-def assert_kept(hits: np.ndarray, sensor: SensorModel) -> None:
-    kept, start = (fit(hits, 50.0, sensor, estimator) for estimator in ("polar", "weighted"))
-    np.testing.assert_array_equal(kept.state, start.state)
-    np.testing.assert_array_equal(kept.covariance, start.covariance)
-    np.testing.assert_array_equal(kept.hit_covariance, start.hit_covariance)
-
-
-def test_a_polar_fit_that_does_not_converge_keeps_the_weighted_one(monkeypatch):
-    monkeypatch.setattr(initial_state, "POLAR_PASSES", 1)
-    assert_kept(polar_hits(20), GROWING)
-
-
-@pytest.mark.parametrize(
-    ("distance", "range_std", "azimuth_std"), [(20.0, 10.0, 0.05), (5000.0, 1.0, 0.09)]
-)
-def test_where_range_and_azimuth_bend_the_weighted_fit_is_kept(distance, range_std, azimuth_std):
-    # Past the sensor within the errors; an arc of 5 km whose depth is many range errors.
-    sensor = SensorModel(range_std=range_std, range_std_fraction=0.0, azimuth_std=azimuth_std)
-    rng = np.random.default_rng(5)
-    hits = np.zeros((20, 5), DETECTION)
-    for k, stamp in enumerate(TIMES):
-        azimuth = azimuth_std * rng.standard_normal(20)
-        hits[:, k] = convert(Scan(stamp, np.full(20, distance), azimuth), sensor, k)
-    assert_kept(hits, sensor)
 
 
 def scans(away: float, number: int = 5) -> DetectionWindow:

@@ -42,32 +42,6 @@ def test_a_wrong_sensor_is_refused_by_name(sensor):
         make_initiator("tsepm", sensor=sensor)
 
 
-BAD = {
-    "max_speed": (0.0, -5.0, float("nan"), "fast"),
-    "max_detections": (0,),
-    "max_potential_tracks": (0,),
-    "max_raw_confirmations": (-1,),
-    "min_hits": (1, 33, 4.5),
-    "window": (65, 4),
-    "gate_probability": (0.0, 1.0),
-    "estimator": ("best",),
-    "evaluation": ("",),
-    "pruning_probability": (1.5,),
-    "pruning_reading": ("LITERAL",),
-    "clutter_test_size": (-0.1,),
-    "merging_probability": (None,),
-    "merging": (True,),
-}
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [(name, value) for name, values in BAD.items() for value in values]
-)
-def test_a_bad_value_is_refused_by_the_option_s_name(name, value):
-    with pytest.raises(ValueError, match=rf"^{name}\b"):
-        make_initiator("tsepm", sensor=SensorModel(), **{name: value})
-
-
 def test_an_initiator_is_shown_in_one_line():
     made = initiator()
     for k in range(3):

@@ -59,9 +59,9 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
     mean = out * np.array([math.cos(towards), math.sin(towards)])
     inside, expected, spread = summed(mean, covariance)
     found = in_disc(mean[None], covariance[None], np.array([V_MAX]))
-    assert found.log_probability[0] == pytest.approx(math.log(inside), abs=1e-9)
-    np.testing.assert_allclose(found.mean[0], expected, atol=1e-9 * V_MAX)
-    np.testing.assert_allclose(found.covariance[0], spread, atol=1e-8 * V_MAX**2)
+    assert found[0][0] == pytest.approx(math.log(inside), abs=1e-9)
+    np.testing.assert_allclose(found[1][0], expected, atol=1e-9 * V_MAX)
+    np.testing.assert_allclose(found[2][0], spread, atol=1e-8 * V_MAX**2)
 
 
 def test_a_state_with_little_outside_stays_to_the_bit():

@@ -11,7 +11,7 @@ from tsepm_ros import make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tracker import evaluation
-from tsepm_ros.tracker.clutter.amplitude_likelihood import ScanAmplitudes, log_ratio
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
 from tsepm_ros.tracker.evaluation import PATH_ODDS
 from tsepm_ros.tracker.hypotheses import Hypotheses
 
@@ -61,17 +61,20 @@ class Observed:
 
 def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
     exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
-    begun = evaluation.first_amplitudes(Observed(exponents[:1]))
+    row, none = np.zeros(1, np.int64), np.zeros(1, np.int64)
+    begun = evaluation.path_amplitudes(Observed(exponents[:1]), row, none, np.zeros(1))
     hypotheses = Hypotheses.none(16)
     paths = dataclasses.replace(
         hypotheses,
         strength_count=begun.hits,
         strength_total=begun.total,
-        strength_score=begun.score,
+        strength_score=begun.increment,
     )
-    score, row = begun.score[0], np.zeros(1, np.int64)
+    score = begun.increment[0]
     for exponent in exponents[1:]:
-        grown = evaluation.further_amplitudes(paths, row, Observed([exponent]), row)
+        grown = evaluation.path_amplitudes(
+            Observed([exponent]), row, paths.strength_count, paths.strength_total
+        )
         score += grown.increment[0]
         paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
     strengths = Observed(exponents).strengths
@@ -119,12 +122,12 @@ def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():
     found = evaluation.target_hits(paths, initiator.window)
     odds = PATH_ODDS * np.exp(paths.score - paths.strength_score)
     best = float((odds / (1.0 + odds)).max())
-    assert found.probability.max() == pytest.approx(best)
+    assert found[2].max() == pytest.approx(best)
     strong = dataclasses.replace(
         paths, score=paths.score + 5.0, strength_score=np.full(len(paths), 5.0)
     )
     again = evaluation.target_hits(strong, initiator.window)
-    np.testing.assert_allclose(again.probability, found.probability)
+    np.testing.assert_allclose(again[2], found[2])
 
 
 @pytest.mark.long

@@ -11,23 +11,23 @@ from support.plain_plots import plain_groups
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
+from tsepm_ros.tracker.clusters.extended_targets import (
+    LOG_RATIO,
+    MARGIN,
+    SUSPICION,
+    Beside,
+    ClusterDispersion,
+    ExtendedTargets,
+    MultiDetectionTest,
+    extents_of,
+    log_ratio,
+)
 from tsepm_ros.tracker.clusters.grouping import (
     ClusterErrors,
     ClusterExtent,
     clusters_of,
     goes_on,
     grouped,
-)
-from tsepm_ros.tracker.clusters.multi_detection import (
-    LOG_RATIO,
-    MARGIN,
-    SUSPICION,
-    Beside,
-    ClusterDispersion,
-    MultiDetectionTest,
-    extents_of,
-    log_ratio,
 )
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import arc_of
@@ -327,7 +327,7 @@ def test_of_starts_in_one_ping_the_second_waits_only_beside_groups(echoes):
 def test_a_start_beside_echoes_that_stand_still_waits_until_it_moves(hits, speed, waits):
     targets = suspicious_of(3)
     alone = Scan(1.0, [50.0], [0.0])
-    targets._excess.update_tracks(alone, DENSITY, np.array([0]), np.array([0]), np.array([0]))
+    targets.test.update_tracks(alone, DENSITY, np.array([0]), np.array([0]), np.array([0]))
     start, held = tracks(1, x=50.0), tracks(0, x=50.0)
     start.state[:, 1:3] = speed, 10.0
     start.covariance[:] = np.eye(4)
@@ -379,7 +379,7 @@ def test_boxes_have_the_resolution_of_the_sensor():
 def test_the_scatter_tells_errors_from_extent(common, spread):
     scene = Swimmers(common=common, spread=spread, false=0.0, pings=150)
     # Clutter of no density is no sensor's.
-    sensor, scatter = replace(scene, false=1.0).sensor, ClusterDispersion.nothing()
+    sensor, scatter = replace(scene, false=1.0).sensor, ClusterDispersion()
     extent = ClusterExtent(8.0, 8.0, 0.1)
     for ping in scene.draw(3):
         label = grouped(ping.scan.range, ping.scan.azimuth, extent)

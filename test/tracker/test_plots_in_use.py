@@ -46,22 +46,6 @@ def test_a_swimmer_of_several_echoes_is_one(spread, common, density, sensor):
     check([benchmark.run(scene, seed, density, sensor) for seed in range(2)])
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("density", ["given", "estimated"])
-@pytest.mark.parametrize(("spread", "common"), MANY)
-@pytest.mark.timeout(600)
-def test_twenty_swimmers_of_several_echoes_are_one_each(spread, common, density):
-    scene = Swimmers(spread=spread, common=common, pings=40)
-    runs = [benchmark.run(scene, seed, density) for seed in range(20)]
-    check(runs)
-    single = replace(scene, echoes=(1, 1))
-    alone = [benchmark.run(single, seed, density, plots="off") for seed in range(20)]
-    late = [benchmark.lateness(one, other) for one, other in zip(runs, alone, strict=True)]
-    # Until plots are made, which of its echoes are a target's one path is open.
-    assert np.mean(late) <= 1.0
-    assert sorted(late)[16] <= 3.0
-
-
 def test_known_from_the_start_they_are_started_as_one_echo_is():
     scene = Swimmers(pings=14)
     single = replace(scene, echoes=(1, 1))

@@ -120,7 +120,6 @@ def value(scans: list[Scan], rate: float) -> float:
 def test_the_share_of_false_starts_is_the_rate_over_the_detections_per_hour():
     spread = np.stack([np.linspace(-5e3, 5e3, 100), np.linspace(3e3, -3e3, 100)], axis=1)
     threshold, _ = observed([scan_at(12.0 * k, spread) for k in range(4)])
-    assert threshold.interval == 12.0
     assert threshold.false_share(3.0) == pytest.approx(3.0 / (100 * 300.0))
     assert threshold.false_share(1e6) == 1.0
 
@@ -146,7 +145,6 @@ def test_estimates_are_rounded_and_what_is_given_is_not():
 RULE = {
     "max_speed": 10.0,
     "interval": 12.0,
-    "window": 16,
     "gate_probability": 0.99,
     "process_noise": 0.001,
     "deletion": ScoreOptions().deletion_threshold,
@@ -154,8 +152,17 @@ RULE = {
 }
 
 
+def plan_of(
+    sensor: SensorModel, window: int = 16, ratio: float | None = None
+) -> threshold_plan.ScorePlan:
+    (made,) = threshold_plan.score_plans(
+        sensor, windows=(window,), scans=window, ratio=ratio, **RULE
+    )
+    return made
+
+
 def plan(**sensor: float) -> threshold_plan.ScorePlan:
-    return threshold_plan.score_plan(replace(SensorModel(), **sensor), **RULE)
+    return plan_of(replace(SensorModel(), **sensor))
 
 
 @pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6, 1e-30, 1e-60])
@@ -185,7 +192,7 @@ def test_no_target_is_predicted_beyond_the_simulated_thresholds():
 )
 @pytest.mark.parametrize("window", [3, 8, 16])
 def test_a_rarer_wish_has_a_higher_threshold_whatever_the_sensor(sensor, window):
-    made = threshold_plan.score_plan(replace(SensorModel(), **sensor), **{**RULE, "window": window})
+    made = plan_of(replace(SensorModel(), **sensor), window)
     thresholds = [made.threshold(10.0**-power) for power in (1, 3, 6, 12, 24)]
     assert np.diff(thresholds) == pytest.approx(np.log(10.0) * np.array([2, 3, 6, 12]), abs=2.5)
     assert thresholds[2] > 10.0
@@ -203,19 +210,14 @@ def test_an_azimuth_error_far_below_the_range_error_changes_no_threshold():
 
 def test_strengths_overshoot_more_so_that_the_threshold_is_lower():
     plain = plan()
-    strong = threshold_plan.score_plan(SensorModel(), **RULE, strengths=True)
+    strong = plan_of(SensorModel(), ratio=threshold_plan.ANY_RATIO)
     for share in (1e-3, 1e-4):
         least = -math.log(share) - threshold_plan.MAX_BELOW_VILLE
         assert least <= strong.threshold(share) < plain.threshold(share)
 
 
 def test_the_stronger_the_targets_the_sooner_they_pass():
-    rest = {name: value for name, value in RULE.items() if name != "window"}
-    shares = []
-    for ratio in (None, 1.0, 4.0, 30.0):
-        made = threshold_plan.score_plans(
-            SensorModel(), windows=(16,), scans=16, ratio=ratio, **rest
-        )[0]
-        shares.append(made.passed(8.0)[7])
+    ratios = (None, 1.0, 4.0, 30.0)
+    shares = [plan_of(SensorModel(), ratio=ratio).passed(8.0)[7] for ratio in ratios]
     assert shares[0] < shares[2] < shares[3]
     assert shares[1] == pytest.approx(shares[0], abs=0.15)  # 0 dB: nearly nothing

@@ -11,19 +11,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tsepm_ros.detector.detector_options import DetectorOptions
-from tsepm_ros.detector.echoes import Echoes, found, measured
-from tsepm_ros.detector.false_detections import Threshold
-from tsepm_ros.detector.image import SonarImage
-from tsepm_ros.detector.normalising import (
+from tsepm_ros.detector.cfar import (
     Box,
     ClutterMap,
+    Echoes,
     Image,
     Modes,
+    Threshold,
     conditioned,
+    found,
+    measured,
     normalised,
     smoothed,
 )
+from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.numerics.arrays import BoolArray
 from tsepm_ros.tracker.scan import Scan
 
@@ -59,15 +60,12 @@ class _Scale:
 
     def __init__(self, box: Box, number: float) -> None:
         self.box, self.threshold = box, Threshold(number)
-        self.recurring, self.cells = 0.0, 0
 
     def detect(self, x: Image, defined: BoolArray, modes: Modes) -> tuple[Echoes, Stages]:
         y, background = normalised(x, defined, self.box, modes)
         z = smoothed(y, self.box, modes)
         peaks, cell = found(z, defined, self.box, modes, self.threshold.kept)
         level = self.threshold.update(peaks)
-        self.recurring += self.threshold.recurring
-        self.cells = peaks.number
         echoes = measured(y, cell[peaks.height > level], self.box, modes[0] == "wrap")
         return echoes, Stages(x, background, z, level)
 
@@ -121,8 +119,17 @@ class Detector:
         tried = [scale.detect(x, defined, modes) for scale in self._scales]
         best = self._best()
         scale, (echoes, stages) = self._scales[best], tried[best]
-        self._count(scale, spacing, empty=not defined.any())
         self.stages = stages if defined.any() else None
+        self.measured = {
+            "images": self.measured["images"] + 1,
+            "empty": self.measured["empty"] + (self.stages is None),
+            "false_detections": scale.threshold.measured,
+            "independent_cells": scale.threshold.cells,
+            "range_extent": scale.box[1] * spacing[1],
+            "azimuth_extent": scale.box[0] * spacing[0],
+        }
+        if self.measured["images"] - self._begin >= TRIAL:
+            self._scales = [scale]
         return _scan(image, echoes)
 
     def _prepare(self, image: SonarImage) -> tuple[tuple[float, float], bool]:
@@ -153,24 +160,13 @@ class Detector:
     def _best(self) -> int:
         """The smallest scale at which about as many echoes recur as at any."""
         least = MIN_CELLS * self.options.false_detections_per_ping
-        recurring = [s.recurring if s.cells >= least else 0.0 for s in self._scales]
+        thresholds = [scale.threshold for scale in self._scales]
+        recurring = [one.recurring if one.cells >= least else 0.0 for one in thresholds]
         pings = self.measured["images"] + 1 - self._begin
         if max(recurring) < MIN_RECURRING * pings:
             return 0
         good = [k for k, number in enumerate(recurring) if number >= ENOUGH * max(recurring)]
         return min(good, key=lambda k: math.prod(self._scales[k].box))
-
-    def _count(self, scale: _Scale, spacing: tuple[float, float], *, empty: bool) -> None:
-        self.measured = {
-            "images": self.measured["images"] + 1,
-            "empty": self.measured["empty"] + empty,
-            "false_detections": scale.threshold.measured,
-            "independent_cells": scale.cells,
-            "range_extent": scale.box[1] * spacing[1],
-            "azimuth_extent": scale.box[0] * spacing[0],
-        }
-        if self.measured["images"] - self._begin >= TRIAL:
-            self._scales = [scale]
 
 
 def make_detector(**options: Any) -> Detector:
@@ -196,8 +192,7 @@ def make_detector(**options: Any) -> Detector:
 def _scan(image: SonarImage, echoes: Echoes) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
-    decibel = 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)
-    features = {"intensity": decibel}
+    features = {"intensity": 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)}
     for name, axis, column in (("azimuth", image.azimuth, 0), ("range", image.range, 1)):
         place, cells = echoes.cell[:, column], np.arange(len(axis))
         step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.ones(1)
@@ -206,8 +201,11 @@ def _scan(image: SonarImage, echoes: Echoes) -> Scan:
         fields[f"{name}_std"] = echoes.deviation[:, column] * spacing
         features[f"{name}_width"] = echoes.width[:, column] * spacing
     row = np.clip(np.rint(echoes.cell[:, 0]).astype(int), 0, len(image.azimuth) - 1)
-    if image.time_offset is not None:
-        fields["time_offset"] = image.time_offset[row]
     pose = np.asarray(image.sensor_pose)
-    fields["sensor_pose"] = pose if pose.ndim == 1 else pose[row]
-    return Scan(stamp=image.stamp, **fields, features=features)
+    return Scan(
+        stamp=image.stamp,
+        **fields,
+        time_offset=None if image.time_offset is None else image.time_offset[row],
+        features=features,
+        sensor_pose=pose if pose.ndim == 1 else pose[row],
+    )

@@ -1,8 +1,9 @@
-"""A sonar image with its checks: amplitudes over bearing and range."""
+"""What the detector takes: its options, and a sonar image, amplitudes over bearing and range."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +11,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 
 TURN = 2 * math.pi + 1e-6
+COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
+"""Fields of the tracker's `SensorModel` that follow the images."""
+COVERAGE_CHANGE = 0.02
+"""Relative difference of a coverage from which on it is another."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorOptions(ParameterGroup):
+    """Options of the detector."""
+
+    false_detections_per_ping: float = parameter(
+        20.0,
+        "False detections per ping that the threshold keeps, at most a tenth of the independent "
+        "cells of an image",
+        minimum=0.1,
+        maximum=1e4,
+    )
+    range_extent: float = parameter(
+        0.0, "Extent of a target's echo in range; 0: learned", unit="m", minimum=0.0, maximum=1e4
+    )
+    azimuth_extent: float = parameter(
+        0.0,
+        "Extent of a target's echo in azimuth, with the beam; 0: learned",
+        unit="rad",
+        minimum=0.0,
+        maximum=math.pi,
+    )
+    clutter_map: int = parameter(
+        0,
+        "Pings over which a map of each cell's mean is learned and subtracted, for a sensor that "
+        "does not move; 0: no map. Whatever stands still vanishes",
+        minimum=0,
+        maximum=100_000,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +122,38 @@ class SonarImage:
                 raise ValueError(sentence)
         fields = {"range": distance, "azimuth": azimuth, "intensity": image, "sensor_pose": pose}
         vars(self).update(fields, time_offset=None if self.time_offset is None else offset)
+
+
+class ImageCoverage:
+    """Coverage of an image, to the edges of its cells.
+
+    Parameters
+    ----------
+    distance, azimuth : (m,) and (b,) ndarray
+        Centres of its cells, m and rad, as in `SonarImage`.
+    blanking : float, optional
+        Range below which nothing is detected, m.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        By the names of `COVERAGE`.
+    """
+
+    def __init__(self, distance: FloatArray, azimuth: FloatArray, blanking: float = 0.0) -> None:
+        half = 0.5 * (distance[1] - distance[0])
+        step = 0.5 * float(np.median(np.abs(np.diff(azimuth)))) if len(azimuth) > 1 else 0.0
+        low, high = float(azimuth.min()) - step, float(azimuth.max()) + step
+        if high - low >= 2.0 * np.pi - 4.0 * step:
+            low, high = -np.pi, np.pi
+        near, far = max(float(distance[0] - half), blanking), float(distance[-1] + half)
+        self.values = dict(zip(COVERAGE, (near, far, low, high), strict=True))
+        self._slack = 2.0 * step + 1e-3
+
+    def agrees(self, other: Sequence[float]) -> bool:
+        """Whether values in the order of `COVERAGE` are these, but for a bearing."""
+        mine = list(self.values.values())
+        return bool(np.allclose(other, mine, COVERAGE_CHANGE, self._slack))
 
 
 def _numbers(name: str, value: Any) -> FloatArray:

@@ -16,25 +16,22 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 from tsepm_ros.diagnostics.health_figures import (
     LAST_SCANS,
-    Arrival,
     Connections,
     Counts,
-    Finding,
     HealthFigures,
     Latency,
     Level,
     ScanRecord,
     Status,
     overall,
-    status_of,
 )
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
-from tsepm_ros.session.result import SessionSnapshot
-from tsepm_ros.session.scan_queue import Now, waited
+from tsepm_ros.session.inputs import Now, waited
+from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
@@ -46,9 +43,7 @@ MIN_SCANS = 5
 MIN_DETECTIONS = 20.0
 """Minimum number of detections, expected or observed, for that judgement."""
 
-R = TypeVar("R", Arrival, ScanRecord)
 Judgement = Callable[[HealthFigures], str]
-Values = Mapping[str, object]
 
 
 @dataclass(frozen=True)
@@ -90,7 +85,7 @@ class Entry:
     """
 
     healthy: Judgement
-    values: Callable[[HealthFigures], Values]
+    values: Callable[[HealthFigures], Mapping[str, object]]
     rules: tuple[tuple[Rule, ...], ...]
 
 
@@ -231,7 +226,7 @@ def _own_ship(now: HealthFigures) -> str:
     return f"own-ship data from {source}"
 
 
-def _initiation_values(now: HealthFigures) -> Values:
+def _initiation_values(now: HealthFigures) -> Mapping[str, object]:
     snapshot = now.snapshot
     return {
         **dataclasses.asdict(snapshot.totals),
@@ -247,7 +242,7 @@ def _initiation_values(now: HealthFigures) -> Values:
     }
 
 
-def _detections_values(now: HealthFigures) -> Values:
+def _detections_values(now: HealthFigures) -> Mapping[str, object]:
     return {
         "received": now.snapshot.totals.detections,
         "dropped_share": now.dropped_share,
@@ -261,7 +256,7 @@ def _detections_values(now: HealthFigures) -> Values:
     }
 
 
-def _own_ship_values(now: HealthFigures) -> Values:
+def _own_ship_values(now: HealthFigures) -> Mapping[str, object]:
     if now.snapshot.own_ship_source == "none":
         return {"source": "none"}
     return {
@@ -275,7 +270,7 @@ def _own_ship_values(now: HealthFigures) -> Values:
     }
 
 
-def _latency_values(now: HealthFigures) -> Values:
+def _latency_values(now: HealthFigures) -> Mapping[str, object]:
     last = now.scans[-1].latency if now.scans else Latency()
     seconds = {
         "latency": last.to_tracks,
@@ -291,7 +286,7 @@ def _latency_values(now: HealthFigures) -> Values:
     return {f"{name}_ms": 1e3 * value for name, value in seconds.items()}
 
 
-def _sensor_values(now: HealthFigures) -> Values:
+def _sensor_values(now: HealthFigures) -> Mapping[str, object]:
     learned = now.snapshot.sensor_figures
     values: dict[str, object] = {
         **{name: getattr(learned.sensor, name) for name in COVERAGE},
@@ -307,11 +302,11 @@ def _sensor_values(now: HealthFigures) -> Values:
     return values
 
 
-def _quality_values(now: HealthFigures) -> Values:
-    connections = now.connections
+def _quality_values(now: HealthFigures) -> Mapping[str, object]:
+    mismatches = sorted(now.connections.mismatches_heard.items())
     return {
-        **{f"topics.{name}": topic for name, topic in connections.topics.items()},
-        **{f"mismatches.{name}": n for name, n in sorted(connections.mismatches_heard.items())},
+        **{f"topics.{name}": topic for name, topic in now.connections.topics.items()},
+        **{f"mismatches.{name}": number for name, number in mismatches},
     }
 
 
@@ -616,22 +611,15 @@ ENTRIES: dict[str, Entry] = {
 """Every entry by its task, in the order of publication."""
 
 
-def findings_of(entry: Entry, now: HealthFigures) -> list[Finding]:
-    """Return the findings of an entry's rules."""
-    findings = []
+def status_of(task: str, entry: Entry, now: HealthFigures) -> Status:
+    """Return the status of an entry: the sentences of its rules that apply, the worst first."""
+    found: list[tuple[Level, str]] = []
     for alternatives in entry.rules:
         judged = ((rule.level, rule.judge(now)) for rule in alternatives)
-        findings += [Finding(level, sentence) for level, sentence in judged if sentence][:1]
-    return findings
-
-
-def statuses(now: HealthFigures) -> list[Status]:
-    """Return the overall status, and that of every task."""
-    found = [
-        status_of(task, findings_of(entry, now), entry.healthy(now), entry.values(now))
-        for task, entry in ENTRIES.items()
-    ]
-    return [overall(found), *found]
+        found += [(level, sentence) for level, sentence in judged if sentence][:1]
+    found = sorted(found, key=lambda one: -one[0]) or [(Level.OK, entry.healthy(now))]
+    message = "; ".join(sentence for _, sentence in found)
+    return Status(task, found[0][0], message, entry.values(now))
 
 
 MAX_RECORDS = 10_000
@@ -652,8 +640,8 @@ class Health:
     ----------
     options : DiagnosticsOptions
         May be replaced at any time.
-    latency : Latency
-        Latency of the last scan.
+    scans : deque of ScanRecord
+        The processed scans of the window, and the last `LAST_SCANS` of any age.
     """
 
     def __init__(self, options: DiagnosticsOptions) -> None:
@@ -662,9 +650,8 @@ class Health:
 
     def reset(self) -> None:
         """Discard the history."""
-        self.latency = Latency()
-        self._scans: deque[ScanRecord] = deque(maxlen=MAX_RECORDS)
-        self._arrivals: deque[Arrival] = deque(maxlen=MAX_RECORDS)
+        self.scans: deque[ScanRecord] = deque(maxlen=MAX_RECORDS)
+        self._arrivals: deque[tuple[float, float]] = deque(maxlen=MAX_RECORDS)
         self._heard: dict[str, Now] = {}
         self._counts: deque[tuple[float, Counts]] = deque()
 
@@ -674,12 +661,11 @@ class Health:
 
     def arrived(self, stamp: float, now: Now) -> None:
         """Record the stamp (s) of an arriving scan, processed or not."""
-        self._remember(self._arrivals, Arrival(_first(now), stamp))
+        self._remember(self._arrivals, (_first(now), stamp))
 
     def processed(self, detections: int, latency: Latency, now: Now) -> None:
         """Record a processed scan."""
-        self.latency = latency
-        self._remember(self._scans, ScanRecord(_first(now), detections, latency))
+        self._remember(self.scans, ScanRecord(_first(now), detections, latency))
 
     def report(
         self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
@@ -702,18 +688,19 @@ class Health:
             snapshot=snapshot,
             connections=connections,
             recent=self._recent(Counts.of(snapshot), _first(now)),
-            scans=tuple(self._scans),
+            scans=tuple(self.scans),
             arrivals=tuple(self._arrivals),
             since_scan=self._since(DETECTIONS, now),
             since_own_ship=self._since(OWN_SHIP, now),
             time=_first(now),
         )
-        return statuses(figures)
+        found = [status_of(task, entry, figures) for task, entry in ENTRIES.items()]
+        return [overall(found), *found]
 
-    def _remember(self, records: deque[R], newest: R) -> None:
+    def _remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
         """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""
         records.append(newest)
-        while len(records) > LAST_SCANS and records[0].time < newest.time - self.options.window:
+        while len(records) > LAST_SCANS and records[0][0] < newest[0] - self.options.window:
             records.popleft()
 
     def _since(self, task: str, now: Now) -> float:

@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from tsepm_ros.session.drop_reasons import DETECTIONS, reason_of
-from tsepm_ros.session.result import SessionSnapshot
+from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 
@@ -28,13 +28,6 @@ class Level(enum.IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
-
-
-class Finding(NamedTuple):
-    """One problem and its level."""
-
-    level: Level
-    sentence: str
 
 
 @dataclass(frozen=True)
@@ -70,17 +63,6 @@ def overall(statuses: Sequence[Status]) -> Status:
     return Status(
         OVERALL, worst.level, message, {status.task: status.level.name for status in statuses}
     )
-
-
-def status_of(
-    task: str, findings: Sequence[Finding], healthy: str, values: Mapping[str, object]
-) -> Status:
-    """Return the status of a task; `healthy` is the message without findings."""
-    if not findings:
-        return Status(task, Level.OK, healthy, values)
-    worst_first = sorted(findings, key=lambda finding: -finding.level)
-    message = "; ".join(finding.sentence for finding in worst_first)
-    return Status(task, worst_first[0].level, message, values)
 
 
 LAST_SCANS = 50
@@ -153,21 +135,12 @@ class Connections:
     clock_fault: str = ""
 
 
-@dataclass(frozen=True)
-class ScanRecord:
+class ScanRecord(NamedTuple):
     """A processed scan: its time on the first clock (s), number of detections and latency."""
 
     time: float
     detections: int
     latency: Latency
-
-
-@dataclass(frozen=True)
-class Arrival:
-    """A scan, processed or not: time of arrival on the first clock (s), and its stamp (s)."""
-
-    time: float
-    stamp: float
 
 
 @dataclass(frozen=True)
@@ -216,8 +189,9 @@ class HealthFigures:
         Counts of the window.
     scans : sequence of ScanRecord
         The processed scans of the window, and the last `LAST_SCANS` of any age.
-    arrivals : sequence of Arrival
-        The arrivals of the window, and the last `LAST_SCANS` of any age.
+    arrivals : sequence of (float, float)
+        Of each scan, processed or not, its time of arrival on the first clock and its stamp, s: of
+        the window, and the last `LAST_SCANS` of any age.
     since_scan, since_own_ship : float
         Time since the arrival of the last message, s; nan before the first message.
     time : float
@@ -229,7 +203,7 @@ class HealthFigures:
     connections: Connections
     recent: Counts
     scans: Sequence[ScanRecord]
-    arrivals: Sequence[Arrival]
+    arrivals: Sequence[tuple[float, float]]
     since_scan: float
     since_own_ship: float
     time: float
@@ -249,8 +223,8 @@ class HealthFigures:
     @property
     def interval(self) -> float:
         """Median of the last stamps' intervals, s; nan while unknown."""
-        last = self.arrivals[-LAST_SCANS:]
-        intervals = [b.stamp - a.stamp for a, b in pairwise(last) if b.stamp > a.stamp]
+        stamps = [stamp for _, stamp in self.arrivals[-LAST_SCANS:]]
+        intervals = [b - a for a, b in pairwise(stamps) if b > a]
         return statistics.median(intervals) if intervals else math.nan
 
     @property
@@ -268,10 +242,10 @@ class HealthFigures:
         """Number of intervals that ended in the window and exceed `max_interval`."""
         begin = self.time - self.options.window
         number, before, longest = 0, 0.0, self.max_interval
-        for a, b in pairwise(self.arrivals):
-            interval = b.stamp - a.stamp
+        for (_, last), (time, stamp) in pairwise(self.arrivals):
+            interval = stamp - last
             # An increase after a decrease is the return from a single bad stamp.
-            number += b.time >= begin and before >= 0 and interval > longest
+            number += time >= begin and before >= 0 and interval > longest
             before = interval
         return number
 

@@ -7,7 +7,7 @@ import pkgutil
 from typing import Any
 
 from tsepm_ros.parameters import check_value, meant_name, table
-from tsepm_ros.tracker.clutter.land import LandMask
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel

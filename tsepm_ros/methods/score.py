@@ -112,7 +112,7 @@ class Score(Method):
         starts, corrected, replaced, merged = self._starts(tree, observed)  # confirm
         new = [*starts, *(start for _, start in replaced)]
         given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
-        ended = pruning.expired(observed.scan_index + 1 - given.first_scan, self.options.window)
+        ended = observed.scan_index + 1 - given.first_scan >= self.options.window
         self.hypotheses = given[~ended]
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
@@ -179,10 +179,10 @@ class Score(Method):
         wrong = confirmation.doubtful(tree, observed, max_speed)
         for _, row, _ in wrong:
             attainable[row] = max(attainable[row], tree.evidence[row] + evaluation.LOG_GAIN)
-        self._tested = self._threshold.value_if_near(
-            attainable.max(initial=-np.inf), self.sensor, self.common, self.options
+        self._tested = self._threshold.value(
+            self.sensor, self.common, self.options, attainable.max(initial=-np.inf)
         )
-        rule = {"min_time": self._min_time, "max_speed": max_speed}
+        rule = {"min_time": MIN_TIME_SPAN * observed.median_interval, "max_speed": max_speed}
         fit = partial(self._fit, observed)
         starts, merged = confirmation.confirm(
             tree, window, self._tested, self.options.false_tracks_per_hour, fit=fit, **rule
@@ -217,7 +217,8 @@ class Score(Method):
         See `Method.potential_tracks`.
         """
         window, hypotheses = observed.window, self.hypotheses
-        hypotheses = hypotheses[spans_time(hypotheses, 2, window, self._min_time)]
+        min_time = MIN_TIME_SPAN * observed.median_interval
+        hypotheses = hypotheses[spans_time(hypotheses, 2, window, min_time)]
         held = held_hits(hypotheses, window)
         hypotheses = hypotheses[held <= confirmation.MAX_HELD_SHARE * hypotheses.hit_count]
         if not len(hypotheses):
@@ -227,16 +228,9 @@ class Score(Method):
             observed, hypotheses.hits, state, covariance, hypotheses.score, self.threshold
         )
 
-    @property
-    def _min_time(self) -> float:
-        """Time from the first hit to the last that a velocity needs, s."""
-        return MIN_TIME_SPAN * self._threshold.interval
-
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        return fit_paths(
-            hypotheses, observed.window, observed.stamp, self.sensor, self.options.estimator
-        )
+        return fit_paths(hypotheses, observed.window, observed.stamp, self.sensor)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

@@ -66,8 +66,8 @@ from scipy.sparse import csr_matrix
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, TimeLimit, keep_best
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.initial_state import ESTIMATORS, Fit, Paths, fit, starting
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -81,7 +81,7 @@ COUNTED_TOGETHER = 32
 
 
 @dataclass(frozen=True)
-class PathCounts:
+class PathCounts(Rows):
     """Numbers of paths, a row for each last hit, number of hits and first scan.
 
     Attributes
@@ -100,16 +100,6 @@ class PathCounts:
     hit_count: IntArray
     first_scan: IntArray
     number: IntArray
-
-    def __len__(self) -> int:
-        """Number of rows."""
-        return len(self.number)
-
-    def __getitem__(self, rows: NDArray[np.generic]) -> PathCounts:
-        """The given rows (indices or a mask)."""
-        return PathCounts(
-            self.last_hit[rows], self.hit_count[rows], self.first_scan[rows], self.number[rows]
-        )
 
     @property
     def total(self) -> int:
@@ -150,15 +140,7 @@ class PathCounts:
     @classmethod
     def joined(cls, *parts: PathCounts) -> PathCounts:
         """The paths of all parts."""
-        parts = tuple(part for part in parts if len(part))
-        if not parts:
-            return cls.none()
-        return cls.of(
-            np.concatenate([part.last_hit for part in parts]),
-            np.concatenate([part.hit_count for part in parts]),
-            np.concatenate([part.first_scan for part in parts]),
-            np.concatenate([part.number for part in parts]),
-        )
+        return cls.of(**vars(super().joined(*parts)))
 
     def without(self, others: PathCounts) -> PathCounts:
         """These paths less others, which are among them."""
@@ -220,8 +202,7 @@ class TsepmOptions(MnOptions):
     estimator: str = parameter(
         "unweighted",
         "Fit of a track. unweighted: least squares as published; weighted: least squares "
-        "with errors re-evaluated at the fit; polar: maximum likelihood of ranges and "
-        "azimuths",
+        "with errors re-evaluated at the fit",
         choices=ESTIMATORS,
     )
     evaluation: str = parameter(
@@ -311,15 +292,12 @@ class Gates:
 
     def missed(self, gate_of_path: IntArray) -> NDArray[np.bool_]:
         """Which paths, by their gates (n,), have no detection in them, (n,)."""
-        missed: NDArray[np.bool_] = self.gated.count[gate_of_path] == 0
-        return missed
+        return np.asarray(self.gated.count[gate_of_path] == 0)
 
     def left_out(self, scan_index: int) -> PathCounts:
         """Detections that the gating limit left out of every gate: they gate as a start would."""
-        rows = splitting.left_out(self.gated)
-        if not len(rows):
-            return PathCounts.none()
-        return PathCounts.of_paths(starting(self.ids[rows], scan_index, 1))
+        left_out = self.ids[splitting.left_out(self.gated)]
+        return PathCounts.of_paths(starting(left_out, scan_index, 1))
 
     def children(self, paths: PathCounts) -> PathCounts:
         """Paths that extend these by each of their gated detections."""
@@ -342,7 +320,7 @@ def clutter_statistic(paths: Paths, detections: DetectionWindow) -> FloatArray:
     statistic = np.zeros(len(paths))
     for rows, hits in paths.of_equal_count():
         statistic[rows] = evaluation.clutter_statistic(
-            detections.positions(hits), detections.clutter_densities(hits)
+            detections.column("position", hits), detections.column("clutter_density", hits)
         )
     return statistic
 
@@ -394,8 +372,11 @@ class WindowedMethod(Method):
         return partial(self.time_limit.used, share) if self.time_limit.finite else None
 
     def expired(self, first_scan: IntArray) -> BoolArray:
-        """Which paths have had their N scans, (n,), by the scans of their first hits."""
-        return pruning.expired(self.scan_index + 1 - first_scan, self.options.window)
+        """Which paths have had their N scans, (n,), by the scans of their first hits (Step 3).
+
+        A path that can no longer reach M hits still exists, and gates detections, until then.
+        """
+        return np.asarray(self.scan_index + 1 - first_scan >= self.options.window)
 
     def reason(self, track: ConfirmedTrack) -> str:
         """The rule that the track satisfied.
@@ -590,7 +571,7 @@ class Tsepm(WindowedMethod):
             return updated, PathCounts.none()
         # A hair above: the sum over all hits may round otherwise than the sum over some.
         least = clutter_statistic(updated, self.detections)
-        hopeless = ~pruning.keep(least, self.threshold * (1.0 + 1e-9))
+        hopeless = least > self.threshold * (1.0 + 1e-9)
         return updated[~hopeless], PathCounts.of_paths(updated[hopeless])
 
     def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:
@@ -598,7 +579,7 @@ class Tsepm(WindowedMethod):
 
         Returns the newly confirmed tracks, those that stay potential, and how many it ended.
         """
-        reached = pruning.confirmed(updated.hit_count, self.options.min_hits)
+        reached = updated.hit_count >= self.options.min_hits
         waiting = Paths.joined(updated[~reached], missed)
         ended = self.expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
@@ -620,7 +601,7 @@ class Tsepm(WindowedMethod):
         return waiting[~ended], confirmed, waiting[ended].total
 
     def _waiting(self, paths: PathCounts) -> PathCounts:
-        return paths[~pruning.confirmed(paths.hit_count, self.options.min_hits)]
+        return paths[paths.hit_count < self.options.min_hits]
 
     def _estimate(
         self, tracks: Paths, time_limit: TimeLimit, count: int | None = None
@@ -639,7 +620,7 @@ class Tsepm(WindowedMethod):
         begin = time_limit.elapsed
         blocks = [self.estimated(tracks.hits[order[:BLOCK], :count])]
         for first in range(BLOCK, len(tracks), BLOCK):
-            if time_limit.left < 0.5 * time_limit.seconds:
+            if time_limit.used(0.5):
                 break
             rows = order[first : first + BLOCK]
             blocks.append(self.estimated(tracks.hits[rows, :count]))
@@ -671,7 +652,7 @@ class Tsepm(WindowedMethod):
 
     def _prune(self, candidates: Candidates) -> Candidates:
         """Remove the tracks whose evaluation exceeds its threshold (Step 6), or without a fit."""
-        kept = pruning.keep(candidates.evaluation, self.threshold)
+        kept = candidates.evaluation <= self.threshold
         return candidates[kept & np.isfinite(candidates.distance)]
 
     @property
@@ -725,7 +706,7 @@ class Tsepm(WindowedMethod):
 
     def _start(self, gates: Gates) -> Paths:
         """Start a potential track from every residual detection (Step 8)."""
-        first_hits = gates.ids[splitting.residual(gates.gated)]
+        first_hits = gates.ids[~gates.gated.in_any_gate]
         return starting(first_hits, self.scan_index, self.options.min_hits)
 
     def _limit(self, tracks: Paths) -> tuple[Paths, PathCounts]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
-from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
@@ -27,45 +26,40 @@ from msg_adapters.sonar_images import (
     plan_message,
     plan_of,
 )
-from msg_adapters.track_markers import detection_markers
+from msg_adapters.track_messages import detection_markers
+from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import Level, Status
-from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.running import run
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription
-from tsepm_ros.session.image_turns import ImagePing
+from tsepm_ros.nodes.base_node import ParameterisedNode, run
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
+from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
-from tsepm_ros.settings.settings import SONAR_DETECTOR, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorModel
 
 IMAGE, DETECTIONS = "image", "detections"
 DEPTH = 10
 PERIOD = 1.0
 """Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
-COVERAGE = [f"sensor.{name}" for name in ("min_range", "max_range", "azimuth_min", "azimuth_max")]
-"""Parameters of the tracker that follow the images."""
-COVERAGE_CHANGE = 0.02
-"""Relative difference from the images' coverage from which on the tracker is told."""
 
 
 class SonarDetector(ParameterisedNode):
     """Subscribes to images and publishes their detections."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("sonar_detector", **node_options)
-        self._given = NodeParameters(
-            self, SONAR_DETECTOR, lambda given: self._input.configure(given)
+        super().__init__(
+            "sonar_detector",
+            lambda changed: self._input.configure(changed),
+            **node_options,
         )
-        self._warnings, self._dropped = ThrottledWarnings(self), Counter[str]()
-        self._input = ImageInput(self._given.options, self._drop, self.get_logger().warning)
-        self._coverage, self._slack = np.zeros(4), 0.0
+        self._dropped = Counter[str]()
+        self._input = ImageInput(self.options, self._drop, self.warn_once)
+        self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
         self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
         self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
-        options, self._asked = self._options, Future()
+        options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
+        self._asked = Future()
         self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
         self._images = DetectionsSubscription(
             self,
@@ -78,18 +72,13 @@ class SonarDetector(ParameterisedNode):
             readable=tuple(IMAGES),
         )
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self.create_timer(PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.steady_timer(PERIOD, self._report)
         self.refuse_unused_overrides()
-
-    @property
-    def _options(self) -> SonarDetectorNodeOptions:
-        given: SonarDetectorNodeOptions = self._given.options[SonarDetectorNodeOptions]
-        return given
 
     def _drop(self, reason: str, sentence: str) -> None:
         """Count an image that is not used, and say why."""
         self._dropped[reason] += 1
-        self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
+        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
 
     def take_image(self, message: Any) -> None:
         """Take a message of an image, or of some bearings, of any supported type."""
@@ -101,10 +90,9 @@ class SonarDetector(ParameterisedNode):
         header = make_header(ping.stamp_ns, ping.frame_id)
         self._detections.publish(detections_cloud(header, **detection_fields(ping, scan)))
         if self._markers.get_subscription_count():
-            size = 0.01 * float(ping.range[-1])
-            self._markers.publish(detection_markers(header, scan, size))
+            self._markers.publish(detection_markers(header, scan, 0.01 * float(ping.range[-1])))
         stages, now = self._input.detector.stages, time.monotonic()
-        if self._options.publish_normalised and stages is not None:
+        if self.options[SonarDetectorNodeOptions].publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
         is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
         if is_due and stages is not None:
@@ -113,19 +101,13 @@ class SonarDetector(ParameterisedNode):
 
     def _follow(self, ping: ImagePing) -> None:
         """Note the coverage of the images where it has changed."""
-        half = 0.5 * (ping.range[1] - ping.range[0])
-        step = 0.5 * float(np.median(np.abs(np.diff(ping.azimuth)))) if len(ping.azimuth) > 1 else 0
-        low, high = float(ping.azimuth.min()) - step, float(ping.azimuth.max()) + step
-        if high - low >= 2.0 * np.pi - 4.0 * step:
-            low, high = -np.pi, np.pi
-        near = max(ping.range[0] - half, self._given.options[SensorModel].min_range)
-        coverage, slack = np.array([near, ping.range[-1] + half, low, high]), 2.0 * step + 1e-3
-        if np.allclose(coverage, self._coverage, COVERAGE_CHANGE, slack):
+        coverage = self._input.coverage(ping)
+        near, far, low, high = values = list(coverage.values.values())
+        if self._coverage is not None and self._coverage.agrees(values):
             return
-        self._coverage, self._slack = coverage, slack
+        self._coverage = coverage
         self.get_logger().info(
-            f"images reach from {near:.3g} to {coverage[1]:.4g} m and from {low:.3g} to "
-            f"{high:.3g} rad"
+            f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
         )
         self._ask()
 
@@ -133,27 +115,30 @@ class SonarDetector(ParameterisedNode):
         """Ask the tracker for its coverage: it may have started, or started again, since."""
         if (
             self._tracker is not None
-            and self._coverage.any()
+            and self._coverage is not None
             and self._tracker.services_are_ready()
         ):
             self._asked.cancel()  # without an answer until now: that tracker is no more
-            self._asked = self._tracker.get_parameters(COVERAGE, self._tell)
+            self._asked = self._tracker.get_parameters(
+                [f"sensor.{name}" for name in COVERAGE], self._tell
+            )
 
     def _tell(self, future: Any) -> None:
         """Tell the tracker the coverage of the images where its own is another."""
-        if self._tracker is None or future.cancelled():
+        if self._tracker is None or self._coverage is None or future.cancelled():
             return
-        known = [one.double_value for one in future.result().values] or [np.nan]
-        if not np.allclose(known, self._coverage, COVERAGE_CHANGE, self._slack):
-            pairs = zip(COVERAGE, self._coverage.tolist(), strict=True)
+        known = [one.double_value for one in future.result().values] or [math.nan]
+        if not self._coverage.agrees(known):
+            values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
-                [Parameter(name, value=value) for name, value in pairs], self._told
+                [Parameter(f"sensor.{name}", value=value) for name, value in values], self._told
             )
 
     def _told(self, future: Any) -> None:
         """Say why the tracker refused a coverage."""
         if not (answer := future.result().result).successful:
-            self._warnings.warn("tracker", f"{self._options.tracker}: {answer.reason}", 0)
+            tracker = self.options[SonarDetectorNodeOptions].tracker
+            self.warn("tracker", f"{tracker}: {answer.reason}")
 
     def _report(self) -> None:
         """Publish what the detector measured, and the drops; look at the tracker's coverage."""
@@ -165,9 +150,12 @@ class SonarDetector(ParameterisedNode):
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"
-        now = self.get_clock().now().nanoseconds
         status = Status("sonar detector", level, message, values)
-        self._health.publish(diagnostics(now, self.get_fully_qualified_name(), [status]))
+        self._health.publish(
+            diagnostics(
+                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), [status]
+            )
+        )
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,5 +1,7 @@
 """Subscriptions: types and reliability as offered, queues, and own ship from tf.
 
+Topics on which the quality of service of publisher and subscriber is incompatible.
+
 How long messages waited in the middleware's queue, and which of them are skipped.
 
 A subscription with the reliability that the publishers offer.
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -20,16 +23,22 @@ from typing import Any
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from rclpy.time import Time
 
 from msg_adapters import MessageError, message_class, supported_types
-from tsepm_ros.nodes.node_parameters import ParameterError, refusing
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.own_ship.attitude import AXES, angles_of, east_north_up, rotation_of
+from tsepm_ros.nodes.base_node import ParameterError, refusing
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of
 from tsepm_ros.session.session import Session
 
 MAX_BACKLOG = 2.0
@@ -40,7 +49,7 @@ LONGEST = 600.0
 """Time in the queue above which the clocks of publisher and subscriber differ, s."""
 
 
-def seconds_in_queue(information: Any, now_ns: int | None = None) -> float:
+def seconds_in_queue(information: Any) -> float:
     """Time that a message waited in the middleware, s, by the information that came with it.
 
     From its arrival here, where the middleware notes that, else from its publication. 0 where
@@ -50,13 +59,11 @@ def seconds_in_queue(information: Any, now_ns: int | None = None) -> float:
     ----------
     information : mapping or rmw_message_info_t
         `received_timestamp` and `source_timestamp`, ns of the system clock.
-    now_ns : int, optional
-        Time on that clock.
     """
     stamp = information["received_timestamp"] or information["source_timestamp"]
     if stamp <= 0:
         return 0.0
-    waited = 1e-9 * ((time.time_ns() if now_ns is None else now_ns) - stamp)
+    waited = 1e-9 * (time.time_ns() - stamp)
     return waited if 0.0 <= waited <= LONGEST else 0.0
 
 
@@ -86,13 +93,67 @@ def newest(
         Older messages that are not processed.
     """
     waited = seconds_in_queue(information)
-    if not interval or waited <= max(MAX_BACKLOG, BACKLOG_INTERVALS * interval):
-        return message, waited, 0
-    others = take_waiting()
+    is_late = interval and waited > max(MAX_BACKLOG, BACKLOG_INTERVALS * interval)
+    others = take_waiting() if is_late else []
     if not others:
         return message, waited, 0
     message, information = others[-1]
     return message, seconds_in_queue(information), len(others)
+
+
+class QosWatch:
+    """Counts the middleware's events of incompatibility, and checks which still exist.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+
+    Attributes
+    ----------
+    heard : Counter
+        Number of events by topic.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self.heard: Counter[str] = Counter()
+
+    def publisher_events(
+        self, topic: str, on_subscriber: Callable[[], None] | None = None
+    ) -> PublisherEventCallbacks:
+        """Event callbacks for a publisher; `on_subscriber` is called when a subscriber comes."""
+
+        def incompatible(_: Any) -> None:
+            name = self._node.resolve_topic_name(topic)
+            self.heard[name] += 1
+            self._node.get_logger().warning(
+                f"a subscriber of {name} requests a reliability or durability that is not offered: "
+                "it receives no messages"
+            )
+
+        def matched(event: Any) -> None:
+            if on_subscriber is not None and event.current_count_change > 0:
+                on_subscriber()
+
+        return PublisherEventCallbacks(
+            incompatible_qos=incompatible, matched=matched if on_subscriber else None
+        )
+
+    def standing(self) -> list[str]:
+        """Topics with events on which an endpoint is incompatible with this node's now."""
+        return [topic for topic in sorted(self.heard) if self._is_mismatched(topic)]
+
+    def _is_mismatched(self, topic: str) -> bool:
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        subscriptions = self._node.get_subscriptions_info_by_topic(topic)
+        own = self._node.get_name(), self._node.get_namespace()
+        return any(
+            qos_check_compatible(offer.qos_profile, request.qos_profile)[0]
+            == QoSCompatibility.ERROR
+            for offer in publishers
+            for request in subscriptions
+            if own in [(one.node_name, one.node_namespace) for one in (offer, request)]
+        )
 
 
 class OfferedSubscription:
@@ -140,19 +201,18 @@ class OfferedSubscription:
         durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
     ) -> None:
         self._node = node
-        self._message_type = message_type
-        self._topic = topic
+        self._create = partial(
+            node.create_subscription,
+            message_type,
+            topic,
+            callback,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
+        )
         self._depth = depth
-        self._callback = callback
         self._watch = watch
         self._refusal = refusal
         self._durability = durability
         self._subscribe(reliability)
-
-    @property
-    def topic_name(self) -> str:
-        """Full name of the topic."""
-        return str(self._subscription.topic_name)
 
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware, oldest first, with their information."""
@@ -175,43 +235,34 @@ class OfferedSubscription:
         self._node.destroy_subscription(self._subscription)
 
     def _subscribe(self, reliability: ReliabilityPolicy) -> None:
-        self._subscription = self._node.create_subscription(
-            self._message_type,
-            self._topic,
-            self._callback,
-            QoSProfile(depth=self._depth, reliability=reliability, durability=self._durability),
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
+        self._subscription = self._create(
+            QoSProfile(depth=self._depth, reliability=reliability, durability=self._durability)
         )
 
     def _incompatible(self, event: Any) -> None:
         if self.provisional:
             return
-        self._watch.heard[self.topic_name] += 1
+        topic = self._subscription.topic_name
+        self._watch.heard[topic] += 1
         if self._refusal:
-            self._node.get_logger().error(
-                f"a publisher of {self.topic_name} does not offer {self._refusal}"
-            )
+            self._node.get_logger().error(f"a publisher of {topic} does not offer {self._refusal}")
             return
+        reliability = ReliabilityPolicy.RELIABLE
         if event.last_policy_kind == QoSPolicyKind.DURABILITY:
             self._durability = DurabilityPolicy.VOLATILE
-            self._node.destroy_subscription(self._subscription)
-            self._subscribe(ReliabilityPolicy.RELIABLE)
-            return
-        self._node.get_logger().warning(
-            f"a publisher of {self.topic_name} offers best effort only: subscribing as best effort"
-        )
-        self._node.destroy_subscription(self._subscription)
-        self._subscribe(ReliabilityPolicy.BEST_EFFORT)
+        else:
+            reliability = ReliabilityPolicy.BEST_EFFORT
+            self._node.get_logger().warning(
+                f"a publisher of {topic} offers best effort only: subscribing as best effort"
+            )
+        self.end()
+        self._subscribe(reliability)
 
 
 DEFAULT_TYPE = "sensor_msgs/msg/PointCloud2"
 """Type that is subscribed to while there is no publisher."""
-POLL_PERIOD = 0.1
-"""Period of the first graph queries while no driver is known, s."""
-PROMPT_QUERIES = 50
-"""Number of graph queries in that period."""
-WAITING_POLL_PERIOD = 0.5
-"""Period of the further queries, s: a node that waits for hours costs next to nothing."""
+POLL_PERIOD = 0.2
+"""Period of the graph queries while no driver is known, s."""
 CONNECTED_POLL_PERIOD = 2.0
 """Period of the graph queries once a driver is known, s."""
 
@@ -219,10 +270,6 @@ NOT_RELIABLE = (
     "reliable delivery, so its messages are not received; set detections_reliability to auto or "
     "best_effort"
 )
-_RELIABILITY = {
-    "reliable": ReliabilityPolicy.RELIABLE,
-    "best_effort": ReliabilityPolicy.BEST_EFFORT,
-}
 
 
 class DetectionsSubscription:
@@ -244,10 +291,6 @@ class DetectionsSubscription:
         Called with each message.
     watch : QosWatch
         Counts publishers whose quality of service is incompatible.
-    connected_poll_period : float, optional
-        Period of the graph queries once a driver is known, s: its message type may change.
-    find_class : callable, optional
-        Returns the message class of a type, or raises MessageError.
     topic : str, optional
     readable : sequence of str, optional
         Types that are read; by default those of detections.
@@ -273,41 +316,40 @@ class DetectionsSubscription:
         callback: Callable[..., None],
         watch: QosWatch,
         *,
-        connected_poll_period: float = CONNECTED_POLL_PERIOD,
-        find_class: Callable[..., type] = message_class,
         topic: str = "detections",
         readable: Sequence[str] | None = None,
     ) -> None:
         self._node = node
-        self._watch_period = connected_poll_period
         self._topic = topic
         self._readable = supported_types() if readable is None else readable
-        self._find_class: Callable[[str], type] = (
-            find_class if readable is None else partial(find_class, readable=readable)
+        self._expected = DEFAULT_TYPE if readable is None else readable[-1]
+        self._asked = None if reliability == "auto" else ReliabilityPolicy[reliability.upper()]
+        self._make = partial(
+            OfferedSubscription,
+            node,
+            topic=topic,
+            depth=depth,
+            callback=callback,
+            watch=watch,
+            refusal="" if reliability == "auto" else NOT_RELIABLE,
         )
-        self._reliability = reliability
-        self._depth = depth
-        self._callback = callback
-        self._watch = watch
         self._subscription: OfferedSubscription | None = None
         self._refused_types: set[str] = set()
-        self._type_name = type_name
-        self._default = DEFAULT_TYPE if readable is None else readable[-1]
         self._published_types: tuple[str, ...] = ()
         self.subscribed = ""
-        self._queries = 0
         if type_name != "auto":
             with refusing(f"{topic}_type"):
-                self._find_class(type_name)
-        if type_name != "auto" and reliability != "auto":
-            self._subscribe(type_name, _RELIABILITY[reliability])
+                message_class(type_name, self._readable)
+            self._readable, self._expected = (type_name,), type_name
+        if type_name != "auto" and self._asked:
+            self._subscribe(type_name, self._asked)
         else:
             node.get_logger().info(
                 f"waiting for a publisher of {node.resolve_topic_name(self._topic)}"
             )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
-        self._query_publishers()
+        self._query_publishers(at_start=True)
 
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware; see `OfferedSubscription`."""
@@ -323,7 +365,7 @@ class DetectionsSubscription:
         """Types of `unread` that a new start would read."""
         return tuple(name for name in self.unread if not self._fault(name))
 
-    def _query_publishers(self) -> None:
+    def _query_publishers(self, at_start: bool = False) -> None:
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         self._published_types = tuple(sorted({publisher.topic_type for publisher in publishers}))
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
@@ -335,22 +377,20 @@ class DetectionsSubscription:
                 self._subscription.end()
                 self._subscription = None
             offered = ReliabilityPolicy.BEST_EFFORT if less else ReliabilityPolicy.RELIABLE
-            self._subscribe(kind, _RELIABILITY.get(self._reliability, offered))
-        elif self._queries and not publishers and self._subscription is None:
+            self._subscribe(kind, self._asked or offered)
+        elif not (at_start or publishers or self._subscription):
             # Not at the start: a process has one type of a topic, and may have a driver of its own.
-            expected = self._default if self._type_name == "auto" else self._type_name
-            asked = _RELIABILITY.get(self._reliability, ReliabilityPolicy.RELIABLE)
-            self._subscription = self._made(expected, asked)
-            self._subscription.provisional = expected
+            asked = self._asked or ReliabilityPolicy.RELIABLE
+            self._subscription = self._make(
+                message_type=message_class(self._expected, self._readable), reliability=asked
+            )
+            self._subscription.provisional = self._expected
         for name in self._published_types:
             if name != self.subscribed and name not in self._refused_types:
                 self._refused_types.add(name)
                 self._log_unread(name)
-        self._queries += 1
         if readable:
-            self._poll_timer.timer_period_ns = int(self._watch_period * 1e9)
-        elif self._queries == PROMPT_QUERIES:
-            self._poll_timer.timer_period_ns = int(WAITING_POLL_PERIOD * 1e9)
+            self._poll_timer.timer_period_ns = int(CONNECTED_POLL_PERIOD * 1e9)
 
     def _log_unread(self, type_name: str) -> None:
         """Log why messages of a published type are not read."""
@@ -366,36 +406,25 @@ class DetectionsSubscription:
 
     def _fault(self, type_name: str) -> str:
         """Why a type is not read; empty if it is."""
-        readable = self._readable if self._type_name == "auto" else (self._type_name,)
-        if type_name not in readable:
-            one_of = "one of " if len(readable) > 1 else ""
-            return f"which this node does not read; it reads {one_of}{', '.join(readable)}"
+        if type_name not in self._readable:
+            one_of = "one of " if len(self._readable) > 1 else ""
+            return f"which this node does not read; it reads {one_of}{', '.join(self._readable)}"
         try:
-            self._find_class(type_name)
+            message_class(type_name, self._readable)
         except MessageError as error:
             return f"but {error}"
         return ""
 
     def _subscribe(self, type_name: str, reliability: ReliabilityPolicy) -> None:
         if self._subscription is None:
-            self._subscription = self._made(type_name, reliability)
+            self._subscription = self._make(
+                message_type=message_class(type_name, self._readable), reliability=reliability
+            )
         self._subscription.provisional = ""
         self.subscribed = type_name
         self._node.get_logger().info(
-            f"subscribed to {self._subscription.topic_name} as {type_name}, "
+            f"subscribed to {self._node.resolve_topic_name(self._topic)} as {type_name}, "
             f"{reliability.name.lower()}"
-        )
-
-    def _made(self, type_name: str, reliability: ReliabilityPolicy) -> OfferedSubscription:
-        return OfferedSubscription(
-            self._node,
-            self._find_class(type_name),
-            self._topic,
-            self._depth,
-            self._callback,
-            self._watch,
-            reliability=reliability,
-            refusal="" if self._reliability == "auto" else NOT_RELIABLE,
         )
 
 
@@ -405,8 +434,15 @@ SAMPLE_PERIOD = 0.2
 """Interval of the poses over a scan's echoes, s: short compared to a small boat's roll period."""
 
 
-class TfOwnShip:
-    """Looks up the sensor's poses for the scans that wait for them.
+def tf_look_up(
+    node: Node, session: Session, buffer: Any = None
+) -> Callable[[str, float, float, str], str]:
+    """Return a function that gives a session the sensor's poses from tf.
+
+    Its arguments are the sensor's frame, the first and the last stamp (s) for which poses are
+    needed, and the frame's axes that point ahead, to port and up, by a name of
+    `tsepm_ros.own_ship.registration.AXES`. It returns what tf does not have, in words; an empty
+    text if tf has all.
 
     Parameters
     ----------
@@ -421,44 +457,33 @@ class TfOwnShip:
     ParameterError
         If tf2_ros is not installed, or no fixed frame is given.
     """
+    fixed_frame = session.fixed_frame
+    if not fixed_frame:
+        raise ParameterError("fixed_frame must be given where own_ship_source is tf")
+    if buffer is None:
+        try:
+            import tf2_ros
+        except ImportError:
+            raise ParameterError(
+                "own_ship_source is tf, but the package tf2_ros is not installed"
+            ) from None
+        buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
+        tf2_ros.TransformListener(buffer, node)  # the node's subscriptions keep it
 
-    def __init__(self, node: Node, session: Session, buffer: Any = None) -> None:
-        self._session = session
-        self._fixed_frame = session.fixed_frame
-        if not self._fixed_frame:
-            raise ParameterError("fixed_frame must be given where own_ship_source is tf")
-        if buffer is None:
-            try:
-                import tf2_ros
-            except ImportError:
-                raise ParameterError(
-                    "own_ship_source is tf, but the package tf2_ros is not installed"
-                ) from None
-            buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
-            self._listener = tf2_ros.TransformListener(buffer, node)
-        self._buffer = buffer
-
-    def look_up(self, frame: str, first: float, last: float, axes: str) -> str:
-        """Give the session the poses of a frame from `first` to `last` (s), as far as tf has them.
-
-        Returns what tf does not have, in words; empty if it has all.
-
-        `axes` names the frame's axes that point ahead, to port and up, as in
-        `tsepm_ros.own_ship.attitude.AXES`.
-        """
+    def look_up(frame: str, first: float, last: float, axes: str) -> str:
         intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
         for stamp in np.linspace(first, last, intervals + 1).tolist():
-            newest = self._session.own_ship_stamp
+            newest = session.own_ship.poses.last_stamp
             if stamp < 0 or (newest is not None and stamp <= newest):
                 continue
             at = Time(nanoseconds=round(stamp * 1e9))
-            if not self._buffer.can_transform(self._fixed_frame, frame, at):
-                return (
-                    f"tf has no transform from {frame!r} to {self._fixed_frame!r} at {stamp:.3f} s"
-                )
-            transform = self._buffer.lookup_transform(self._fixed_frame, frame, at).transform
-            self._session.add_own_ship(_sample(stamp, transform, axes, self._fixed_frame))
+            if not buffer.can_transform(fixed_frame, frame, at):
+                return f"tf has no transform from {frame!r} to {fixed_frame!r} at {stamp:.3f} s"
+            transform = buffer.lookup_transform(fixed_frame, frame, at).transform
+            session.add_own_ship(_sample(stamp, transform, axes, fixed_frame))
         return ""
+
+    return look_up
 
 
 def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:

@@ -1,82 +1,186 @@
-"""The node that starts tracks: detections in, confirmed tracks out."""
+"""The node that starts tracks, detections in, confirmed tracks out; and its learned file."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy
-from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import make_header
+from msg_adapters import diagnostics, make_header
 from msg_adapters.message_input import MessageInput
-from tsepm_ros.diagnostics.health import Health
-from tsepm_ros.diagnostics.health_figures import Latency
-from tsepm_ros.nodes.diagnostics_publisher import DiagnosticsPublisher, ThrottledWarnings
-from tsepm_ros.nodes.learned_file import SAVING_PERIOD, LearnedFile
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode
-from tsepm_ros.nodes.publishers import TrackAnnouncements, TrackOutputs
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.running import NodeClocks, run
+from tsepm_ros.diagnostics.health import Health, unused_own_ship_on
+from tsepm_ros.diagnostics.health_figures import Connections
+from tsepm_ros.nodes.base_node import OVERRIDABLE, NodeClocks, ParameterisedNode, run
+from tsepm_ros.nodes.publishers import (
+    TrackAnnouncements,
+    TrackOutputs,
+)
 from tsepm_ros.nodes.subscriptions import (
     DetectionsSubscription,
     OfferedSubscription,
-    TfOwnShip,
+    QosWatch,
     newest,
+    tf_look_up,
 )
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.consistency_checks import questions
-from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP
+from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP, shortened
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
-from tsepm_ros.settings.settings import TRACK_INITIATOR, help_text, settings_from
+from tsepm_ros.settings.settings import help_text, settings_from
+from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.whole_files import write_text
 
 WAIT_PERIOD = 0.05
 """Time between checks of the scans that wait for own-ship data, s."""
 OWN_SHIP_TOPIC = "own_ship/odometry"
 OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
+TOPICS = (
+    *("detections", "own_ship/odometry", "tracks", "tracks/current"),
+    *("detections/placed", "potential_tracks", "fixed_echoes"),
+)
+"""Topics whose full names are published, for programs that show the node."""
+MAX_SIZE = 2**24
+"""Size of the largest learned file that is read, bytes: of most sensors it is a hundredth."""
+SAVING_PERIOD = 60.0
+"""Time between writings of that file, s."""
+
+
+class LearnedFile:
+    """Reads what was learned at the start, and writes it while the node runs and at its end.
+
+    Ages count on the system's clock: a simulated clock starts again with each run.
+
+    Parameters
+    ----------
+    session : Session
+    path : str
+        Empty: nothing is read or written; nor if there can be no regular file of this path.
+    max_age : float
+        s.
+    logger : rclpy logger
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: str,
+        max_age: float,
+        logger: Any,
+    ) -> None:
+        self._session, self._logger = session, logger
+        self._path: Path | None = None
+        if path:
+            self._read(path, max_age)
+
+    def _read(self, name: str, max_age: float) -> None:
+        try:
+            path = Path(name).expanduser()
+            if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_SIZE):
+                raise OSError(f"it is no regular file of at most {MAX_SIZE} bytes")
+            if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
+                raise OSError("a name in its path has more than 200 bytes")
+            self._path = path
+            found, age = learned.read(
+                path.read_text(encoding="utf-8"),
+                self._session.settings.sensor,
+                self._session.settings.session.sensor_frame,
+                time.time(),
+                max_age,
+            )
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, RuntimeError) as error:  # the last: no such user
+            self._logger.warning(
+                f"{shortened(f'learned_file {name}')} is not used: "
+                f"{getattr(error, 'strerror', None) or error}"  # without the path again
+            )
+            return
+        self._session.tracker.learned = found
+        self._logger.info(
+            f"what was learned {age / 60.0:.0f} min ago is used from {path}: clutter density "
+            f"{self._session.tracker.clutter_density:.2g} per m^2, detection probability "
+            f"{self._session.tracker.estimated_detection_probability:.2f}"
+        )
+
+    def forget(self) -> None:
+        """Remove the file; a failure is logged."""
+        if self._path is None:
+            return
+        try:
+            self._path.unlink(missing_ok=True)
+        except (OSError, ValueError) as error:
+            self._logger.warning(f"learned_file {self._path} cannot be removed: {error}")
+
+    def write(self) -> None:
+        """Write what was learned, if a scan was processed; a failure is logged once."""
+        initiator = self._session.tracker
+        if self._path is None or initiator.stamp is None:
+            return
+        try:
+            text = learned.written(
+                initiator.learned,
+                initiator.sensor,
+                self._session.settings.session.sensor_frame,
+                time.time(),
+            )
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(self._path, text)
+        except (OSError, ValueError) as error:
+            self._logger.warning(
+                shortened(f"learned_file {self._path} cannot be written: {error}"), once=True
+            )
 
 
 class TrackInitiator(ParameterisedNode):
-    """Subscribes to detections and publishes confirmed tracks."""
+    """Subscribes to detections and publishes confirmed tracks.
+
+    Attributes
+    ----------
+    health : Health
+    """
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("track_initiator", **node_options)
-        parameters = NodeParameters(
-            self, TRACK_INITIATOR, self._configure, self._rehearse, FAILURES
-        ).options
-        options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
-        self._warnings = ThrottledWarnings(self)
-        self._clocks = NodeClocks(self, self._warnings.warn)
-        self._asked: list[str] = []
-        self._ask(parameters)
-        self._session = Session(settings_from(parameters), self._report, live=True)
-        method = parameters[SessionOptions].method
-        self.get_logger().info(f"method {method}: splits, evaluates, prunes and merges tracks")
+        super().__init__(
+            "track_initiator",
+            self._configure,
+            lambda changed: self._session.validate(settings_from(changed)),
+            FAILURES,
+            **node_options,
+        )
+        options: InitiatorNodeOptions = self.options[InitiatorNodeOptions]
+        self._clocks = NodeClocks(self)
+        self._ask(self.options)
+        self._session = Session(settings_from(self.options), self._report, live=True)
+        self.get_logger().info(
+            f"method {self.options[SessionOptions].method}: splits, evaluates, prunes and merges "
+            "tracks"
+        )
         self._learned = LearnedFile(
             self._session,
             options.learned_file,
             options.learned_max_age,
-            self.get_logger().info,
-            self.get_logger().warning,
+            self.get_logger(),
         )
-        self._input = MessageInput(self._session, options, self.get_logger().warning)
-        self._health = Health(parameters[DiagnosticsOptions])
-        qos = QosWatch(self)
-        self._outputs = TrackOutputs(self, self._session, qos, options.publish_potential_tracks)
-
+        self._input = MessageInput(self._session, options, self.warn_once)
+        self.health = Health(self.options[DiagnosticsOptions])
+        self._qos = QosWatch(self)
+        self._outputs = TrackOutputs(
+            self, self._session, self._qos, options.publish_potential_tracks
+        )
         self._announced = TrackAnnouncements(self.get_logger().info)
-
-        self._subscribe_own_ship(qos)
+        self._subscribe_own_ship()
         self._tracked = OfferedSubscription(
-            self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, qos
+            self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, self._qos
         )
         self._land = OfferedSubscription(
             self,
@@ -84,7 +188,7 @@ class TrackInitiator(ParameterisedNode):
             "land",
             1,
             self._input.take_land,
-            qos,
+            self._qos,
             refusal="reliable, transient local delivery, so its chart is not received",
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
@@ -94,28 +198,15 @@ class TrackInitiator(ParameterisedNode):
             options.detections_reliability,
             options.detections_depth,
             self._hear_detections,
-            qos,
+            self._qos,
         )
         self.create_service(Trigger, "~/reset", self._on_reset)
-        self._diagnostics = DiagnosticsPublisher(
-            self,
-            self._session,
-            self._health,
-            self._detections,
-            qos,
-            OWN_SHIP_TOPIC,
-            options.diagnostics_period,
-            self._clocks,
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, "/diagnostics", 10, qos_overriding_options=OVERRIDABLE
         )
-        self.create_timer(
-            SAVING_PERIOD, self._learned.write, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._report_timer = self.steady_timer(options.diagnostics_period, self._report_health)
+        self.steady_timer(SAVING_PERIOD, self._learned.write)
         self.refuse_unused_overrides()
-
-    @property
-    def latency(self) -> Latency:
-        """Latency of the last scan."""
-        return self._health.latency
 
     def destroy_node(self) -> None:
         """Destroy the node; what was learned is written before."""
@@ -141,11 +232,11 @@ class TrackInitiator(ParameterisedNode):
         """Take a message of detections of any supported type that waited for a time, s."""
         entered = time.perf_counter() - waited
         now = self._clocks.now()
-        self._health.heard(DETECTIONS, now)
+        self.health.heard(DETECTIONS, now)
         before = self._session.arrivals
         self._input.take_detections(message, now)
         if self._session.arrived_stamp is not None and self._session.arrivals > before:
-            self._health.arrived(self._session.arrived_stamp, now)
+            self.health.arrived(self._session.arrived_stamp, now)
         self._process(entered)
 
     def _take_own_ship(self, message: Odometry) -> None:
@@ -153,7 +244,7 @@ class TrackInitiator(ParameterisedNode):
         self._process(time.perf_counter())
 
     def _note_own_ship(self, message: Odometry) -> None:
-        self._health.heard(OWN_SHIP, self._clocks.now())
+        self.health.heard(OWN_SHIP, self._clocks.now())
         self._input.take_own_ship(message)
 
     def _read_own_ship(self) -> bool:
@@ -164,7 +255,7 @@ class TrackInitiator(ParameterisedNode):
         self._note_own_ship(entry[0])
         return True
 
-    def _subscribe_own_ship(self, qos: QosWatch) -> None:
+    def _subscribe_own_ship(self) -> None:
         if self._session.own_ship.source == "none":
             frame = self._session.settings.session.fixed_frame or "of the detections"
             self.get_logger().info(
@@ -172,16 +263,13 @@ class TrackInitiator(ParameterisedNode):
                 f"{frame}"
             )
         elif self._session.own_ship.source == "tf":
-            self._session.own_ship.look_up = TfOwnShip(self, self._session).look_up
+            self._session.own_ship.look_up = tf_look_up(self, self._session)
         else:
             self._own_ship = OfferedSubscription(
-                self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._take_own_ship, qos
+                self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._take_own_ship, self._qos
             )
             self._session.own_ship.read_unread = self._read_own_ship
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._waiting: Timer = self.create_timer(
-            WAIT_PERIOD, lambda: self._process(time.perf_counter()), clock=steady
-        )
+        self._waiting = self.steady_timer(WAIT_PERIOD, lambda: self._process(time.perf_counter()))
 
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
@@ -192,7 +280,7 @@ class TrackInitiator(ParameterisedNode):
             except FAILURES as error:  # such as a stamp beyond the range of a message
                 self._session.drop("internal_error", f"a scan was not published: {error!r}")
             else:
-                self._health.processed(result.statistics.detections, latency, self._clocks.now())
+                self.health.processed(result.statistics.detections, latency, self._clocks.now())
             self._announced.announce(result, self._session.tracker.reason)
         if not self._session.unfinished:
             self._waiting.cancel()
@@ -202,15 +290,13 @@ class TrackInitiator(ParameterisedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         header = make_header(self.get_clock().now().nanoseconds, self._session.fixed_frame)
         self._session.reset()
-        self._diagnostics.reset()
+        self.health.reset()
+        self._qos.heard.clear()
         self._outputs.clear(header)
         self._learned.forget()
-        response.success = True
-        response.message = "scans, tracks, counts and what was learned were cleared"
-        return response
-
-    def _rehearse(self, parameters: Mapping[type[Any], Any]) -> None:
-        self._session.validate(settings_from(parameters))
+        return Trigger.Response(
+            success=True, message="scans, tracks, counts and what was learned were cleared"
+        )
 
     def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
         if not self._session.configure(settings_from(parameters)):
@@ -219,19 +305,48 @@ class TrackInitiator(ParameterisedNode):
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._input.options = options
         self._outputs.show_potential_tracks(options.publish_potential_tracks)
-        self._health.options = parameters[DiagnosticsOptions]
-        self._diagnostics.set_period(options.diagnostics_period)
+        self.health.options = parameters[DiagnosticsOptions]
+        self._report_timer.timer_period_ns = int(options.diagnostics_period * 1e9)
+        self._report_timer.reset()
 
     def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
         """Log questions about parameters that look like degrees, each once."""
-        asked = questions(parameters[SensorModel], parameters[Mounting])
-        for question in asked:
-            if question not in self._asked:
-                self.get_logger().warning(question)
-        self._asked = asked
+        for question in questions(parameters[SensorModel], parameters[Mounting]):
+            self.warn_once(question)
+
+    def _report_health(self) -> None:
+        now = self._clocks.now()
+        connections = Connections(
+            clock_fault=self._clocks.fault,
+            subscribed=bool(self._detections.subscribed),
+            unread=self._detections.unread,
+            subscribed_type=self._detections.subscribed,
+            other_readable=self._detections.other_readable,
+            topics={name: self.resolve_topic_name(name) for name in TOPICS},
+            mismatches_heard=dict(self._qos.heard),
+            mismatches=self._qos.standing(),
+            unused_own_ship=self._unused_own_ship(),
+        )
+        statuses = self.health.report(self._session.figures(), now, connections)
+        self._diagnostics.publish(
+            diagnostics(
+                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), statuses
+            )
+        )
+
+    def _unused_own_ship(self) -> str:
+        """Topic of odometry that is published but not used, with one warning; empty if none."""
+        if self._session.own_ship.source != "none":
+            return ""
+        topic = self.resolve_topic_name(OWN_SHIP_TOPIC)
+        endpoints = self.get_publishers_info_by_topic(topic)
+        if "nav_msgs/msg/Odometry" not in {endpoint.topic_type for endpoint in endpoints}:
+            return ""
+        self.warn_once(unused_own_ship_on(topic))
+        return topic
 
     def _report(self, reason: str, sentence: str) -> None:
-        self._warnings.warn(reason, sentence, self._session.dropped[reason])
+        self.warn(reason, sentence, self._session.dropped[reason])
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -192,5 +192,4 @@ def _repaired(covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(correlation)
     correlation = (vectors * np.maximum(values, REPAIRED_EIGENVALUE)) @ vectors.T
     sigma = np.sqrt(variance)
-    made: FloatArray = 0.5 * (correlation + correlation.T) * np.outer(sigma, sigma)
-    return made
+    return np.asarray(0.5 * (correlation + correlation.T) * np.outer(sigma, sigma))

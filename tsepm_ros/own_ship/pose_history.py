@@ -35,7 +35,7 @@ class PoseSample:
         Velocity vx, vy (fixed frame, m/s) and yaw rate (rad/s); None if all are unknown, nan for
         an unknown component: differences of poses replace them. `known_rates` treats zeros.
     roll, pitch : float
-        Attitude, rad, as in `tsepm_ros.own_ship.attitude`; 0 if unknown.
+        Attitude, rad, as in `tsepm_ros.own_ship.registration`; 0 if unknown.
     frame_id, child_frame_id : str
         The fixed frame, and the frame of the sensor or vessel; empty if unnamed.
     """
@@ -226,18 +226,14 @@ class PoseHistory:
 
         Returns
         -------
-        (n, 3) ndarray
-            x, y, yaw.
+        (n, 5) ndarray
+            x, y, yaw, roll, pitch.
 
         Raises
         ------
         ValueError
             If a time is beyond the coverage and its extrapolation.
         """
-        return self.poses_with_attitude(times)[:, :3]
-
-    def poses_with_attitude(self, times: FloatArray) -> FloatArray:
-        """Poses with attitude at the given times: x, y, yaw, roll, pitch, (n, 5); see `poses`."""
         times = np.asarray(times, float)
         if len(times) == 0:
             return np.zeros((0, 5))

@@ -18,9 +18,9 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, reason_of
-from tsepm_ros.session.scan_queue import Now
-from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors
-from tsepm_ros.tracker.clutter.seen import Extent
+from tsepm_ros.session.inputs import LEAP_ERROR, Now, leap_seconds
+from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -34,10 +34,8 @@ ECHO_FACTOR, SLOWEST_SOUND = 10.0, 1400.0
 """Factor by which a time exceeds that of an echo at the speed of sound (m/s), to be no echo's."""
 STATED_CHANGE = 0.01
 """Least change of what a message states, as a part of it."""
-LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
-"""GPS time ahead of UTC, atomic time (TAI) ahead of GPS time, and of UTC, s."""
-LEAP_ERROR, MAX_AHEAD = 0.5, 1.0
-"""Difference from leap seconds, and time by which a stamp may be after its arrival, s."""
+MAX_AHEAD = 1.0
+"""Time by which a stamp may be after its arrival, s."""
 MIN_ANGLES, LIKELY_SHARE = 20, 0.5
 """Least number of angles, and share of them beyond a turn above which they look like degrees."""
 NEAR, COMPARED = 0.02, 50
@@ -46,12 +44,6 @@ detections of a message that are compared."""
 MIN_PAIRS, ALTERNATE_FACTOR = 60, 3.0
 """Least detections with one near it in the second message before, and the factor by which fewer
 have one in the message before, where messages alternate."""
-
-
-def leap_seconds(seconds: float) -> str:
-    """A question about two clocks that differ by seconds like those of GPS time; else empty."""
-    near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
-    return ": is it GPS time (18 s ahead of UTC) or TAI (37 s)?" if near else ""
 
 
 class MessageCheck:
@@ -92,8 +84,8 @@ class MessageCheck:
             counts["second"] += int(np.count_nonzero((second < limit).any(axis=1)))
             counts["last"] += int(np.count_nonzero((last < limit).any(axis=1)))
         self._before.append(places)
-        codes = {f"{NO_RETURN}{code}": number for code, number in facts.no_return.items()}
-        counts.update({**codes, "rays": facts.rays, "beyond": facts.beyond_turn})
+        counts.update({f"{NO_RETURN}{code}": n for code, n in facts.no_return.items()})
+        counts.update(rays=facts.rays, beyond=facts.beyond_turn)
         number = len(scan)
         counts["angles"] += number
         offset = np.zeros(1) if scan.time_offset is None or not number else scan.time_offset
@@ -109,9 +101,13 @@ class MessageCheck:
             before = self._states.setdefault(name, value)
             if math.isfinite(value) and abs(value - before) > STATED_CHANGE * abs(before):
                 self._states[name] = value
-                change = f"changed from {before:g} to {value:g} at {arrived.scan.stamp:.3f} s"
-                same = "the parameters `sensor.*` stay as given"
-                said.append(Notice(f"changed {name}", f"{name} of messages {change}: {same}"))
+                said.append(
+                    Notice(
+                        f"changed {name}",
+                        f"{name} of messages changed from {before:g} to {value:g} at "
+                        f"{arrived.scan.stamp:.3f} s: the parameters `sensor.*` stay as given",
+                    )
+                )
         return said
 
     def _of_counts(self) -> dict[str, str]:
@@ -165,8 +161,8 @@ class MessageCheck:
                 f"{interval:.3g} s: is it in ms, us or ns, or not after the stamp? It is read in "
                 "seconds"
             )
-        # A message arrives after its last echo.
-        delays = {"detections": clock - stamps - 2.0 * last, "own ship": clock - own_ship}
+        # A message arrives after its last detection, which may be of a bearing sent last.
+        delays = {"detections": clock - stamps - last, "own ship": clock - own_ship}
         for name, delay in delays.items():
             steady = np.isfinite(delay).all() and np.ptp(delay) <= LEAP_ERROR and np.ptp(clock) > 0
             middle = float(np.median(delay)) if steady else 0.0
@@ -243,33 +239,32 @@ class Losses:
             if half and reason not in {*self._said, ""} and len(names) >= MIN_SCANS:
                 self._said.add(reason)
                 why = explained(reason, dropped, self._sentences)
-                told = f"{lost} scans were dropped, {number} as {why}"
-                said.append(Notice(f"lost {reason}", told))
+                said.append(
+                    Notice(f"lost {reason}", f"{lost} scans were dropped, {number} as {why}")
+                )
         return said
 
 
-MAX_LIKELY_STD = 0.2
-"""Standard deviation of an azimuth, rad (11 degrees), beyond which it looks like degrees."""
-MAX_LIKELY_RESOLUTION = 0.8
-"""Width of a beam, rad (46 degrees), beyond which it looks like degrees."""
-MAX_LIKELY_YAW = 3.2
-"""Yaw of a mounting, rad (half a turn), beyond which it looks like degrees."""
-
-
 def questions(sensor: SensorModel, mounting: Mounting) -> list[str]:
-    """Questions about parameters in radians that look like degrees, a sentence each."""
+    """Questions about parameters in radians that look like degrees, a sentence each.
+
+    Likely are errors of an azimuth up to 11 degrees, beams up to 46, and a yaw of a mounting up to
+    half a turn.
+    """
     return [
         f"{name} is {value:g} rad, which is {math.degrees(value):.0f} degrees: if {value:g} "
         f"degrees are meant, set {math.radians(value):.4g}"
         for name, value, limit in (
-            ("sensor.azimuth_std", sensor.azimuth_std, MAX_LIKELY_STD),
-            ("sensor.azimuth_resolution", sensor.azimuth_resolution, MAX_LIKELY_RESOLUTION),
-            ("mounting.yaw", mounting.yaw, MAX_LIKELY_YAW),
+            ("sensor.azimuth_std", sensor.azimuth_std, 0.2),
+            ("sensor.azimuth_resolution", sensor.azimuth_resolution, 0.8),
+            ("mounting.yaw", mounting.yaw, 3.2),
         )
         if abs(value) > limit
     ]
 
 
+MIN_SEEN = 30
+"""Detections of clutter from which on the extent of them is certain enough to be said."""
 AREA_FACTOR = 2.0
 """Factor by which the coverage as given may exceed the area in which detections fall."""
 MIN_LOG_RATIO = 14.0
@@ -349,10 +344,9 @@ def findings(figures: SensorFigures) -> dict[str, str]:
 def coverage_too_large(figures: SensorFigures) -> str:
     """Detections fall in a small part of the coverage."""
     seen, given = figures.seen, figures.sensor.coverage_area
-    area = 0.0 if seen is None else seen.area
-    if seen is None or area <= 0.0 or given < AREA_FACTOR * area:
+    if seen is None or not 0.0 < AREA_FACTOR * seen.area <= given:
         return ""
-    if figures.seen_detections * math.log(given / area) < MIN_LOG_RATIO:
+    if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
         return ""
     return (
         f"all detections are {_of(seen)}; by the parameters, the coverage is "
@@ -384,20 +378,22 @@ def errors_differ(figures: SensorFigures) -> str:
             "as the detections of held tracks show, errors of range or azimuth are less than "
             f"{100.0 * LEAST_FACTOR:g} % of those of the parameters: are the detections simulated?"
         )
-    parts = []
-    if not 1.0 / ERROR_FACTOR <= errors.range_factor <= ERROR_FACTOR:
-        parts.append(
+    rows = (
+        (
+            errors.range_factor,
             f"range errors are {errors.range_factor:.2g} times those of the parameters (at a "
             f"median range of {errors.median_range:.3g} m): set sensor.range_std to "
             f"{errors.range_std:.2g} and sensor.range_std_fraction to "
-            f"{errors.range_std_fraction:.2g}"
-        )
-    if not 1.0 / ERROR_FACTOR <= errors.azimuth_factor <= ERROR_FACTOR:
-        parts.append(
+            f"{errors.range_std_fraction:.2g}",
+        ),
+        (
+            errors.azimuth_factor,
             f"azimuth errors are {errors.azimuth_factor:.2g} times those of the parameters: set "
             f"sensor.azimuth_std to {errors.azimuth_std:.2g} rad "
-            f"({math.degrees(errors.azimuth_std):.2g} degrees)"
-        )
+            f"({math.degrees(errors.azimuth_std):.2g} degrees)",
+        ),
+    )
+    parts = [said for factor, said in rows if not 1.0 / ERROR_FACTOR <= factor <= ERROR_FACTOR]
     return "as the detections of held tracks show, " + "; ".join(parts) if parts else ""
 
 
@@ -417,8 +413,7 @@ def many_confirmations(figures: SensorFigures) -> str:
 
 def _is_sector(extent: Extent) -> bool:
     """Whether an extent leaves out more than a chance gap."""
-    seen = extent.azimuth_max - extent.azimuth_min
-    return not extent.all_round and 2.0 * math.pi - seen >= MIN_EMPTY_SECTOR
+    return extent.azimuth_max - extent.azimuth_min <= 2.0 * math.pi - MIN_EMPTY_SECTOR
 
 
 def _of(extent: Extent) -> str:
@@ -451,9 +446,7 @@ def _rounded_up(value: float) -> float:
 
 def _rounded_down(value: float) -> float:
     """To two significant digits, not above."""
-    if value < 1e-300:  # its step would vanish
-        return 0.0
-    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    step = 10.0 ** (math.floor(math.log10(max(value, 1e-300))) - 1)
     return step * math.floor(value / step)
 
 
@@ -462,7 +455,6 @@ class SensorCheck:
 
     def __init__(self) -> None:
         self._said: set[str] = set()
-        self._scans = 0
         self._confirmed: deque[float] = deque(maxlen=10_000)
         self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
@@ -495,11 +487,11 @@ class SensorCheck:
         outside = sum(number for number, _ in self._outside)
         return SensorFigures(
             sensor=sensor,
-            seen=seen.estimate if seen.certain else None,
+            seen=seen.region.extent if seen.detections >= MIN_SEEN else None,
             seen_detections=seen.detections,
             outside=outside,
             detections=sum(number for _, number in self._outside),
-            outside_extent=all_seen.estimate if outside else None,
+            outside_extent=all_seen.region.extent if outside else None,
             errors=learned.errors.fitted,
             confirmed=len(self._confirmed),
             duration=min(duration, RATE_WINDOW),
@@ -508,8 +500,7 @@ class SensorCheck:
 
     def news(self, initiator: Tracker) -> list[tuple[str, str]]:
         """Subjects and sentences not found before; looked for at every tenth scan."""
-        self._scans += 1
-        if self._scans % SCANS_BETWEEN:
+        if (initiator.scan_index + 1) % SCANS_BETWEEN:
             return []
         found = findings(self.figures(initiator))
         new = [(subject, said) for subject, said in found.items() if subject not in self._said]

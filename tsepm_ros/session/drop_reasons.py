@@ -7,7 +7,7 @@ All drop reasons: diagnostics entry, what a drop loses, cause and remedy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -122,25 +122,26 @@ _FAULTS = {
 }
 
 
-def _of_layouts() -> Iterator[tuple[str, DropReason]]:
-    for fault, (meaning, remedy) in _LAYOUT.items():
-        yield fault, DropReason(DETECTIONS, "scan", meaning, remedy)
-    for fault, (meaning, _) in _LAYOUT.items():
-        remedy = f"{_TRACKER}: the message must have the layout of `tracks`"
-        yield f"tracked_{fault}", DropReason(TRACKER, "report", meaning, remedy)
+_MISSING = "None if the sensor marks missing values like this; else check the driver and its units"
 
-
-def _of_numbers() -> Iterator[tuple[str, DropReason]]:
-    remedy = (
-        "None if the sensor marks missing values like this; else check the driver and its units"
-    )
-    for name, (quantity, faults) in NUMBERS.items():
-        for fault in faults:
-            meaning = f"the {quantity} {_FAULTS[fault]}"
-            yield f"{name}_{fault}", DropReason(DETECTIONS, "detection", meaning, remedy)
-
-
-_SINGLE = {
+DROP_REASONS: Mapping[str, DropReason] = {
+    **{
+        fault: DropReason(DETECTIONS, "scan", meaning, remedy)
+        for fault, (meaning, remedy) in _LAYOUT.items()
+    },
+    **{
+        f"tracked_{fault}": DropReason(
+            TRACKER, "report", meaning, f"{_TRACKER}: the message must have the layout of `tracks`"
+        )
+        for fault, (meaning, _) in _LAYOUT.items()
+    },
+    **{
+        f"{name}_{fault}": DropReason(
+            DETECTIONS, "detection", f"the {quantity} {_FAULTS[fault]}", _MISSING
+        )
+        for name, (quantity, faults) in NUMBERS.items()
+        for fault in faults
+    },
     "wrong_length": DropReason(
         DETECTIONS, "scan", "the lengths of the message's arrays do not match", _DRIVER
     ),
@@ -396,12 +397,6 @@ _SINGLE = {
         "Check the own-ship data for jumps; else this is a fault of the node: report the text of "
         "the warning",
     ),
-}
-
-DROP_REASONS: Mapping[str, DropReason] = {
-    **dict(_of_layouts()),
-    **dict(_of_numbers()),
-    **_SINGLE,
 }
 """Drop reasons by the name that is counted."""
 

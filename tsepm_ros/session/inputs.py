@@ -1,29 +1,265 @@
-"""What a scan needs beside its detections: frames, own ship, external tracks, land.
+"""What scans wait for: their order, frames, own ship, external tracks and land.
 
 The names of the frames in use, the poses of a moving sensor, the registration of a scan by both in
 the fixed frame, and the newest messages of an external tracker and of a chart. Each refuses what it
 cannot use; the session counts and reports the refusals.
+
+Elapsed time on one or several clocks.
+
+Classification of a scan's stamp: next, late, a restart, or the first after a long gap.
+
+The queue of scans that wait for processing, and the classification of their stamps.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
+import statistics
+from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from tsepm_ros.own_ship import registration
-from tsepm_ros.own_ship.attitude import stated_axes, without_suffix
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan
-from tsepm_ros.session.consistency_checks import leap_seconds
+from tsepm_ros.own_ship.registration import Mounting, SensorScan, stated_axes, without_suffix
 from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.land import LandMask
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport, usable
+from tsepm_ros.tracker.options import MAX_WINDOW
 from tsepm_ros.tracker.scan import Scan
+
+Now = float | tuple[float, ...]
+"""Time on one clock or on several, s."""
+
+
+def waited(since: Now, now: Now) -> float:
+    """Minimum elapsed time over the clocks, s; a clock that was set back is ignored."""
+    elapsed = np.atleast_1d(np.subtract(now, since))
+    return float(elapsed[elapsed >= 0].min(initial=math.inf))
+
+
+LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
+"""GPS time ahead of UTC, atomic time (TAI) ahead of GPS time, and of UTC, s."""
+LEAP_ERROR = 0.5
+"""Difference of two clocks from leap seconds, s."""
+
+
+def leap_seconds(seconds: float) -> str:
+    """A question about two clocks that differ by seconds like those of GPS time; else empty."""
+    near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
+    return ": is it GPS time (18 s ahead of UTC) or TAI (37 s)?" if near else ""
+
+
+MIN_INTERVALS = 3
+"""Minimum number of known intervals that distinguish a gap from a slow sonar."""
+
+MAX_INTERVAL = 3600.0
+"""Maximum time between scans while fewer intervals are known, s."""
+
+MAX_LATE_SCANS = 3
+"""Consecutive late scans with rising stamps that are a restart."""
+
+
+class Arrival(enum.Enum):
+    """Relation of a scan to the scans before it."""
+
+    NEXT = "next"
+    SAME_STAMP = "same_stamp"
+    LATE = "late"
+    FAR_BACK = "far_back"
+    RESTART = "restart"
+    GAP = "gap"
+
+
+class ScanOrder:
+    """Classifies the stamps of arriving scans.
+
+    Parameters
+    ----------
+    settings : Settings
+        `restart_jump`: a backward step, s, above which a stamp is a restart (a looping bag, a reset
+        clock) if the next stamp confirms it; a smaller step is a late scan. `max_gap`: a forward
+        step, s, above which potential tracks are not continued; 0: `window` times the median
+        interval of as many last scans.
+
+    Attributes
+    ----------
+    settings : Settings
+        May be replaced.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self._intervals: deque[float] = deque(maxlen=MAX_WINDOW)
+        self._stamp: float | None = None
+        self._late_stamps: list[float] = []
+
+    def classify(self, stamp: float) -> Arrival:
+        """Classify the next stamp (s) relative to the scans accepted so far.
+
+        One that is far back is a restart if the next stamp confirms it; so are late scans in a row
+        whose stamps rise.
+        """
+        if self._stamp is None:
+            return Arrival.NEXT
+        interval = stamp - self._stamp
+        if interval > 0.0:
+            return Arrival.GAP if interval > self.gap_limit else Arrival.NEXT
+        if -interval > self.settings.session.restart_jump and interval < 0.0:
+            return Arrival.FAR_BACK
+        if interval == 0.0 and not self._late_stamps:
+            return Arrival.SAME_STAMP
+        if self._late_stamps and stamp <= self._late_stamps[-1]:
+            self._late_stamps.clear()
+        self._late_stamps.append(stamp)
+        return Arrival.RESTART if len(self._late_stamps) >= MAX_LATE_SCANS else Arrival.LATE
+
+    def is_confirmed(self, stamp: float, following: float) -> bool:
+        """Whether the stamp `following` (s) confirms a restart at a stamp far back (s).
+
+        It does if it is after that stamp by no more than a gap, and before the last accepted stamp.
+        """
+        assert self._stamp is not None
+        near = following - stamp <= max(self.gap_limit, MAX_INTERVAL)
+        return stamp < following < self._stamp and near
+
+    def accept(self, stamp: float, arrival: Arrival) -> None:
+        """Continue from a processed scan; a dropped scan does not change the order."""
+        self._late_stamps.clear()
+        if arrival is Arrival.NEXT and self._stamp is not None:
+            self._intervals.append(stamp - self._stamp)
+        elif arrival in (Arrival.RESTART, Arrival.GAP):
+            self._intervals.clear()  # the sonar may have changed its period
+        self._stamp = stamp
+
+    @property
+    def gap_limit(self) -> float:
+        """The gap, s, above which potential tracks are not continued."""
+        if self.settings.session.max_gap > 0.0:
+            return self.settings.session.max_gap
+        last = list(self._intervals)[-self.settings.window :]
+        if len(last) < MIN_INTERVALS:
+            return MAX_INTERVAL
+        return self.settings.window * statistics.median(last)
+
+
+QUEUE_LENGTH = 1000
+"""Maximum number of scans that wait for own-ship data."""
+
+UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
+"""Classifications of scans that are dropped."""
+
+
+class Waiting(NamedTuple):
+    """The first scan in the queue.
+
+    Attributes
+    ----------
+    scan : SensorScan
+    arrival : Arrival
+    seconds : float
+        Time that it waited, s.
+    refusal : Refusal or None
+        Of a scan whose stamp does not permit processing.
+    """
+
+    scan: SensorScan
+    arrival: Arrival
+    seconds: float
+    refusal: Rejection | None
+
+
+class ScanQueue:
+    """Scans from their arrival until they are processed or dropped.
+
+    Parameters
+    ----------
+    settings : Settings
+    length : int, optional
+        Maximum number of scans; the oldest scan is dropped beyond it.
+
+    Attributes
+    ----------
+    order : ScanOrder
+        Of the scans processed so far.
+    scans : deque
+        Times of arrival, and the scans that wait.
+    """
+
+    def __init__(self, settings: Settings, length: int = QUEUE_LENGTH) -> None:
+        self.order = ScanOrder(settings)
+        self._length = length
+        self.scans: deque[tuple[Now, SensorScan]] = deque()
+        self._arrival: Arrival | None = None  # of the first
+
+    @property
+    def newest_stamp(self) -> float | None:
+        """Stamp of the waiting scan that arrived last, s."""
+        return self.scans[-1][1].scan.stamp if self.scans else None
+
+    def add(self, arrived: SensorScan, now: Now) -> Rejection | None:
+        """Add a scan that arrived at `now`, s; refuse the oldest scan if the queue is full."""
+        self.scans.append((now, arrived))
+        if len(self.scans) <= self._length:
+            return None
+        self.remove_first()
+        return Rejection("queue_full", f"more than {self._length} scans wait for own-ship data")
+
+    def first(self, now: Now, *, last: bool) -> Waiting | None:
+        """The first scan in the queue, classified by its stamp.
+
+        If the stamp is far back, the next scan's stamp distinguishes a restart from a bad stamp.
+
+        Parameters
+        ----------
+        now : float or tuple of float
+            s.
+        last : bool
+            Whether no further scan follows.
+
+        Returns
+        -------
+        Waiting or None
+            None if the queue is empty, or the classification needs the next scan.
+        """
+        if self._arrival is None and self.scans:
+            self._arrival = self._classify(last)
+        if self._arrival is None:
+            return None
+        (since, scan), refusal = self.scans[0], None
+        if self._arrival in UNUSABLE:
+            stamp = scan.scan.stamp
+            reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self._arrival.value}"
+            fault = "not set" if stamp == 0.0 else "not later than the last scan's"
+            refusal = Rejection(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
+        return Waiting(scan, self._arrival, waited(since, now), refusal)
+
+    def remove_first(self) -> None:
+        """Remove the first scan."""
+        self.scans.popleft()
+        self._arrival = None
+
+    def _classify(self, last: bool) -> Arrival | None:
+        """Classify the first scan's stamp; None if that needs the next scan."""
+        _, arrived = self.scans[0]
+        stamp = arrived.scan.stamp
+        arrival = self.order.classify(stamp)
+        if arrival is not Arrival.FAR_BACK:
+            return arrival
+        if len(self.scans) == 1:
+            return Arrival.FAR_BACK if last else None
+        since, following = self.scans[1]
+        if not self.order.is_confirmed(stamp, following.scan.stamp):
+            return Arrival.FAR_BACK
+        self.scans[0] = since, arrived  # its wait for own-ship data begins only now
+        return Arrival.RESTART
+
 
 MAX_NOTICED = 100
 """Pairs of frames that are remembered as noticed: a source may name a new frame each time."""
@@ -35,25 +271,19 @@ class Frames:
     Parameters
     ----------
     options : SessionOptions
-    moves : bool
-        Whether the sensor moves in the fixed frame.
 
     Attributes
     ----------
     options : SessionOptions
-        May be replaced; the frames in use stay until `reset`.
+        May be replaced; the frames in use stay.
     fixed, sensor, own_ship : str
         Frame of the tracks, of the detections and of the vessel; empty while unknown.
     """
 
-    def __init__(self, options: SessionOptions, *, moves: bool) -> None:
+    def __init__(self, options: SessionOptions) -> None:
         self.options = options
-        self._moves = moves
-        self._noticed: set[tuple[str, str]] = set()
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the frames of the options."""
+        self._moves = options.own_ship_source != "none"
+        self._noticed: deque[tuple[str, str]] = deque(maxlen=MAX_NOTICED)
         self.fixed = self.options.fixed_frame.lstrip("/")  # as tf2
         self.sensor = self.options.sensor_frame.lstrip("/")
         self.own_ship = ""
@@ -70,8 +300,9 @@ class Frames:
             arrived = dataclasses.replace(arrived, frame_id=given.lstrip("/"))
         frame_id = arrived.frame_id
         if not frame_id:
-            said = "the frame_id of the detections is empty, and so is sensor_frame"
-            return arrived, Rejection("empty_frame", said)
+            return arrived, Rejection(
+                "empty_frame", "the frame_id of the detections is empty, and so is sensor_frame"
+            )
         stem = without_suffix(frame_id)
         expected = [(self.sensor, [frame_id])]
         if not self._moves and not arrived.north_referenced:
@@ -79,22 +310,15 @@ class Frames:
             expected.append((self.fixed, [frame_id, stem]))
         for frame, names in expected:
             if frame and frame not in names:
-                said = f"detections are in frame {frame_id!r}, expected {frame!r}"
-                return arrived, Rejection("unknown_frame", said)
-        refusal = self.refuse_size(arrived, max_detections)
+                return arrived, Rejection(
+                    "unknown_frame", f"detections are in frame {frame_id!r}, expected {frame!r}"
+                )
+        refusal = refuse_size(arrived, max_detections)
         if refusal is None:
             self.sensor = frame_id
             if not self.fixed and not self._moves:
                 self.fixed = stem
         return arrived, refusal
-
-    def refuse_size(self, arrived: SensorScan, limit: int) -> Rejection | None:
-        """Refuse a scan with more detections than the limit."""
-        number = len(arrived.scan.range)
-        if number <= limit:
-            return None
-        said = f"a scan has {number} detections, more than max_detections = {limit}"
-        return Rejection("too_many_detections", said)
 
     def take_pose(self, sample: PoseSample) -> Rejection | None:
         """Adopt the frames of own-ship data, or refuse them."""
@@ -113,11 +337,13 @@ class Frames:
         self.own_ship = sample.child_frame_id
         return None
 
-    def mounting_state(self, mounting: Mounting, own_ship_known: bool) -> str:
+    def mounting_state(self, mounting: Mounting, own_ship: OwnShipInput) -> str:
         """Whether the mounting is given, assumed, not needed or unknown yet."""
+        if own_ship.source != "odometry":
+            return "not needed"
         if mounting.given:
             return "given"
-        if not self.sensor or not own_ship_known:
+        if not self.sensor or own_ship.poses.last_stamp is None:
             return "unknown"
         coincide = without_suffix(self.own_ship) == without_suffix(self.sensor)
         return "not needed" if coincide else "assumed"
@@ -128,24 +354,45 @@ class Frames:
         pair = (own_ship, sensor) if self._moves else (fixed, sensor)
         if pair in self._noticed or not fixed:
             return []
-        if len(self._noticed) == MAX_NOTICED:
-            self._noticed.clear()
-        self._noticed.add(pair)
-        stem = without_suffix(sensor)
-        axes = f"the name of frame {sensor!r} states its axes (REP-103)"
-        origin = f"tracks are in frame {fixed!r}, x ahead, y to port and z up from the same origin"
-        sense = "mounting.y is to port, mounting.yaw counter-clockwise from the bow"
-        frames = f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}"
-        assumed = "no mounting is given, so the frames are assumed to coincide"
-        down, turned = stated_axes(fixed) == "down", stated_axes(own_ship) != "body"
-        apart = bool(own_ship) and without_suffix(own_ship) != stem
+        self._noticed.append(pair)
+        stem, down = without_suffix(sensor), stated_axes(fixed) == "down"
         said = [
-            (down, "fixed_frame", f"tracks have x north and y east, as {fixed!r} says"),
-            (not (down or self._moves or stem == sensor), "fixed_frame", f"{axes}: {origin}"),
-            (turned and mounting.given, "mounting", f"{sense}, whatever {own_ship!r} says"),
-            (apart and not mounting.given, "mounting", f"{frames}: {assumed}"),
+            (
+                down,
+                "fixed_frame",
+                f"tracks have x north and y east, as {fixed!r} says",
+            ),
+            (
+                not (down or self._moves or stem == sensor),
+                "fixed_frame",
+                f"the name of frame {sensor!r} states its axes (REP-103): tracks are in frame "
+                f"{fixed!r}, x ahead, y to port and z up from the same origin",
+            ),
+            (
+                mounting.given and stated_axes(own_ship) != "body",
+                "mounting",
+                "mounting.y is to port, mounting.yaw counter-clockwise from the bow, whatever "
+                f"{own_ship!r} says",
+            ),
+            (
+                bool(own_ship) and without_suffix(own_ship) != stem and not mounting.given,
+                "mounting",
+                f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}: no "
+                "mounting is given, so the frames are assumed to coincide",
+            ),
         ]
-        return [Notice(*one) for applies, *one in said if applies]
+        return [Notice(subject, sentence) for applies, subject, sentence in said if applies]
+
+
+def refuse_size(arrived: SensorScan, limit: int) -> Rejection | None:
+    """Refuse a scan with more detections than the limit."""
+    number = len(arrived.scan)
+    if number <= limit:
+        return None
+    return Rejection(
+        "too_many_detections",
+        f"a scan has {number} detections, more than max_detections = {limit}",
+    )
 
 
 LookUp = Callable[[str, float, float, str], str]
@@ -179,15 +426,12 @@ class OwnShipInput:
     def __init__(self, options: SessionOptions) -> None:
         self.source = options.own_ship_source
         self.moves = self.source != "none"
-        self.poses = PoseHistory(
-            max_extrapolation=options.own_ship_max_extrapolation,
-            max_gap=options.own_ship_max_gap,
-        )
+        self.poses = PoseHistory()
         self.restarted = False
         self.look_up: LookUp | None = None
         self.read_unread: ReadUnread | None = None
-        self._options = options
         self._missing = ""
+        self.configure(options)
 
     def configure(self, options: SessionOptions) -> None:
         """Change the limits on times."""
@@ -209,14 +453,17 @@ class OwnShipInput:
             self.restart(sample.stamp)
         if self.poses.add(sample):
             return []
-        stamp = f"own-ship data at {sample.stamp:.3f} s"
         remarks: list[Remark] = [
-            Rejection("own_ship_late", f"{stamp} is not newer than the last sample")
+            Rejection(
+                "own_ship_late",
+                f"own-ship data at {sample.stamp:.3f} s is not newer than the last sample",
+            )
         ]
         if self.poses.late_span > self._options.own_ship_timeout:
             self.restart(sample.stamp)
-            said = f"own-ship data restarts at {sample.stamp:.3f} s"
-            remarks.append(Notice("own_ship_restart", said))
+            remarks.append(
+                Notice("own_ship_restart", f"own-ship data restarts at {sample.stamp:.3f} s")
+            )
         return remarks
 
     def restart(self, stamp: float) -> None:
@@ -232,12 +479,11 @@ class OwnShipInput:
         lost = len(usable) - int(np.count_nonzero(usable))
         if not lost:
             return arrived, None
-        refusal = Rejection(
+        return registration.selected(arrived, usable), Rejection(
             "echo_too_late",
             f"{lost} detections dropped: {registration.MAX_ECHO_TIME:g} s or more from their ping",
             lost,
         )
-        return registration.selected(arrived, usable), refusal
 
     def must_wait(self, arrived: SensorScan, waiting: float) -> bool:
         """Whether a scan that waited for a time (s) needs poses that may still arrive."""
@@ -319,8 +565,13 @@ def register(
             return None, [*remarks, Rejection("own_ship_jump", str(error))]
         lost = len(arrived.scan) - len(scan)
         if lost:
-            said = f"{lost} detections dropped: vertically above or below the tilted sensor"
-            remarks.append(Rejection("no_horizontal_range", said, lost))
+            remarks.append(
+                Rejection(
+                    "no_horizontal_range",
+                    f"{lost} detections dropped: vertically above or below the tilted sensor",
+                    lost,
+                )
+            )
     else:
         scan = registration.at_rest(arrived)
         if stated_axes(frames.fixed) == "down" and not arrived.north_referenced:
@@ -331,11 +582,13 @@ def register(
             for one in (arrived.scan, scan)
         )
         if before > after:
-            said = (
-                f"{before - after} range rates not used: the line of sight is too steep, or the "
-                "sensor's velocity is unknown"
+            remarks.append(
+                Notice(
+                    "range_rate_unused",
+                    f"{before - after} range rates not used: the line of sight is too steep, or "
+                    "the sensor's velocity is unknown",
+                )
             )
-            remarks.append(Notice("range_rate_unused", said))
     return scan, remarks
 
 
@@ -351,10 +604,9 @@ def _refuse_heading(
                 "heading_unknown", "bearings from north need a heading if the coverage is a sector"
             )
         return None
-    if not (sector or not arrived.north_referenced or settings.mounting.offset):
-        return None
+    needed = sector or not arrived.north_referenced or settings.mounting.offset
     covariance = own_ship.poses.covariance(arrived.scan.stamp)
-    if covariance is None or covariance[2, 2] <= MAX_YAW_VARIANCE:
+    if not needed or covariance is None or covariance[2, 2] <= MAX_YAW_VARIANCE:
         return None
     return Rejection(
         "heading_unknown", "the detections need a heading, which the own-ship data does not have"
@@ -365,10 +617,6 @@ class ExternalTrackerInput:
     """The newest report of the downstream tracker, until a scan uses it."""
 
     def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Discard the report and the stamp of the last report."""
         self._report: TrackerReport | None = None
         self._stamp = -math.inf
 
@@ -386,8 +634,9 @@ class ExternalTrackerInput:
         if fixed and report.frame_id != fixed:
             return [_in_another_frame(report, fixed)]
         if 0.0 < self._stamp - report.stamp <= restart_jump:
-            said = f"tracked targets at {report.stamp:.3f} s arrived late"
-            return [Rejection("tracked_late", said)]
+            return [
+                Rejection("tracked_late", f"tracked targets at {report.stamp:.3f} s arrived late")
+            ]
         tracks, dropped = usable(report.tracks)
         self._report = dataclasses.replace(report, tracks=tracks)
         self._stamp = report.stamp
@@ -411,16 +660,20 @@ class ExternalTrackerInput:
         if abs(stamp - report.stamp) <= timeout:
             return report, []
         self._stamp = -math.inf  # later reports are not late relative to it
-        said = (
-            f"tracked targets at {report.stamp:.3f} s do not match the time of the scan at "
-            f"{stamp:.3f} s"
-        )
-        return None, [Rejection("tracked_stale", said)]
+        return None, [
+            Rejection(
+                "tracked_stale",
+                f"tracked targets at {report.stamp:.3f} s do not match the time of the scan at "
+                f"{stamp:.3f} s",
+            )
+        ]
 
 
 def _in_another_frame(report: TrackerReport, fixed: str) -> Rejection:
-    said = f"tracked targets are in frame {report.frame_id!r}, the fixed frame is {fixed!r}"
-    return Rejection("tracked_frame", said)
+    return Rejection(
+        "tracked_frame",
+        f"tracked targets are in frame {report.frame_id!r}, the fixed frame is {fixed!r}",
+    )
 
 
 class LandInput:
@@ -441,8 +694,7 @@ class LandInput:
 
     def reset(self) -> None:
         """Wait for the fixed frame again: a chart is published once."""
-        if self.new is None and self.mask is not None:
-            self.new = self.mask, self._frame
+        self.new = self.new or (self.mask, self._frame)
         self.mask = None
 
     def settle(self, fixed: str) -> list[Remark]:
@@ -454,8 +706,9 @@ class LandInput:
             had, self.mask = self.mask is not None, None
             return [Notice("land", "land is empty: no detections are left out")] if had else []
         if frame != fixed:
-            said = f"land is in frame {frame!r}, the fixed frame is {fixed!r}"
-            return [Rejection("land_frame", said)]
+            return [
+                Rejection("land_frame", f"land is in frame {frame!r}, the fixed frame is {fixed!r}")
+            ]
         self.mask, self._frame = mask, frame
-        said = f"land: detections on {mask.cells} cells of {mask.resolution:g} m are left out"
-        return [Notice("land", said)]
+        used = f"{mask.cells} cells of {mask.resolution:g} m"
+        return [Notice("land", f"land: detections on {used} are left out")]

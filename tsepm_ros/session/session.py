@@ -15,23 +15,210 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.consistency_checks import Losses, MessageCheck, SensorCheck, findings
+from tsepm_ros.own_ship.registration import SensorScan, exchanged
+from tsepm_ros.session.consistency_checks import (
+    Losses,
+    MessageCheck,
+    SensorCheck,
+    SensorFigures,
+    findings,
+)
 from tsepm_ros.session.drop_reasons import FAILURES, Notice, Rejection, Remark, shortened
-from tsepm_ros.session.inputs import ExternalTrackerInput, Frames, LandInput, OwnShipInput, register
-from tsepm_ros.session.result import ScanResult, SessionSnapshot
-from tsepm_ros.session.scan_queue import QUEUE_LENGTH, Arrival, Now, ScanOrder, ScanQueue, Waiting
+from tsepm_ros.session.inputs import (
+    QUEUE_LENGTH,
+    Arrival,
+    ExternalTrackerInput,
+    Frames,
+    LandInput,
+    Now,
+    OwnShipInput,
+    ScanQueue,
+    Waiting,
+    refuse_size,
+    register,
+)
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.land import LandMask
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker, TrackerReport
 from tsepm_ros.tracker.maintenance.stationary import Status
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionSnapshot:
+    """State of a session.
+
+    Attributes
+    ----------
+    totals : ScanStatistics
+        Sums since the start or the last reset.
+    potential_tracks : int
+        Number of potential tracks.
+    tracks : int
+        Number of published tracks that are held.
+    states : mapping of str to int
+        Number of held tracks by the name of their `Status`.
+    ends : mapping of str to int
+        Number of tracks that ended since the start or the last reset, by the reason, a key of
+        `track_maintenance.ENDS`.
+    fixed_echoes : int
+        Number of fixed echoes.
+    dropped : mapping of str to int
+        Drops by reason.
+    waiting : int
+        Number of scans that wait for own-ship data.
+    detection_probability, detection_probability_estimated : float
+        The value in use, and the estimate from the held tracks.
+    clutter_density : float
+        The density in use, mean over `coverage_area`, 1/m^2.
+    coverage_area : float
+        Area to which that density refers, m^2.
+    sensor_findings : mapping of str to str
+        Which of the sensor's figures as given do not fit the scans, by subject, in sentences.
+    sensor_figures : SensorFigures
+        Learned figures beside those that are given.
+    own_ship_source : str
+    mounting : str
+        Whether the mounting is given, assumed, not needed or unknown.
+    mounting_yaw : float
+        As given, rad.
+    own_ship_stamp, scan_stamp : float or None
+        Newest stamps, s.
+    tracker : str
+        State of the downstream tracker: a value of `ExternalTracker`.
+    intensity : str
+        Whether the strengths of detections count, in words.
+    land_area : float
+        Area of the land whose detections are left out, m^2.
+    sweep : str
+        How scans are made of messages, in words.
+    sweep_latency : float
+        Time from the first message of the last scan to its completion, s.
+    """
+
+    totals: ScanStatistics
+    potential_tracks: int
+    tracks: int
+    fixed_echoes: int
+    dropped: Mapping[str, int]
+    waiting: int
+    detection_probability: float
+    detection_probability_estimated: float
+    clutter_density: float
+    coverage_area: float
+    sensor_findings: Mapping[str, str] = field(default_factory=dict)
+    sensor_figures: SensorFigures = field(default_factory=SensorFigures)
+    own_ship_source: str
+    mounting: str
+    own_ship_stamp: float | None
+    scan_stamp: float | None
+    tracker: str
+    states: Mapping[str, int] = field(default_factory=dict)
+    ends: Mapping[str, int] = field(default_factory=dict)
+    intensity: str = "not used"
+    land_area: float = 0.0
+    sweep: str = "a message is a scan"
+    sweep_latency: float = 0.0
+    mounting_yaw: float = 0.0
+
+
+@dataclass(frozen=True)
+class ScanResult:
+    """The result of one processed scan: scan and tracks in east and north, see `in_frame`.
+
+    Attributes
+    ----------
+    stamp : float
+        The scan's stamp, s.
+    stamp_ns : int
+        The stamp as received, ns.
+    scan : Scan
+        The registered scan, with its sensor pose.
+    frame_id : str
+        The fixed frame.
+    arrival : Arrival
+        Relation to the scans before it; RESTART discarded all tracks, GAP the potential tracks.
+    new : TrackArrays
+        Newly confirmed tracks.
+    revised : TrackArrays
+        Held tracks whose starts were corrected, under their ids.
+    current : TrackArrays
+        All published tracks that are held, at `stamp`.
+    fixed_echoes : TrackArrays
+        Fixed echoes, with `min_speed`, at `stamp`.
+    ended : dict of int to str
+        Tracks that ended: their ids, and the reason of each, see `track_maintenance.ENDS`.
+    statistics : ScanStatistics
+        The initiator's counts.
+    core_seconds : float
+        Computing time of the initiator, s.
+    waiting : float
+        Time that the scan waited for own-ship data, s; infinite if `Session.process` got no time.
+    """
+
+    stamp: float
+    stamp_ns: int
+    scan: Scan
+    frame_id: str
+    arrival: Arrival
+    new: TrackArrays
+    revised: TrackArrays
+    current: TrackArrays
+    fixed_echoes: TrackArrays
+    ended: dict[int, str]
+    statistics: ScanStatistics
+    core_seconds: float
+    waiting: float
+
+    @property
+    def starts(self) -> TrackArrays:
+        """New tracks and corrected ones, as they go out on the topic `tracks`."""
+        return self.new.joined(self.revised) if len(self.revised) else self.new
+
+    def in_frame(self) -> ScanResult:
+        """The result with tracks in the axes of the fixed frame, for everything that names it."""
+        return replace(
+            self,
+            new=exchanged(self.new, self.frame_id),
+            revised=exchanged(self.revised, self.frame_id),
+            current=exchanged(self.current, self.frame_id),
+            fixed_echoes=exchanged(self.fixed_echoes, self.frame_id),
+        )
+
+
+def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:
+    """Position of the sensor at the nearest echo, and the heading of the vessel.
+
+    Parameters
+    ----------
+    scan : Scan
+        Registered in the fixed frame.
+    mounting_yaw : float or None
+        Angle from the bow to the sensor's azimuth 0, rad; None if the detections need no heading
+        and the poses have none.
+
+    Returns
+    -------
+    (3,) ndarray or None
+        x, y (m) and heading (rad), nan if unknown; None without a sensor pose.
+    """
+    poses = np.reshape(scan.sensor_pose, (-1, 3))
+    if not len(poses):
+        return None
+    times = None if len(poses) == 1 else scan.time_offset
+    nearest = 0 if times is None else int(np.argmin(times))
+    yaw = np.nan if mounting_yaw is None else mounting_yaw
+    return np.asarray(poses[nearest] - [0.0, 0.0, yaw])
 
 
 def _ignore(reason: str, sentence: str) -> None:
@@ -75,37 +262,35 @@ class Session:
         live: bool = False,
         queue_length: int = QUEUE_LENGTH,
     ) -> None:
-        options = settings.session
         self._report = report
         self._live = live
+        self._queue_length = queue_length
         self.settings = settings
         self.tracker = settings.make_initiator()
-        self._sensor_check = SensorCheck()
-        self._strengths_count = False
-        self._totals_before = ScanStatistics()  # of runs before the last `_start_over`
-        self._ends: Counter[str] = Counter()
-        self._order = ScanOrder(settings.window, options.restart_jump, options.max_gap)
-        self._queue = ScanQueue(self._order, queue_length)
-        self._sweep = Sweep(settings)
-        self.own_ship = OwnShipInput(options)
-        self._frames = Frames(options, moves=self.own_ship.moves)
-        self._downstream = ExternalTrackerInput()
+        self.own_ship = OwnShipInput(settings.session)
         self._land = LandInput()
         self._message_check = MessageCheck()
-        self._losses = Losses()
-        self.dropped: Counter[str] = Counter()
-        self.arrived_stamp: float | None = None
+        self._strengths_count = False
         self.arrivals = 0
+        self._start()
+
+    def _start(self) -> None:
+        """Begin without scans, reports and counts."""
+        self.dropped: Counter[str] = Counter()
+        self._ends: Counter[str] = Counter()
+        self._losses = Losses()
+        self._sensor_check = SensorCheck()
+        self.arrived_stamp: float | None = None
+        self._queue = ScanQueue(self.settings, self._queue_length)
+        self._sweep = Sweep(self.settings)
+        self._frames = Frames(self.settings.session)
+        self._downstream = ExternalTrackerInput()
+        self._totals_before = ScanStatistics()  # of runs before the last `_start_over`
 
     @property
     def fixed_frame(self) -> str:
         """Frame of the tracks; empty while unknown."""
         return self._frames.fixed
-
-    @property
-    def waiting(self) -> int:
-        """Scans that wait for own-ship data."""
-        return len(self._queue.scans)
 
     @property
     def unfinished(self) -> bool:
@@ -116,11 +301,6 @@ class Session:
     def totals(self) -> ScanStatistics:
         """Sums over the scans since the start or the last `reset`, restarts included."""
         return self._totals_before + self.tracker.totals
-
-    @property
-    def own_ship_stamp(self) -> float | None:
-        """Stamp of the newest own-ship pose, s."""
-        return self.own_ship.poses.last_stamp
 
     def configure(self, settings: Settings) -> bool:
         """Change settings before the next scan; frames and the own-ship source do not change.
@@ -133,15 +313,11 @@ class Session:
             Whether potential tracks were kept. A change of the method or of the number of hits
             discards them.
         """
-        options = settings.session
         self.tracker, kept = self.tracker.with_settings(settings.make_method())
-        self.settings = self._sweep.settings = settings
+        self.settings = self._sweep.settings = self._queue.order.settings = settings
         self._sensor_check.say_again()
-        self._order.resize(settings.window)
-        self._order.restart_jump = options.restart_jump
-        self._order.max_gap = options.max_gap
-        self.own_ship.configure(options)
-        self._frames.options = options
+        self.own_ship.configure(settings.session)
+        self._frames.options = settings.session
         return kept
 
     def validate(self, settings: Settings) -> None:
@@ -150,19 +326,10 @@ class Session:
 
     def reset(self) -> None:
         """Discard scans, tracks, poses and counts."""
-        self.dropped.clear()
-        self._ends.clear()
-        self._losses = Losses()
-        self.arrived_stamp = None
-        self._order.reset()
-        self._queue.clear()
-        self._sweep.reset()
+        self.tracker.reset()
         self.own_ship.reset()
-        self._frames.reset()
-        self._downstream.clear()
         self._land.reset()
-        self._start_over()
-        self._totals_before = ScanStatistics()
+        self._start()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count a drop, and report it, unless it has no sentence."""
@@ -190,31 +357,27 @@ class Session:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
         of_a_sweep = self._sweep.active
         if not of_a_sweep:
-            self._note_arrival(arrived)
+            self.arrived_stamp = arrived.scan.stamp
+            self.arrivals += 1
         arrived, refusal = self._frames.admit(arrived, self.settings.common.max_detections)
         if refusal is not None:
             self.drop(*refusal)
             return
         if self.own_ship.moves:
             arrived, refusal = self.own_ship.without_late_echoes(arrived)
-        questions = self._message_check.judge(arrived, self.own_ship_stamp, now)
-        scans, remarks, changed = self._sweep.take(arrived, now)
-        if changed:
-            self._order.reset()
-            self._queue.clear()
+        questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
+        scans, remarks = self._sweep.take(arrived, now)
+        if self._sweep.active and not of_a_sweep:  # the messages before were no scans
+            self._queue = ScanQueue(self.settings, self._queue_length)
             self._start_over()
-        if refusal or questions or remarks:
-            self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
+        self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
-
-    def _note_arrival(self, scan: SensorScan) -> None:
-        self.arrived_stamp = scan.scan.stamp
-        self.arrivals += 1
 
     def _put_in_queue(self, scans: list[SensorScan], now: Now, note: bool = True) -> None:
         for scan in scans:
             if note:
-                self._note_arrival(scan)
+                self.arrived_stamp = scan.scan.stamp
+                self.arrivals += 1
             refusal = self._queue.add(scan, now)
             if refusal is not None:
                 self.drop(*refusal)
@@ -224,8 +387,9 @@ class Session:
 
         Unusable targets are left out, see `external_tracker.usable`.
         """
-        jump = self.settings.session.restart_jump
-        self._report_all(self._downstream.add(report, self.fixed_frame, jump))
+        self._report_all(
+            self._downstream.add(report, self.fixed_frame, self.settings.session.restart_jump)
+        )
 
     def add_land(self, mask: LandMask | None, frame_id: str) -> None:
         """Take a chart, for the scans to come, in place of the last; None removes it."""
@@ -252,7 +416,7 @@ class Session:
         ScanResult
         """
         if self._sweep.active:
-            scans, remarks, _ = self._sweep.close() if last else self._sweep.overdue(now)
+            scans, remarks = self._sweep.close() if last else self._sweep.overdue(now)
             self._report_all(remarks)
             self._put_in_queue(scans, -math.inf if now == math.inf else now)
         while (first := self._queue.first(now, last=last)) is not None:
@@ -288,24 +452,18 @@ class Session:
             intensity=tracker.intensity,
             sensor_findings=findings(sensor),
             sensor_figures=sensor,
-            tracker=tracker.maintenance.tracker.value,
+            tracker=tracker.maintenance.tracker.status.value,
             dropped=dict(self.dropped),
-            waiting=self.waiting,
+            waiting=len(self._queue.scans),
             own_ship_source=self.own_ship.source,
-            mounting=self._mounting(),
+            mounting=self._frames.mounting_state(self.settings.mounting, self.own_ship),
             mounting_yaw=self.settings.mounting.yaw,
-            own_ship_stamp=self.own_ship_stamp,
+            own_ship_stamp=self.own_ship.poses.last_stamp,
             scan_stamp=newest,
             land_area=0.0 if self._land.mask is None else self._land.mask.area,
             sweep=self._sweep.state,
             sweep_latency=self._sweep.latency,
         )
-
-    def _mounting(self) -> str:
-        """Whether the mounting is given, assumed, not needed or unknown yet."""
-        if self.own_ship.source != "odometry":
-            return "not needed"
-        return self._frames.mounting_state(self.settings.mounting, self.own_ship_stamp is not None)
 
     def _report_all(self, remarks: Iterable[Remark]) -> None:
         """Count and report refusals; report notices."""
@@ -332,29 +490,24 @@ class Session:
     def _result(self, first: Waiting) -> ScanResult | None:
         """Register and process the first scan, which need not wait; None if it is dropped."""
         arrived = first.scan
-        refusal = first.refusal or self._frames.refuse_size(
-            arrived, self.settings.common.max_detections
-        )
+        refusal = first.refusal or refuse_size(arrived, self.settings.common.max_detections)
         if refusal is None and self.own_ship.moves:
             refusal = self.own_ship.refuse(arrived)
         if refusal is not None:
             self.drop(*refusal)
             return None
         scan, remarks = register(arrived, self.own_ship, self._frames, self.settings)
-        if remarks:
-            self._report_all(remarks)
+        self._report_all(remarks)
         if scan is None:
             return None
-        self._order.accept(scan.stamp, first.arrival)
+        self._queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
         if first.arrival is Arrival.RESTART:
-            said = f"stamps went back to {scan.stamp:.3f} s: state reset"
-            self._report_all([Notice("restart", said)])
+            self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
             self._start_over()
-            self._downstream.clear()
+            self._downstream = ExternalTrackerInput()
         elif first.arrival is Arrival.GAP:
-            said = f"long gap before {scan.stamp:.3f} s: potential tracks dropped"
-            self._report_all([Notice("gap", said)])
+            self._report("gap", f"long gap before {scan.stamp:.3f} s: potential tracks dropped")
             self.tracker.forget_potential_tracks()
         return self._run_on(scan, first)
 
@@ -363,15 +516,12 @@ class Session:
         tracker, fixed = self.tracker, self.fixed_frame
         timeout = self.settings.common.tracked_timeout
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
-        if self._land.new or remarks:
-            self._report_all([*self._land.settle(fixed), *remarks])
-        if self._land.mask is not tracker.land:
-            tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker, tracker.plots.seen
+        self._report_all([*self._land.settle(fixed), *remarks])
+        tracker.land = self._land.mask
+        before, seen = tracker.maintenance.tracker.status, tracker.plots.seen
         new, seconds = self._tracked(scan, report)
-        remarks = self._remarks(scan, before, seen)
-        detections = tracker.statistics.detections
-        self._report_all([*remarks, *self._losses.processed(detections, self.dropped)])
+        self._report_all(self._remarks(scan, before, seen))
+        self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))
         return ScanResult(
             stamp=scan.stamp,
             stamp_ns=first.scan.stamp_ns,
@@ -428,30 +578,36 @@ class Session:
         tracker = self.tracker
         statistics, remarks = tracker.statistics, list[Remark]()
         timeout, outside = self.settings.common.tracked_timeout, statistics.outside_coverage
-        change = before, tracker.maintenance.tracker
+        change = before, tracker.maintenance.tracker.status
         if change == (ExternalTracker.ALIVE, ExternalTracker.SILENT):
-            said = (
-                f"the downstream tracker was silent for {timeout:g} s: this node maintains its "
-                "tracks"
+            remarks.append(
+                Notice(
+                    "tracker_silent",
+                    f"the downstream tracker was silent for {timeout:g} s: this node maintains its "
+                    "tracks",
+                )
             )
-            remarks.append(Notice("tracker_silent", said))
         elif change == (ExternalTracker.SILENT, ExternalTracker.ALIVE):
             remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
         if tracker.plots.seen and not several_before:
             remarks.append(Notice("plots", tracker.plots.sentence))
         if outside:
-            said = (
-                f"{outside} of {len(scan)} detections dropped: outside the coverage of "
-                "sensor.min_range, max_range, azimuth_min and azimuth_max"
+            remarks.append(
+                Rejection(
+                    "outside_coverage",
+                    f"{outside} of {len(scan)} detections dropped: outside the coverage of "
+                    "sensor.min_range, max_range, azimuth_min and azimuth_max",
+                    outside,
+                )
             )
-            remarks.append(Rejection("outside_coverage", said, outside))
         if statistics.on_land:
             remarks.append(Rejection("on_land", "", statistics.on_land))
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
-        counted, self._strengths_count = self._strengths_count, tracker.uses_intensity
+        counted, self._strengths_count = self._strengths_count, tracker.intensity.startswith("used")
         if counted != self._strengths_count:
-            said = f"the intensity of detections is {tracker.intensity}"
-            remarks.append(Notice("intensity", said))
+            remarks.append(
+                Notice("intensity", f"the intensity of detections is {tracker.intensity}")
+            )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:
             remarks.append(Notice("limit", f"a limit cut {cut} hypotheses at {scan.stamp:.3f} s"))

@@ -1,7 +1,7 @@
 """Sweeps in parts: messages of a beam or a sector each are joined to scans.
 
 Where a turn begins and ends is said by `turn.Turn`. Here are the messages that wait for its end,
-those that arrive late, and what is joined: the rows of all messages, each at its own time.
+and what is joined: the rows of all messages, each at its own time.
 
 A target that lies across the seam, where one turn ends and the next begins, is seen by the last
 beams of a turn and by the first of the next. Its echoes follow each other without a pause: they all
@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from bisect import bisect_left, insort
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +20,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import SensorScan, selected
 from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
-from tsepm_ros.session.scan_queue import MAX_INTERVAL, Now, waited
+from tsepm_ros.session.inputs import MAX_INTERVAL, Now, waited
 from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, looked_at, sees_all
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clusters.grouping import goes_on
@@ -69,7 +67,7 @@ class SeamEchoes:
         if beam > self._limit:
             return np.zeros(len(range), bool)
         chain = self._range[np.abs(beam - self._beam) <= self._reach]
-        deviation = math.sqrt(2.0) * np.sqrt(self._sensor.range_variance(range))
+        deviation = np.sqrt(2.0 * self._sensor.range_variance(range))
         reach = np.maximum(DEVIATIONS * deviation, self._sensor.range_resolution + self._extent)
         before = np.asarray((np.abs(range[:, None] - chain) <= reach[:, None]).any(axis=1))
         self.add(beam, range[before])
@@ -172,14 +170,13 @@ _OF_SCANS = ("range", "azimuth", "range_std", "azimuth_std", "time_offset")
 def _rows(message: SensorScan, later: float) -> dict[str, FloatArray]:
     """The columns of a message's detections, by name, at times later by some seconds."""
     scan, zero = message.scan, np.zeros(len(message.scan))
-    transmit_offset = zero if message.transmit_offset is None else message.transmit_offset
     columns = {
         "range": scan.range,
         "azimuth": scan.azimuth,
         "range_std": scan.range_std,
         "azimuth_std": scan.azimuth_std,
         "time_offset": later + (zero if scan.time_offset is None else scan.time_offset),
-        "transmit_offset": later + transmit_offset,
+        "transmit_offset": later + zero + message.sent,
         "height": message.height,
         **scan.features,
     }
@@ -232,46 +229,14 @@ MAX_CUT = 4
 
 
 class Part(NamedTuple):
-    """A message of a scan that is not complete: its azimuth since the seam, rad, and its number."""
+    """A message of a scan that is not complete, and its azimuth since the seam, rad."""
 
-    number: int
     beam: float
     message: SensorScan
 
-    @property
-    def order(self) -> tuple[float, int]:
-        """Place among the messages: by stamp, then as they arrived."""
-        return self.message.scan.stamp, self.number
 
-
-@dataclass
-class OpenScan:
-    """The messages of a scan that is not complete, sorted by stamp."""
-
-    parts: list[Part] = field(default_factory=list)
-    detections: int = 0
-
-    def add(self, part: Part) -> None:
-        """Add a message in its place."""
-        insort(self.parts, part, key=lambda each: each.order)
-        self.detections += len(part.message.scan)
-
-
-class Taken(NamedTuple):
-    """What a message leads to.
-
-    Attributes
-    ----------
-    scans : list of SensorScan
-        That are complete.
-    remarks : list of Refusal or Notice
-    changed : bool
-        Whether scans are made in another way from this message on: those before it are none.
-    """
-
-    scans: list[SensorScan]
-    remarks: list[Remark]
-    changed: bool = False
+Taken = tuple[list[SensorScan], list[Remark]]
+"""What a message leads to: scans that are complete, and remarks."""
 
 
 class Sweep:
@@ -303,12 +268,12 @@ class Sweep:
         self.active = given > 0.0
         self.latency = 0.0
         self._turn, self._learner = Turn(given), TurnLearner()
-        self._parts = self._number = 0
+        self._parts = self._detections = 0  # of the last scan, and of the open one
         self._heard: Now = math.nan
         self._far_back: SensorScan | None = None
-        self._late_since = self._late_stamp = math.nan
-        self._open: OpenScan | None = None
-        self._ending: tuple[OpenScan, SeamEchoes] | None = None
+        self._late_since, self._late_stamp = math.nan, math.inf
+        self._open: list[Part] | None = None
+        self._ending: tuple[list[Part], SeamEchoes] | None = None
 
     @property
     def is_open(self) -> bool:
@@ -328,35 +293,34 @@ class Sweep:
         learns = self.settings.session.sweep == "auto"
         if self.active:
             self._heard = now
-            taken = self._join(message)
-            if not learns or self._turn.cut < MAX_CUT:
-                return taken
-            taken.scans.extend(self._end())
-            self.reset()
-            said = "the beam no longer turns: each message is a scan again"
-            return Taken(taken.scans, [*taken.remarks, Notice("sweep", said)])
+            scans, remarks = self._join(message)
+            if learns and self._turn.cut >= MAX_CUT:
+                scans += self._end()
+                self.reset()
+                said = "the beam no longer turns: each message is a scan again"
+                remarks.append(Notice("sweep", said))
+            return scans, remarks
         scan = message.scan
         turning = self._learner.take(scan.stamp, message.beams, scan.range) if learns else None
         if turning is None:
-            return Taken([message], [])
-        self.active, self._heard, self._turn = True, now, Turn(turning.seconds)
+            return [message], []
+        seconds, parts = turning
+        self.active, self._heard, self._turn = True, now, Turn(seconds)
         self._join(message)
         said = (
-            f"messages are parts of a sweep of {turning.seconds:.3g} s (about {turning.parts} "
-            "messages): they are joined to scans, and earlier tracks are discarded"
+            f"messages are parts of a sweep of {seconds:.3g} s (about {parts} messages): they are "
+            "joined to scans, and earlier tracks are discarded"
         )
-        return Taken([], [Notice("sweep", said)], changed=True)
+        return [], [Notice("sweep", said)]
 
     def overdue(self, now: Now) -> Taken:
         """End the open scan if no message has arrived for the time of a turn."""
-        silence = waited(self._heard, now)
-        late = self.is_open and max(self._turn.seconds, MIN_SILENCE) < silence < math.inf
-        return Taken(self._end() if late else [], [])
+        silent = max(self._turn.seconds, MIN_SILENCE) < waited(self._heard, now) < math.inf
+        return self._end() if self.is_open and silent else [], []
 
     def close(self) -> Taken:
         """End the open scan: no message follows."""
-        refusals = self._refuse_far_back()
-        return Taken(self._end(), [*refusals])
+        return self._end(), self._refuse_far_back()
 
     def _join(self, message: SensorScan) -> Taken:
         """Put the next message to the others; return the scans that are complete."""
@@ -365,7 +329,7 @@ class Sweep:
         if held and held.scan.stamp < stamp < min(newest, held.scan.stamp + MAX_INTERVAL):
             self._far_back = None
             scans = self._end() + self._begin(held)
-        refusals: list[Remark] = [*self._refuse_far_back()]
+        remarks = self._refuse_far_back()
         newest = self._turn.stamp
         if self._open is None:
             scans += self._begin(message)
@@ -374,12 +338,12 @@ class Sweep:
         elif newest - stamp > self.settings.session.restart_jump:
             self._far_back = message
         else:
-            taken = self._take_late(self._open, message)
-            return Taken(scans + taken.scans, refusals + taken.remarks)
-        self._late_since = math.nan
-        return Taken(scans, refusals)
+            late, refusals = self._take_late(self._open, message)
+            return scans + late, remarks + refusals
+        self._late_stamp = math.inf
+        return scans, remarks
 
-    def _refuse_far_back(self) -> list[Rejection]:
+    def _refuse_far_back(self) -> list[Remark]:
         """Refuse a message whose stamp is far back, and that no other has confirmed."""
         held, self._far_back = self._far_back, None
         if held is None:
@@ -391,46 +355,44 @@ class Sweep:
     def _begin(self, message: SensorScan) -> list[SensorScan]:
         """Begin anew with a message; return it if it is a scan by itself."""
         self._turn.begin(message.scan.stamp, message.beams)
-        self._open = OpenScan()
-        self._add(self._open, message, 0.0)
+        self._open, self._detections = [Part(0.0, message)], len(message.scan)
         return self._end(complete=True) if sees_all(message.beams) else []
 
-    def _add(self, scan: OpenScan, message: SensorScan, beam: float) -> None:
-        self._number += 1
-        scan.add(Part(self._number, beam, message))
-
-    def _take_next(self, scan: OpenScan, message: SensorScan) -> list[SensorScan]:
+    def _take_next(self, scan: list[Part], message: SensorScan) -> list[SensorScan]:
         """Take a message that is newer than the others of the open scan."""
         closing: Closing | None = Closing.PAUSE
-        if _fit(scan.parts[0].message, message):
+        first, axes = scan[0].message, (message.frame_id, message.axes, message.north_referenced)
+        if axes == (first.frame_id, first.axes, first.north_referenced):
             closing = self._turn.take(message.scan.stamp, message.beams)
         scans: list[SensorScan] = []
         if closing is Closing.FULL:
             scans = self._end_waiting()
-            common = self.settings.common
-            seam = SeamEchoes(self.settings.sensor, common.target_extent, self._turn.step)
-            for part in scan.parts:
+            extent = self.settings.common.target_extent
+            seam = SeamEchoes(self.settings.sensor, extent, self._turn.step)
+            for part in scan:
                 seam.add(part.beam - TURN, part.message.scan.range)
-            self._ending, self._open, closing = (scan, seam), OpenScan(), None
-        too_many = scan.detections + len(message.scan) > self.settings.common.max_detections
-        if closing is not None or (self._open is scan and too_many):
+            self._ending, self._open, closing = (scan, seam), [], None
+            self._detections = 0
+        most = self.settings.common.max_detections - len(message.scan)
+        if closing is not None or (self._open is scan and self._detections > most):
             return self._end() + self._begin(message)
         return scans + self._over_the_seam(message)
 
     def _over_the_seam(self, message: SensorScan) -> list[SensorScan]:
         """Add a message to the open scan, and what of it belongs before the seam to that before."""
         assert self._open is not None
-        beam = self._turn.azimuth
-        if self._ending is None:
-            self._add(self._open, message, beam)
-            return []
-        ending, seam = self._ending
-        before = seam.take(beam, message.scan.range)
-        if before.any():
-            self._add(ending, selected(message, before), TURN)
-            message = selected(message, ~before)
-        self._add(self._open, message, beam)
-        return self._end_waiting() if seam.ends(beam + self._turn.step) else []
+        beam, ended = self._turn.azimuth, list[SensorScan]()
+        if self._ending is not None:
+            ending, seam = self._ending
+            before = seam.take(beam, message.scan.range)
+            if before.any():
+                ending.append(Part(TURN, selected(message, before)))
+                message = selected(message, ~before)
+            if seam.ends(beam + self._turn.step):
+                ended = self._end_waiting()
+        self._open.append(Part(beam, message))
+        self._detections += len(message.scan)
+        return ended
 
     def _end(self, *, complete: bool = False) -> list[SensorScan]:
         """End the open scan, as a rule incomplete, and return what was not returned yet."""
@@ -446,45 +408,24 @@ class Sweep:
         ending, self._ending = self._ending, None
         return [] if ending is None else [self._whole(ending[0], complete=True)]
 
-    def _whole(self, scan: OpenScan, *, complete: bool) -> SensorScan:
+    def _whole(self, scan: list[Part], *, complete: bool) -> SensorScan:
         """The messages as one scan, with what it has looked at where that is not a whole turn."""
-        messages = [part.message for part in scan.parts]
+        messages = [part.message for part in scan]
         self._parts = len(messages)
         self.latency = self._turn.stamp - messages[0].scan.stamp
         arcs = [message.beams for message in messages]
         swept = None if complete else looked_at(arcs, self._turn.step)
         return joined(messages, self.settings.sensor, swept)
 
-    def _take_late(self, scan: OpenScan, message: SensorScan) -> Taken:
-        """Put a late message in its place in the open scan, or refuse it."""
-        stamp, stamps = message.scan.stamp, [part.message.scan.stamp for part in scan.parts]
-        if stamp in stamps:
-            return Taken([], [Rejection("scan_same_stamp", f"a second message at {stamp:.3f} s")])
-        place = bisect_left(stamps, stamp)
-        if place > 0 and self._lies_between(message, *scan.parts[place - 1 : place + 1]):
-            beam = 0.5 * (scan.parts[place - 1].beam + scan.parts[place].beam)
-            self._add(scan, message, beam)
-            return Taken([], [])
-        if not (stamp > self._late_stamp and math.isfinite(self._late_since)):
+    def _take_late(self, scan: list[Part], message: SensorScan) -> Taken:
+        """Refuse a late message, unless the clock was set back."""
+        stamp = message.scan.stamp
+        if any(part.message.scan.stamp == stamp for part in scan):
+            return [], [Rejection("scan_same_stamp", f"a second message at {stamp:.3f} s")]
+        if stamp <= self._late_stamp:
             self._late_since = stamp
         self._late_stamp = stamp
         if stamp - self._late_since <= MAX_LATE_TIME * self._turn.seconds:
-            return Taken([], [Rejection("scan_late", f"the message at {stamp:.3f} s is late")])
-        self._late_since = math.nan  # the clock was set back
-        return Taken(self._end() + self._begin(message), [])
-
-    def _lies_between(self, message: SensorScan, before: Part, after: Part) -> bool:
-        """Whether a late message belongs between its neighbours in time, by its azimuth."""
-        own, one, two = (each.beams for each in (message, before.message, after.message))
-        if own is None or one is None or two is None:
-            return len(message.scan) == 0 or own is None
-        return self._turn.lies_between(own, one, two)
-
-
-def _fit(first: SensorScan, message: SensorScan) -> bool:
-    """Whether a message may be of the scan of another: of the same axes and reference."""
-    return (first.frame_id, first.axes, first.north_referenced) == (
-        message.frame_id,
-        message.axes,
-        message.north_referenced,
-    )
+            return [], [Rejection("scan_late", f"the message at {stamp:.3f} s is late")]
+        self._late_stamp = math.inf
+        return self._end() + self._begin(message), []

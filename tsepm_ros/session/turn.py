@@ -1,4 +1,4 @@
-"""The turn of a beam, by the stamps and the azimuths of messages alone.
+"""The turn of a beam, by the stamps and the azimuths of messages alone, and images joined by it.
 
 `Turn` follows a beam whose turn takes a known time, and says where a turn closes. `TurnLearner`
 learns from messages whether they are those of a beam that turns.
@@ -7,6 +7,12 @@ A message of a sensor that turns its beam looks at a small arc, and the arcs mov
 through a whole turn, or to and fro. Messages of a sonar that looks everywhere at once do not: their
 arcs are wide, stay, or jump. Where a message lists only its detections, a single object seen from a
 turning vessel moves like a beam: the ranges of that do not change from message to message.
+
+Sonar images as they arrive: whole pings, or bearings that are joined to a turn or a pass.
+
+A turn's bearings are put on a grid of even azimuths, since their number differs from turn to turn:
+each in the nearest cell, and NaN where there is none. The grid is shifted by the part of a step by
+which a turn's bearings lie beside it.
 """
 
 from __future__ import annotations
@@ -16,10 +22,11 @@ import math
 import statistics
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tracker.scan import Arc, turned
@@ -152,13 +159,6 @@ class Turn:
             return False
         return abs(turned(arc.middle - self._known[1])) > 0.5 * self.step
 
-    def lies_between(self, arc: Arc, before: Arc, after: Arc) -> bool:
-        """Whether a late message has an azimuth between its neighbours in time."""
-        margin = 0.5 * self.step + self._noise
-        span = abs(turned(after.middle - before.middle))
-        apart = [abs(turned(arc.middle - other.middle)) for other in (before, after)]
-        return max(apart) <= span + margin
-
     def _forward(self, stamp: float, arc: Arc | None) -> float | None:
         """Step of the beam since the last known azimuth, along the turn, rad; None if unknown.
 
@@ -257,13 +257,6 @@ SECTOR_TOLERANCE = 0.2
 """Largest difference of two passes over a sector, as a part of it."""
 
 
-class Turning(NamedTuple):
-    """What was learned of a sweep: time of a turn or of a pass over the sector (s)."""
-
-    seconds: float
-    parts: int
-
-
 @dataclass
 class Pass:
     """Messages whose azimuths move in one direction.
@@ -315,8 +308,10 @@ class TurnLearner:
         self._pass = Pass()
         self._before: deque[Pass] = deque(maxlen=2)
 
-    def take(self, stamp: float, arc: Arc | None, ranges: FloatArray) -> Turning | None:
+    def take(self, stamp: float, arc: Arc | None, ranges: FloatArray) -> tuple[float, int] | None:
         """Look at the next message; return what is learned with it, if it is a sweep's.
+
+        That is the time of a turn or of a pass over the sector, s, and its number of messages.
 
         Parameters
         ----------
@@ -331,9 +326,8 @@ class TurnLearner:
         if arc is None:
             return None
         if arc.width > WIDEST_PART:
-            if rows:
-                self._pass = Pass()
-                self._before.clear()
+            self._pass = Pass()
+            self._before.clear()
             return None
         if not rows:
             self._pass.add(stamp, arc, arc.middle, ranges)
@@ -350,17 +344,17 @@ class TurnLearner:
         self._pass.add(stamp, arc, azimuth + step, ranges)
         return self._of_turn()
 
-    def _of_turn(self) -> Turning | None:
+    def _of_turn(self) -> tuple[float, int] | None:
         """What a pass shows that has gone once round; one that is no sweep begins anew."""
         rows, extent = self._pass.rows, abs(self._pass.extent)
         if extent < TURN and len(rows) < MOST_PARTS:
             return None
         if extent >= TURN and self._pass.is_sweep():
-            return Turning((rows[-1][0] - rows[0][0]) * TURN / extent, len(rows))
+            return (rows[-1][0] - rows[0][0]) * TURN / extent, len(rows)
         self._pass = Pass()
         return None
 
-    def _of_sector(self, ended: Pass) -> Turning | None:
+    def _of_sector(self, ended: Pass) -> tuple[float, int] | None:
         """What passes show of which the last has ended: two over the same sector are a sweep."""
         self._before.append(ended)
         if len(self._before) < 2:
@@ -375,4 +369,152 @@ class TurnLearner:
         alike = abs(sector - abs(two.extent)) <= limit and sector >= 3.0 * widest
         if not (alike and abs(turned(middles[0] - middles[1])) <= limit):
             return None
-        return Turning(two.rows[0][0] - one.rows[0][0], len(ended.rows))
+        return two.rows[0][0] - one.rows[0][0], len(ended.rows)
+
+
+CHANGED = 0.2
+"""Relative change of the step, or of a sector's width, from which on the grid is another."""
+WHOLE_GAP = 2.5
+"""Steps, at most, that a whole turn lacks."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePing:
+    """What a message says of a ping, or of some of its bearings.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    frame_id : str
+    range : (m,) ndarray
+        m, ascending, above 0.
+    azimuth : (b,) ndarray
+        rad, from the sensor's x axis to port.
+    intensity : (b, m) ndarray
+    time_offset : (b,) ndarray or None
+        Transmission of each bearing after the stamp, s.
+    sound_speed : float
+        m/s; 0 where the message states none.
+    is_part : bool
+        Whether the bearings are a part of a turn.
+    assumptions : tuple of str
+        Sentences about what the message does not state.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    range: FloatArray
+    azimuth: FloatArray
+    intensity: NDArray[Any]
+    time_offset: FloatArray | None = None
+    sound_speed: float = 0.0
+    is_part: bool = False
+    assumptions: tuple[str, ...] = ()
+
+
+class ImageTurns:
+    """Joins the bearings of a turn, or of a pass over a sector, to one ping.
+
+    The time of a turn is learned from the first: its bearings are not used.
+
+    Attributes
+    ----------
+    unused : int
+        Messages whose bearings are in no ping: of the first turn, or before a change of ranges.
+    """
+
+    def __init__(self) -> None:
+        self.unused, self._parts = 0, list[ImagePing]()
+        self._start_over()
+
+    def add(self, ping: ImagePing) -> list[ImagePing]:
+        """Take a message; returns the pings that are complete by it."""
+        low, high = float(ping.azimuth.min()), float(ping.azimuth.max())
+        if not ping.is_part or high - low >= WHOLE_VIEW:
+            return [ping]
+        arc, stamp = Arc(low, high - low, True), 1e-9 * ping.stamp_ns
+        before = self._parts[-1] if self._parts else ping
+        same = before.frame_id == ping.frame_id and np.array_equal(before.range, ping.range)
+        back = self._turn is not None and stamp < self._turn.stamp
+        if not same or back or len(self._parts) >= MOST_PARTS:
+            self._start_over()
+        if self._turn is None:
+            self._learn(ping, stamp, arc)
+            return []
+        closing = self._turn.take(stamp, arc)
+        if closing is None:
+            self._parts.append(ping)
+            return []
+        if closing is not Closing.FULL:
+            self._turn.begin(stamp, arc)
+        parts, self._parts = self._parts, [ping]
+        if closing is Closing.BACK:  # the bearing where it turned is of both passes
+            self._parts.insert(0, parts[-1])
+        if len(parts) < 2:
+            self.unused += 1
+            return []
+        return [self._joined(parts)]
+
+    def _start_over(self) -> None:
+        """Forget the bearings so far: the ranges, or the run, are others."""
+        self.unused += len(self._parts)
+        self._parts = []
+        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self._learner, self._turn = TurnLearner(), None  # type: tuple[TurnLearner, Turn | None]
+
+    def _learn(self, ping: ImagePing, stamp: float, arc: Arc) -> None:
+        self.unused += len(self._parts)
+        self._parts = [ping]
+        learned = self._learner.take(stamp, arc, np.zeros(0))
+        if learned is not None:
+            self._turn = Turn(learned[0])
+            self._turn.begin(stamp, arc)
+
+    def _joined(self, parts: Sequence[ImagePing]) -> ImagePing:
+        """One ping of the bearings of parts, each at its own time."""
+        first = parts[0]
+        azimuth = np.unwrap(np.concatenate([one.azimuth for one in parts]))
+        time = np.concatenate(
+            [
+                1e-9 * (one.stamp_ns - first.stamp_ns)
+                + (0.0 if one.time_offset is None else one.time_offset) * np.ones(len(one.azimuth))
+                for one in parts
+            ]
+        )
+        begin, step, cells = self._grid_of(azimuth)
+        place = (azimuth - begin) / step
+        shift = float(np.angle(np.exp(2j * math.pi * place).mean())) / (2.0 * math.pi)
+        whole = cells * step >= TURN - 1e-9
+        row = np.rint(place - shift).astype(np.int64)
+        row = row % cells if whole else np.clip(row, 0, cells - 1)
+        image = np.full((cells, len(first.range)), np.nan, np.float32)
+        image[row] = np.concatenate([one.intensity for one in parts])
+        at = np.full(cells, np.nan)
+        at[row] = time
+        known = np.flatnonzero(np.isfinite(at))
+        return replace(
+            first,
+            azimuth=np.asarray(begin + (np.arange(cells) + shift) * step, float),
+            intensity=image,
+            time_offset=np.interp(np.arange(cells), known, at[known]),
+            is_part=False,
+        )
+
+    def _grid_of(self, azimuth: FloatArray) -> tuple[float, float, int]:
+        """Begin, step (rad) and cells of the grid: those before, where they fit."""
+        low, high = float(azimuth.min()), float(azimuth.max())
+        least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
+        step = max(float(np.median(np.abs(np.diff(azimuth)))), least) or 1e-3
+        whole = high - low >= TURN - WHOLE_GAP * step
+        if self._grid is not None:
+            begin, before, cells = self._grid
+            end, margin = begin + (cells - 1) * before, 0.5 * before
+            within = whole or (low >= begin - margin and high <= end + margin)
+            wide = whole or high - low >= (1.0 - CHANGED) * (end - begin)
+            if abs(step - before) <= CHANGED * before and within and wide:
+                return self._grid
+        cells = round(TURN / step) if whole else round((high - low) / step) + 1
+        self._grid = (
+            (-math.pi, TURN / cells, cells) if whole else (turned(low), step, max(cells, 2))
+        )
+        return self._grid

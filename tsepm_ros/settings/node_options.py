@@ -16,7 +16,7 @@ import re
 from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.own_ship.attitude import east_north_up
+from tsepm_ros.own_ship.registration import east_north_up
 from tsepm_ros.parameters import ParameterGroup, parameter
 
 MIN_SOUND_SPEED = 100.0

@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.detector.detector_options import DetectorOptions
+from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
@@ -108,33 +108,28 @@ TRACK_INITIATOR: Groups = (
     ("mounting.", Mounting),
     *((f"{name}.", method_class(name).Options) for name in NODE_METHODS),
 )
-SONAR_SIMULATOR: Groups = (("", SimulatorNodeOptions), ("", PlaybackOptions))
-SCAN_PLAYER: Groups = (("", PlayerNodeOptions), ("", PlaybackOptions))
 SONAR_DETECTOR: Groups = (
     ("", SonarDetectorNodeOptions),
     ("", DetectorOptions),
     ("image.", ImageLayout),
     ("sensor.", SensorModel),
 )
-TRACK_VIEWER: Groups = (("", ViewerNodeOptions),)
-TRACK_BRIDGE: Groups = (("", BridgeNodeOptions),)
-
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,
     "sonar_detector": SONAR_DETECTOR,
-    "sonar_simulator": SONAR_SIMULATOR,
-    "scan_player": SCAN_PLAYER,
-    "track_viewer": TRACK_VIEWER,
-    "track_bridge": TRACK_BRIDGE,
+    "sonar_simulator": (("", SimulatorNodeOptions), ("", PlaybackOptions)),
+    "scan_player": (("", PlayerNodeOptions), ("", PlaybackOptions)),
+    "track_viewer": (("", ViewerNodeOptions),),
+    "track_bridge": (("", BridgeNodeOptions),),
 }
 """Every node's groups of parameters."""
 
 
 def full_table(groups: Groups) -> Iterator[Parameter]:
     """Iterate over all parameters of groups, with their full names."""
-    for prefix, group in groups:
-        for row in table(group):
-            yield replace(row, name=prefix + row.name)
+    return (
+        replace(row, name=prefix + row.name) for prefix, group in groups for row in table(group)
+    )
 
 
 def with_method(groups: Groups, method: Any) -> Groups:
@@ -147,9 +142,8 @@ def with_method(groups: Groups, method: Any) -> Groups:
 def is_of_another_method(name: str, rows: Collection[str]) -> bool:
     """Whether a name is no parameter since another method is chosen: it is then not used."""
     method, _, own = name.partition(".")
-    if "method" not in rows or method not in METHODS:
-        return False
-    return own in {row.name for row in table(method_class(method).Options)}
+    is_method = "method" in rows and method in METHODS
+    return is_method and own in {row.name for row in table(method_class(method).Options)}
 
 
 def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], Any]:
@@ -267,10 +261,9 @@ def help_text(node: str, summary: str | None) -> str:
 
 def _parameter_lines(node: str) -> list[str]:
     """A paragraph of names per prefix."""
-    names: dict[str, list[str]] = {}
-    for prefix, group in NODES[node]:
-        names.setdefault(prefix, []).extend(row.name for row in table(group))
+    groups = NODES[node]
     return [
-        f"{f'parameters {prefix}*' if prefix else 'parameters'}: {', '.join(group)}"
-        for prefix, group in names.items()
+        f"{f'parameters {prefix}*' if prefix else 'parameters'}: "
+        + ", ".join(row.name for one, group in groups if one == prefix for row in table(group))
+        for prefix in dict.fromkeys(prefix for prefix, _ in groups)
     ]

@@ -129,10 +129,10 @@ class Hough(HitCounter):
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
         kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
-        confirmation = self.confirm(kept)
-        self._image = image[~np.isin(image, confirmation.hits)]
+        tracks, hits, refused = self.confirm(kept)
+        self._image = image[~np.isin(image, hits)]
         return Step(
-            confirmation.tracks,
+            tracks,
             ScanStatistics(
                 scans=1,
                 detections=len(ids),
@@ -142,9 +142,9 @@ class Hough(HitCounter):
                 evaluated=len(kept),
                 terminated=int(np.count_nonzero(ended)),
                 raw_confirmations=len(lines),
-                pruned=confirmation.pruned,
-                merged=confirmation.merged,
-                confirmed=len(confirmation.tracks),
+                pruned=refused,
+                merged=len(kept) - refused - len(tracks),
+                confirmed=len(tracks),
                 cut_potential_tracks=beyond,
                 cut_confirmations=len(lines) - len(kept),
             ),
@@ -157,8 +157,7 @@ class Hough(HitCounter):
         """
         lines = self._lines(self._image, 2, observed.sensor_position)
         lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_raw_confirmations)]
-        best, estimates, _ = self.best(lines)
-        tracks = self.tracks(best, estimates)
+        tracks, _, _ = self.confirm(lines)
         return tracks.numbered(np.arange(len(tracks)))
 
     def _lines(self, image: IntArray, votes: int, sensor: FloatArray) -> Paths:

@@ -236,9 +236,8 @@ class MultipleModel(PathFollower):
         assert isinstance(paths, Banks)
         state, covariance = paths.output()
         figure = np.zeros(len(paths))
-        for count in np.unique(paths.hit_count):
-            rows = np.flatnonzero(paths.hit_count == count)
-            hits = self.detections[paths.hits[rows, :count]]
+        for rows, ids in paths.of_equal_count():
+            hits = self.detections[ids]
             time_after_state = hits["time"] - self.stamp
             fitted = Fit(state[rows], covariance[rows], time_after_state, hits["covariance"])
             figure[rows] = normalized_distance(hits, fitted)
@@ -277,4 +276,4 @@ def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, Flo
     along = 0.5 * square * (1.0 + share) - mean**2
     across = 0.5 * square * (1.0 - share)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return mean[:, None] * direction, rotated(along, across, heading)
+    return mean[:, None] * direction, rotated(along, across, np.cos(heading), np.sin(heading))

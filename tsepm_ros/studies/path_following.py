@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 from tsepm_ros.methods.tsepm import GATING_SHARE, WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
 from tsepm_ros.parameters import parameter
-from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker import evaluation, splitting
 from tsepm_ros.tracker.assignment import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit, starting
 from tsepm_ros.tracker.measurement import DETECTION, Histories
@@ -68,26 +68,6 @@ class Estimates(Rows):
     state: FloatArray
     covariance: FloatArray
     evaluation: FloatArray
-
-
-@dataclass(frozen=True)
-class Confirmation:
-    """What became of the tracks that reached confirmation in a scan.
-
-    Attributes
-    ----------
-    tracks : TrackArrays
-        Those that were published.
-    hits : (n, most) ndarray of int
-        Their detections' ids, with NO_HIT.
-    pruned, merged : int
-        The others: refused, and with a hit of a better one.
-    """
-
-    tracks: TrackArrays
-    hits: IntArray
-    pruned: int
-    merged: int
 
 
 class HitCounter(WindowedMethod):
@@ -127,23 +107,28 @@ class HitCounter(WindowedMethod):
         """Figure, (n,): of tracks that share a detection that of the smallest is published."""
         return estimates.evaluation
 
-    def best(self, paths: Paths) -> tuple[Paths, Estimates, int]:
-        """The best paths that share no detection, and how many are refused before."""
-        estimates = self.estimate(paths)
-        accepted = self.accept(estimates)
-        candidates, estimates = paths[accepted], estimates[accepted]
-        rows = disjoint(candidates.hits, self.preference(candidates, estimates))
-        return candidates[rows], estimates[rows], len(paths) - len(candidates)
+    def confirm(self, raw: Paths) -> tuple[TrackArrays, IntArray, int]:
+        """The best of some paths that share no detection, as tracks.
 
-    def confirm(self, raw: Paths) -> Confirmation:
-        """Estimate the tracks that reached M hits and publish the best that share no detection."""
-        best, estimates, refused = self.best(raw)
-        return Confirmation(
-            self.tracks(best, estimates),
-            best.hits,
-            pruned=refused,
-            merged=len(raw) - refused - len(best),
-        )
+        Parameters
+        ----------
+        raw : Paths
+
+        Returns
+        -------
+        tracks : TrackArrays
+            Their places as ids.
+        hits : (n, most) ndarray of int
+            Their detections' ids, with NO_HIT.
+        refused : int
+            Paths that may not be published; the others share a hit with a better one.
+        """
+        estimates = self.estimate(raw)
+        accepted = self.accept(estimates)
+        candidates, estimates = raw[accepted], estimates[accepted]
+        best = disjoint(candidates.hits, self.preference(candidates, estimates))
+        tracks = self.tracks(candidates[best], estimates[best])
+        return tracks, candidates.hits[best], len(raw) - len(candidates)
 
     def tracks(self, paths: Paths, estimates: Estimates) -> TrackArrays:
         """Paths as tracks, their places as ids."""
@@ -272,14 +257,12 @@ class PathFollower(HitCounter):
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
         row = extending.row
         children = self.extended(extending.parent, ids[row], taken(detections, row))
-        reached = pruning.confirmed(children.hit_count, self.options.min_hits)
-        confirmation = self.confirm(children[reached])
+        reached = children.hit_count >= self.options.min_hits
+        tracks, hits, refused = self.confirm(children[reached])
         missed = np.ones(len(self.potential), bool)
         missed[extending.parent] = False
-        waiting, terminated = self._waiting(
-            children[~reached], self.potential[missed], confirmation.hits
-        )
-        is_free = ~np.isin(ids, confirmation.hits)
+        waiting, terminated = self._waiting(children[~reached], self.potential[missed], hits)
+        is_free = ~np.isin(ids, hits)
         if not self.every_detection_starts:
             is_free[row] = False
         free = np.flatnonzero(is_free)
@@ -287,20 +270,21 @@ class PathFollower(HitCounter):
         begun = free[: self.max_tracks]
         started = self.started(ids[begun], taken(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
+        evaluated = int(np.count_nonzero(reached))
         return Step(
-            confirmation.tracks,
+            tracks,
             ScanStatistics(
                 scans=1,
                 detections=len(detections),
                 potential_tracks=len(self.potential),
                 started=len(started),
                 split=len(children) + len(started),
-                evaluated=int(np.count_nonzero(reached)),
+                evaluated=evaluated,
                 terminated=terminated,
-                raw_confirmations=int(np.count_nonzero(reached)) + cut_raw,
-                pruned=confirmation.pruned,
-                merged=confirmation.merged,
-                confirmed=len(confirmation.tracks),
+                raw_confirmations=evaluated + cut_raw,
+                pruned=refused,
+                merged=evaluated - refused - len(tracks),
+                confirmed=len(tracks),
                 cut_potential_tracks=cut_pairs + cut_potential + beyond + surplus,
                 cut_confirmations=cut_raw,
             ),
@@ -338,7 +322,8 @@ class PathFollower(HitCounter):
         Those end whose scans are over, and those with a hit that a confirmed track has taken.
         """
         waiting = growing if self.ends_when_missed else type(growing).joined(growing, missed)
-        ended = self.expired(waiting.first_scan) | self._uses(waiting, taken)
+        ended = self.expired(waiting.first_scan)
+        ended |= np.isin(waiting.hits, taken[taken != NO_HIT]).any(axis=1)
         going_on = waiting[~ended]
         return going_on, len(growing) + len(missed) - len(going_on)
 
@@ -354,11 +339,6 @@ class PathFollower(HitCounter):
     def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""
         return self.potential.extended(parent, ids)
-
-    @staticmethod
-    def _uses(paths: Paths, hits: IntArray) -> BoolArray:
-        """Which paths have one of some hits, (n,)."""
-        return np.asarray(np.isin(paths.hits, hits[hits != NO_HIT]).any(axis=1))
 
     def reachable(
         self, detections: NDArray[np.void], margin: FloatArray

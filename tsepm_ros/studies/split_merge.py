@@ -72,9 +72,8 @@ from numpy.typing import NDArray
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.initial_state import ESTIMATORS
-from tsepm_ros.tracker.measurement import unscented
+from tsepm_ros.tracker.measurement import DetectionWindow, unscented
 from tsepm_ros.tracker.method import Observation, Step
 from tsepm_ros.tracker.options import MnOptions
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays

@@ -30,8 +30,7 @@ from msg_adapters import read_track_cloud, time_to_ns, track_states
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, signals_held
 from tsepm_ros.parameters import Value
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
@@ -46,7 +45,6 @@ from tsepm_ros.tools.pictures.run_scene import (
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
 from tsepm_ros.tools.terminal import progress_bar, text_table
-from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 DEPTH = 1000
 
@@ -62,8 +60,6 @@ class TopicCollector(Node):
         Of each confirmed track.
     processed : int
         Scans that the initiator has processed.
-    heard : int
-        Number of all messages.
     """
 
     def __init__(self, **node_options: Any) -> None:
@@ -72,28 +68,32 @@ class TopicCollector(Node):
         self.own_ship: list[Odometry] = []
         self.tracks: list[Any] = []
         self.processed = 0
-        self.heard = 0
         self.create_subscription(PointCloud2, "tracks", self._on_tracks, DEPTH)
-        self.create_subscription(Odometry, "own_ship/odometry", self._on_own_ship, DEPTH)
-        self.create_subscription(PointCloud2, "detections", self._on_detections, DEPTH)
+        self.create_subscription(Odometry, "own_ship/odometry", self.own_ship.append, DEPTH)
+        self.create_subscription(PointCloud2, "detections", self.detections.append, DEPTH)
 
-    def _on_detections(self, message: PointCloud2) -> None:
-        self.detections.append(message)
-        self.heard += 1
-
-    def _on_own_ship(self, message: Odometry) -> None:
-        self.own_ship.append(message)
-        self.heard += 1
+    @property
+    def heard(self) -> int:
+        """Number of all messages."""
+        return self.processed + len(self.detections) + len(self.own_ship)
 
     def _on_tracks(self, message: PointCloud2) -> None:
         records = read_track_cloud(message)
         self.tracks.extend(records[records["revision"] == 0])
         self.processed += 1
-        self.heard += 1
 
 
-HEADER = ["target", "track", "found after [s]", "pings", "hits"]
-HEADER += ["position error [m]", "1 sigma [m]", "velocity error [m/s]", "1 sigma [m/s]"]
+HEADER = [
+    "target",
+    "track",
+    "found after [s]",
+    "pings",
+    "hits",
+    "position error [m]",
+    "1 sigma [m]",
+    "velocity error [m/s]",
+    "1 sigma [m/s]",
+]
 
 
 def target_rows(scene: RunScene) -> list[list[str]]:
@@ -120,22 +120,17 @@ def _row(target: int, scene: RunScene) -> list[str]:
     ]
 
 
-Review = tuple[str, RunScene, str]
-"""Table of a run, content of its picture, and the reason of the failure, if any."""
-
-
-def replay(
-    collector: TopicCollector, name: str, parameters: Mapping[str, Value]
-) -> tuple[list[ScanResult], list[ConfirmedTrack], RunScene, str]:
-    """Process the recorded messages offline.
+def review(
+    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
+) -> tuple[str, RunScene, str]:
+    """Process the recorded messages offline, and judge the tracks by the truth.
 
     Returns
     -------
-    results : list of ScanResult
-    tracks : list of ConfirmedTrack
-        The starts.
+    table : str
+        A row per target.
     scene : RunScene
-        Content of the picture, without the truth.
+        Content of the picture.
     failure : str
         A sentence if the node's tracks are others.
 
@@ -156,24 +151,11 @@ def replay(
     tracks = [track for result in results for track in result.new]
     settings = session.settings
     views = [ScanView.of(result, settings.sensor, settings.mounting.yaw) for result in results]
-    scene = RunScene(f"{name}, method {settings.session.method}", views)
-    states = [track_states(np.array([record]))[0].tolist() for record in collector.tracks]
-    if states == [track.state.tolist() for track in tracks]:
-        return results, tracks, scene, ""
-    failure = "the node's tracks differ from the same messages processed offline"
-    return results, tracks, scene, failure
-
-
-def review_simulation(
-    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
-) -> Review:
-    """Evaluate a simulated run against its truth."""
-    name = f"{scenario.name}, seed {seed}"
-    results, tracks, scene, failure = replay(collector, name, parameters)
+    scene = RunScene(f"{scenario.name}, seed {seed}, method {settings.session.method}", views)
     simulator = Simulator(scenario, seed)
     scans = list(simulator)
-    processed = [result.stamp for result in results]
     stamps = [simulated.scan.stamp for simulated in scans]
+    processed = [result.stamp for result in results]
     origins = origins_of(processed, stamps, [simulated.origin for simulated in scans])
     scene.judged = judge_starts(simulator, tracks, origins)
     scene.truth = [
@@ -181,9 +163,14 @@ def review_simulation(
         for target in range(len(simulator.targets))
     ]
     header, *rows = target_rows(scene)
+    states = [track_states(np.array([record]))[0].tolist() for record in collector.tracks]
+    same = states == [track.state.tolist() for track in tracks]
     missing = len(simulator.targets) - len(scene.true_starts)
-    if missing and not failure:
+    failure = ""
+    if missing:
         failure = f"{missing} of {len(simulator.targets)} targets were not truly started"
+    if not same:
+        failure = "the node's tracks differ from the same messages processed offline"
     return text_table(header, rows), scene, failure
 
 
@@ -233,7 +220,7 @@ def _demonstrate(options: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return 1
-    table, drawn, failure = review_simulation(collector, scenario, options.seed, options.parameter)
+    table, drawn, failure = review(collector, scenario, options.seed, options.parameter)
     save(drawn, options.picture)
     print(f"\n{headline(drawn)}\n\n{table}\n\npicture: {options.picture}")
     if failure:
@@ -264,12 +251,12 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     """Run both nodes; returns the collected messages and the exit codes of those started."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
-    source = ["sonar_simulator", "-p", f"scenario:={options.scenario}", "-p"]
-    source += [f"seed:={options.seed}"]
-    source += ["-p", f"rate_factor:={options.rate}", "-p", "wait_for_subscribers:=2"]
-    initiator = ["track_initiator"]
-    for name, value in options.parameter.items():  # a file's section need not fit the namespace
-        initiator += ["-p", f"{name}:={yaml_text(value)}"]
+    source: dict[str, Value] = {
+        "scenario": options.scenario,
+        "seed": options.seed,
+        "rate_factor": options.rate,
+        "wait_for_subscribers": 2,
+    }
     # Without the arguments of this command, which rclpy would read as remappings, and without
     # its handlers: a signal is an exception, as in the other commands.
     rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
@@ -277,7 +264,7 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     executor = SingleThreadedExecutor()
     executor.add_node(collector)
     try:
-        with _process(*initiator) as tracker:
+        with _process("track_initiator", options.parameter) as tracker:
             until = time.monotonic() + MAX_IDLE_TIME
             while not (collector.count_publishers("tracks") or tracker.poll() is not None):
                 executor.spin_once(timeout_sec=0.1)
@@ -285,7 +272,7 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
                     break
             if tracker.poll() is not None:
                 return collector, [tracker.returncode]
-            with _process(*source) as player:
+            with _process("sonar_simulator", source) as player:
                 _watch(executor, collector, scans, tracker)
                 unfinished = collector.processed < scans  # the source would go on, or wait
                 codes = [_end(player, interrupt=unfinished), _end(tracker, interrupt=True)]
@@ -297,8 +284,10 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
 
 
 @contextmanager
-def _process(name: str, *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-c", PROCESS.format(name), "--ros-args", *parameters]
+def _process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Popen[bytes]]:
+    """A node with parameters; not with their file, whose section need not fit the namespace."""
+    command = [sys.executable, "-c", PROCESS.format(name), "--ros-args"]
+    command += [part for key in values for part in ("-p", f"{key}:={yaml_text(values[key])}")]
     command += ["--log-level", "warn", "-r", f"__ns:={NAMESPACE}"]
     process = None
     try:
@@ -318,7 +307,7 @@ def _watch(
     tracker: subprocess.Popen[bytes],
 ) -> None:
     """Spin until every scan is processed, or no message arrives any more."""
-    heard, last = -1, time.monotonic()
+    heard, last = 0, time.monotonic()
     with progress_bar(scans, "pings", "ping", keep=True) as bar:
         while collector.processed < scans:
             executor.spin_once(timeout_sec=0.1)

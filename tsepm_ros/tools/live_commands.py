@@ -17,9 +17,8 @@ from rclpy.serialization import serialize_message
 from rclpy.task import Future
 
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level
-from tsepm_ros.nodes.node_parameters import refusing
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.subscriptions import OfferedSubscription
+from tsepm_ros.nodes.base_node import refusing
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.tools.replay.bag import BagWriter, installed_class
 
 MIN_TIME = 1.0

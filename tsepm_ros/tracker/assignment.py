@@ -100,7 +100,7 @@ def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
 
 def nearest_first(pairs: Pairs) -> Pairs:
     """Assign each track and each detection at most once, the pair of least cost first."""
-    return _exclusive(pairs, pairs.cost)
+    return pairs[exclusive(pairs, pairs.cost)]
 
 
 def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
@@ -116,13 +116,13 @@ def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
     """
     rank = np.empty(len(pairs))
     rank[np.lexsort((pairs.cost, first_scan[pairs.parent]))] = np.arange(len(pairs))
-    return _exclusive(pairs, rank)
+    return pairs[exclusive(pairs, rank)]
 
 
-def _exclusive(pairs: Pairs, rank: FloatArray) -> Pairs:
-    """Assign each track and each detection at most once, the pair of the smallest rank first."""
+def exclusive(pairs: Pairs, rank: FloatArray) -> IntArray:
+    """Rows (k,) with each track and each detection at most once, those of the smallest ranks."""
     members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # distinct, and never NO_HIT
-    return pairs[disjoint(members, rank)]
+    return disjoint(members, rank)
 
 
 def best_of_each(pairs: Pairs) -> Pairs:

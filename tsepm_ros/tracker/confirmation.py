@@ -41,19 +41,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import softmax
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, sums_over_hits
 from tsepm_ros.numerics.gaussian import mixture
-from tsepm_ros.numerics.grouped import sums_over_hits
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.merging import given_starts
 from tsepm_ros.tracker.method import NEW_TRACK_EXISTENCE, Observation
 from tsepm_ros.tracker.options import MIN_HITS
@@ -220,16 +218,12 @@ def decided_by_speed(tree: Tree, threshold: float, max_speed: float) -> Tree:
     Rivals in other detections are as they were.
     """
     counts = _may_pass(tree, threshold)
-    if not counts.any():
-        return tree
     return replace(tree, hypotheses=within_max_speed(tree.hypotheses, counts, max_speed))
 
 
 def with_rivals(tree: Tree, decided: Tree, threshold: float, max_speed: float) -> Tree:
     """As `decided_by_speed`, of the tree and what that made of it, and of the rivals of starts."""
     passed = decided.evidence >= threshold
-    if not passed.any():
-        return decided  # no start, and no rival of any
     # Of other detections, those that may be rivals of a start: they share a hit with it.
     hypotheses = tree.hypotheses
     hits = np.unique(hypotheses.hits[tree.missed :][passed[tree.newest]])
@@ -389,21 +383,9 @@ def min_purity_probability(false_tracks_per_hour: float) -> float:
     return max(MIN_PURITY_PROBABILITY / excess, MIN_HIT_PROBABILITY)
 
 
-class Doubtful(NamedTuple):
-    """A held track whose start may be wrong.
-
-    Attributes
-    ----------
-    track_id : int
-    row : int
-        Its detection in the scan.
-    hits : (h,) ndarray of int
-        Its published hits.
-    """
-
-    track_id: int
-    row: int
-    hits: IntArray
+Doubtful = tuple[int, int, IntArray]
+"""A held track whose start may be wrong: its id, the row of its detection in the scan, and its
+published hits, (h,)."""
 
 
 def corrections(
@@ -472,8 +454,6 @@ def doubtful(tree: Tree, observed: Observation, max_speed: float) -> list[Doubtf
     found: list[Doubtful] = []
     held = observed.held
     ids, rows = observed.probable_detections
-    if not len(ids):
-        return found
     # A track that has ended in this scan is in no row.
     which, place = np.nonzero(ids[:, None] == held.track_id)
     apart = held.state[place, None, 0::2] - held.state[:, 0::2]
@@ -483,7 +463,7 @@ def doubtful(tree: Tree, observed: Observation, max_speed: float) -> list[Doubtf
         published = held.hits[of]
         hits = observed.window.find(published)
         if 0 < len(hits) == len(published) and not _best_has_most_of(hits, tree, row):
-            found.append(Doubtful(int(track_id), int(row), hits))
+            found.append((int(track_id), int(row), hits))
     return found
 
 

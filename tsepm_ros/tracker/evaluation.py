@@ -11,7 +11,7 @@ hypothesis tracking", IEEE Trans. Aerosp. Electron. Syst. 43(1), 2007)::
     hit           s + ln(P_D N(z; H x, S) / lambda) + ln L(n + 1, V + v) - ln L(n, V)
     miss          s + ln(1 - P_D P_G)
 
-with ln L(n, V) the ratio of the amplitudes of n hits, see `clutter.amplitude_likelihood`. In
+with ln L(n, V) the ratio of the amplitudes of n hits, see `clutter.amplitude_law`. In
 clutter alone, the mean of the ratio over all hypotheses of a start is a martingale of mean 1: the
 probability that it ever reaches A is at most 1 / A (Ville 1939, Wald 1945). This bound does not
 hold for the best hypothesis alone.
@@ -48,13 +48,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, largest_of
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT, Fit, position_covariances_at, positions_at
+from tsepm_ros.tracker.initial_state import NO_HIT, Fit
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.method import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
@@ -82,9 +83,9 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
         A squared distance, without unit.
     """
     time_after_state = fit.time_after_state
-    residual = hits["position"] - positions_at(fit.state, time_after_state)
-    residual_covariance = position_covariances_at(fit.covariance, time_after_state)
-    residual_covariance = residual_covariance + fit.hit_covariance
+    residual = hits["position"] - motion.position_after(fit.state[:, None], time_after_state)
+    covariance = motion.position_covariance_after(fit.covariance[:, None], time_after_state)
+    residual_covariance = covariance + fit.hit_covariance
     return squared_distance(residual, residual_covariance).max(axis=1)
 
 
@@ -108,8 +109,7 @@ def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float
     """
     squared_displacement = np.square(np.diff(positions, axis=1)).sum(axis=2)
     density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
-    statistic: FloatArray = 2.0 * np.pi * (density * squared_displacement).sum(axis=1)
-    return statistic
+    return np.asarray(2.0 * np.pi * (density * squared_displacement).sum(axis=1))
 
 
 MAX_DETECTION_PROBABILITY = 0.999
@@ -138,8 +138,7 @@ def hit_increment(
     probability = np.minimum(detection_probability, MAX_DETECTION_PROBABILITY)
     with np.errstate(divide="ignore"):
         ratio = np.log(probability / np.maximum(clutter, MIN_CLUTTER_DENSITY))
-    increment: FloatArray = log_density + ratio
-    return increment
+    return np.asarray(log_density + ratio)
 
 
 def miss_increment(detection_probability: FloatArray, gate_probability: float) -> FloatArray:
@@ -156,10 +155,8 @@ def miss_increment(detection_probability: FloatArray, gate_probability: float) -
     -------
     (n,) ndarray
     """
-    increment: FloatArray = np.log1p(
-        -np.minimum(detection_probability, MAX_DETECTION_PROBABILITY) * gate_probability
-    )
-    return increment
+    probability = np.minimum(detection_probability, MAX_DETECTION_PROBABILITY)
+    return np.asarray(np.log1p(-probability * gate_probability))
 
 
 FADED_SHARE = 0.4
@@ -179,8 +176,7 @@ FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_
 
 def fading_predicted(faded: FloatArray) -> FloatArray:
     """Probability that targets have faded (n,) at the next scan."""
-    kept = math.exp(-1.0 / FADING_SCANS)
-    return np.asarray(FADED_SHARE + kept * (faded - FADED_SHARE))
+    return np.asarray(FADED_SHARE + math.exp(-1.0 / FADING_SCANS) * (faded - FADED_SHARE))
 
 
 def visible_share(faded: FloatArray) -> FloatArray:
@@ -218,15 +214,7 @@ MIN_PATH_PROBABILITY = 0.25
 """Probability of a target from which a detection's weight in that law is changed."""
 
 
-class FirstAmplitudes(NamedTuple):
-    """Strengths of paths of one hit; see `Hypotheses`."""
-
-    hits: IntArray
-    total: FloatArray
-    score: FloatArray
-
-
-class FurtherAmplitudes(NamedTuple):
+class PathAmplitudes(NamedTuple):
     """Strengths of paths with a further hit, and what that adds to the score, (p,) each."""
 
     hits: IntArray
@@ -234,36 +222,25 @@ class FurtherAmplitudes(NamedTuple):
     increment: FloatArray
 
 
-def first_amplitudes(observed: Observation) -> FirstAmplitudes:
-    """Strengths of the paths that start with each of a scan's detections, (d,)."""
-    strengths, n = observed.strengths, len(observed.detections)
-    if strengths is None:
-        return FirstAmplitudes(np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
-    count = strengths.told.astype(np.int64)
-    return FirstAmplitudes(count, strengths.scaled, strengths.ratio.at(count, strengths.scaled))
-
-
-def further_amplitudes(
-    paths: Hypotheses, parent: IntArray, observed: Observation, row: IntArray
-) -> FurtherAmplitudes:
-    """Strengths of the children of paths and detections.
+def path_amplitudes(
+    observed: Observation, row: IntArray, hits: IntArray, total: FloatArray
+) -> PathAmplitudes:
+    """Strengths of paths (p,) with a scan's detections as further hits.
 
     Parameters
     ----------
-    paths : Hypotheses
-    parent, row : (p,) ndarray of int
-        Path and detection of each child.
     observed : Observation
+    row : (p,) ndarray of int
+        Detection of each.
+    hits, total : (p,) ndarray
+        Strengths before; 0 of a path that starts. See `Hypotheses`.
     """
-    before, total_before = paths.strength_count[parent], paths.strength_total[parent]
-    strengths, n = observed.strengths, len(row)
-    if strengths is None or not n:
-        return FurtherAmplitudes(before, total_before, np.zeros(n))
-    count, total = before + strengths.told[row], total_before + strengths.scaled[row]
-    both = strengths.ratio.at(
-        np.concatenate([before, count]), np.concatenate([total_before, total])
-    )
-    return FurtherAmplitudes(count, total, both[n:] - both[:n])
+    strengths = observed.strengths
+    if strengths is None:
+        return PathAmplitudes(hits, total, np.zeros(len(row)))
+    count, sums = hits + strengths.told[row], total + strengths.scaled[row]
+    both = strengths.ratio.at(np.concatenate([hits, count]), np.concatenate([total, sums]))
+    return PathAmplitudes(count, sums, both[len(row) :] - both[: len(row)])
 
 
 def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
@@ -274,16 +251,10 @@ def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
     )
     hits = paths.hits[likely]
     path, place = np.nonzero(hits != NO_HIT)
-    detection = hits[path, place]
-    if not len(detection):
-        none = np.zeros(0, np.int64)
-        return TargetHits(none, none, np.zeros(0))
-    first = detection.min()
-    best = np.full(detection.max() + 1 - first, -np.inf)
-    np.maximum.at(best, detection - first, log_odds[likely][path])
-    hit = np.flatnonzero(best > -np.inf)
-    of = window[hit + first]
-    return TargetHits(of["scan"], of["index"], 1.0 / (1.0 + np.exp(-best[hit])))
+    ids, hit = np.unique(hits[path, place], return_inverse=True)
+    best = largest_of(log_odds[likely][path], hit, len(ids))
+    of = window[ids]
+    return of["scan"], of["index"], expit(best)
 
 
 MAX_PAIRS_TOGETHER = 50_000
@@ -333,7 +304,7 @@ def evaluate(
         order = np.argsort(-hypotheses.score[parent], kind="stable")
     score = np.full(len(parent), -np.inf)
     for first in range(0, len(parent), MAX_PAIRS_TOGETHER):
-        if first and limit.left < 0.5 * limit.seconds:
+        if first and limit.used(0.5):
             return missed, score, len(parent) - first
         part = order[first : first + MAX_PAIRS_TOGETHER]
         score[part] = child_score(
@@ -375,7 +346,8 @@ def child_score(
     if observed.predictive is not None:
         score += observed.predictive.increment(hypotheses.hit_count, parent, row)
     if observed.strengths is not None:
-        score += further_amplitudes(hypotheses, parent, observed, row).increment
+        hits, total = hypotheses.strength_count[parent], hypotheses.strength_total[parent]
+        score += path_amplitudes(observed, row, hits, total).increment
     return score
 
 

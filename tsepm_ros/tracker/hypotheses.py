@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, largest_of, summed, taken
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
 from tsepm_ros.tracker.measurement import covariance_at
@@ -37,7 +38,7 @@ class Hypotheses(Paths):
     faded : (n,) ndarray
         Probability that the target has faded, see `fading`.
     strength_count, strength_total : (n,) ndarray
-        Hits whose strength counts, and the sum of their exponents; see `amplitude_likelihood`.
+        Hits whose strength counts, and the sum of their exponents; see `amplitude_law`.
     strength_score : (n,) ndarray
         Part of the score that is due to strengths.
     """
@@ -74,11 +75,6 @@ class Hypotheses(Paths):
         )
 
 
-def run_begins(keys: IntArray) -> IntArray:
-    """First row of each run of equal keys (n,), which are not negative."""
-    return np.flatnonzero(np.diff(keys, prepend=-1))
-
-
 PRIOR_TARGET_ODDS = 0.001
 """Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
 
@@ -107,12 +103,6 @@ class Tree:
         return ended.last_hit - (self.ids[0] if len(self.ids) else 0)
 
     @cached_property
-    def runs(self) -> tuple[IntArray, IntArray]:
-        """First row of those that end in a detection, and the place of the detection, (k,)."""
-        begin = run_begins(self.newest)
-        return begin + self.missed, self.newest[begin]
-
-    @cached_property
     def evidence(self) -> FloatArray:
         """``ln sum_i exp(s_i)`` over the hypotheses that end in each detection, (d,)."""
         return self.summed(self.hypotheses.score)
@@ -122,20 +112,11 @@ class Tree:
 
         -inf where none does.
         """
-        largest, sums = self.largest(score), np.full(len(self.ids), -np.inf)
-        base = np.where(np.isfinite(largest), largest, 0.0)
-        begin, place = self.runs
-        ratio = np.exp(score[self.missed :] - base[self.newest])
-        with np.errstate(divide="ignore"):
-            sums[place] = np.log(np.add.reduceat(ratio, begin - self.missed)) + base[place]
-        return sums
+        return summed(score[self.missed :], self.newest, len(self.ids))
 
     def largest(self, values: FloatArray) -> FloatArray:
         """Largest of the values (n,) over those that end in each detection, (d,); or -inf."""
-        largest = np.full(len(self.ids), -np.inf)
-        begin, place = self.runs
-        largest[place] = np.maximum.reduceat(values, begin)
-        return largest
+        return largest_of(values[self.missed :], self.newest, len(self.ids))
 
     def ending_in(self, place: int) -> Hypotheses:
         """The hypotheses that end in a detection of the scan."""
@@ -146,8 +127,7 @@ class Tree:
     def target_probability(self) -> FloatArray:
         """Probability that each detection is that of a target not confirmed yet, (d,)."""
         odds = self.evidence + math.log(PRIOR_TARGET_ODDS)
-        probability: FloatArray = np.exp(-np.logaddexp(0.0, -odds))
-        return probability
+        return np.asarray(expit(odds))
 
 
 @dataclass(frozen=True)
@@ -202,8 +182,6 @@ class ExpectedDetections:
     of_hypothesis : tuple of (n, 2) and (n, 2, 2) ndarray, or None
         Expected position, m, and innovation covariance, m^2, of any detection; None where these
         differ from detection to detection.
-    has_range_rates : bool
-        Whether any detection has a range rate that is used.
     """
 
     hypotheses: Hypotheses
@@ -211,7 +189,6 @@ class ExpectedDetections:
     detections: NDArray[np.void]
     sensor: SensorModel
     of_hypothesis: tuple[FloatArray, FloatArray] | None
-    has_range_rates: bool
 
     @classmethod
     def of(
@@ -230,8 +207,7 @@ class ExpectedDetections:
             spread = motion.position_covariance_after(hypotheses.covariance, after)
             spread += covariance_at(first, expected, sensor)
             common = expected, spread
-        rated = bool(range_rates.measured(detections).any())
-        return cls(hypotheses, stamp, detections, sensor, common, rated)
+        return cls(hypotheses, stamp, detections, sensor, common)
 
     def innovations(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
         """Innovations (p, 2), m, and their covariances (p, 2, 2), m^2, of pairs."""
@@ -254,17 +230,15 @@ class ExpectedDetections:
     ) -> FloatArray:
         """Log of the likelihood of each pair's detection, (p,); see `motion.log_likelihood`."""
         innovation, spread = self.innovations(parent, row)
-        if not self.has_range_rates:
-            return motion.position_log_likelihood(innovation, spread, gate_probability)
-        detections = taken(self.detections, row)
         return motion.log_likelihood(
             self.hypotheses.state,
             self.hypotheses.covariance,
             parent,
-            detections["time"] - self.stamp,
+            self.stamp,
             innovation,
             spread,
-            detections,
+            self.detections,
+            row,
             gate_probability,
         )
 
@@ -292,7 +266,7 @@ class ExpectedDetections:
             step = gain.take(place, axis=0) @ innovation[..., None]
             moved = state.take(parent, axis=0) + step[..., 0]
             changed = (before - change).take(place, axis=0)
-        if not self.has_range_rates:
+        if not range_rates.measured(self.detections).any():
             return moved, changed
         return range_rates.update(moved, changed, time_after_state, taken(self.detections, row))
 

@@ -1,4 +1,4 @@
-"""Measured detections: positions with a covariance, and features.
+"""Measured detections: positions with a covariance, features, and the window of the last scans.
 
 Features of plots, and whether a plot resembles those of a track (Environment 2018, Section 2).
 
@@ -25,6 +25,7 @@ From polar measurements to Cartesian positions with a covariance (TSEPM 2018, Eq
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -32,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri, fdtrc
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -53,8 +54,6 @@ MIN_TAIL_PROBABILITY = 1e-300
 
 def measured_features(scan: Scan) -> FloatArray:
     """Features of a scan's detections, (n, 3); nan where not measured."""
-    if not scan.features:
-        return np.full((len(scan), len(NAMES)), np.nan)
     columns = [scan.features.get(name, np.full(len(scan), np.nan)) for name in NAMES]
     values = np.stack(columns, axis=1)
     return np.where(np.abs(values) < MAX_FEATURE, values, np.nan)
@@ -262,7 +261,7 @@ def position_covariance(
     along, across = _variances(
         np.square(range), np.asarray(range_variance), azimuth_std, least_across
     )
-    return rotated(along, across, azimuth)
+    return rotated(along, across, np.cos(azimuth), np.sin(azimuth))
 
 
 def _variances(
@@ -286,15 +285,13 @@ def _variances(
     return np.maximum(along, least), np.maximum(across, least)
 
 
-def rotated(along: ArrayLike, across: ArrayLike, azimuth: ArrayLike) -> FloatArray:
-    """Covariance (..., 2, 2) of variances (...) along and across a direction (...), rad."""
-    return _rotated(np.asarray(along), np.asarray(across), np.cos(azimuth), np.sin(azimuth))
-
-
-def _rotated(
+def rotated(
     along: FloatArray, across: FloatArray, cosine: FloatArray, sine: FloatArray
 ) -> FloatArray:
-    """As `rotated`, with the direction's cosine and sine (...)."""
+    """Covariance (..., 2, 2) of variances (...) along and across a direction.
+
+    The direction is given by its cosine and sine (...).
+    """
     covariance = np.empty((*np.shape(along), 2, 2))
     covariance[..., 0, 0] = along * cosine**2 + across * sine**2
     covariance[..., 1, 1] = along * sine**2 + across * cosine**2
@@ -326,13 +323,14 @@ def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.v
     """
     converted = detections.copy()
     range_, azimuth = measured_polar(detections)
-    offset = range_[..., None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    offset = range_[..., None] * np.stack([cosine, sine], axis=-1)
     angle = math.sqrt(3.0) * detections["azimuth_std"]
     along = range_variance_at(detections, range_, sensor)
     along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
     across = np.square(range_ * np.sin(angle)) / 3.0
     converted["position"] = detections["sensor_pose"][..., :2] + offset
-    converted["covariance"] = rotated(along, across, azimuth) + pose_error_covariance(
+    converted["covariance"] = rotated(along, across, cosine, sine) + pose_error_covariance(
         offset, detections["sensor_pose_covariance"]
     )
     converted["major_sigma"] = major_sigma(converted["covariance"])
@@ -453,7 +451,7 @@ def covariance_at(
     away = range_ > 0.0
     cosine = np.divide(x, range_, out=np.ones(range_.shape), where=away)
     sine = np.divide(y, range_, out=np.zeros(range_.shape), where=away)
-    covariance = _rotated(along, across, cosine, sine)
+    covariance = rotated(along, across, cosine, sine)
     if not detections["sensor_pose_covariance"].any():
         return covariance
     return covariance + pose_error_covariance(offset, detections["sensor_pose_covariance"])
@@ -468,3 +466,86 @@ def range_variance_at(
     """
     own = detections["range_std"]
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
+
+
+_BLOCK = np.dtype((np.void, DETECTION.itemsize))
+
+
+class DetectionWindow:
+    """Detections of the recent scans, addressed by ids that never change.
+
+    Ids count from 0 in order of arrival. Removing old scans leaves the other ids unchanged:
+    hypotheses refer to detections by integers, and the window bounds the memory.
+
+    Attributes
+    ----------
+    first_id : int
+        Id of the oldest detection that is not forgotten.
+    """
+
+    def __init__(self) -> None:
+        self._detections = np.zeros(0, DETECTION)
+        self._not_held = np.zeros(0)
+        self.first_id = 0
+
+    def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
+        """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
+        first = self.first_id + len(self._detections)
+        # As blocks of bytes, which is many times faster than field by field.
+        parts = [part.view(_BLOCK) for part in (self._detections, detections)]
+        self._detections = np.concatenate(parts).view(DETECTION)
+        self._not_held = np.concatenate([self._not_held, np.ones(len(detections))])
+        return np.arange(first, first + len(detections))
+
+    def forget(self, before_scan: int) -> None:
+        """Remove the detections of the scans before the given scan index."""
+        old = int(np.searchsorted(self._detections["scan"], before_scan))
+        self._detections = self._detections[old:]
+        self._not_held = self._not_held[old:]
+        self.first_id += old
+
+    def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
+        """Detections with the given ids, in the ids' shape."""
+        return taken(self._detections, ids - self.first_id)
+
+    def note_held(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
+        """Note the probabilities that detections belong to confirmed tracks, (n,) each."""
+        np.multiply.at(self._not_held, ids - self.first_id, 1.0 - np.minimum(probability, 1.0))
+
+    def held_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Probability that the detections with the given ids belong to a confirmed track, (...).
+
+        The probabilities of different tracks count as independent.
+        """
+        return np.asarray(1.0 - self._not_held[ids - self.first_id])
+
+    def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+        """Ids of the detections with the given scan and detection indices, those still here.
+
+        Parameters
+        ----------
+        hits : sequence of (int, int)
+            As in `ConfirmedTrack.hits`, oldest first.
+
+        Returns
+        -------
+        (h,) ndarray of int
+            In the order of the hits; hits that are forgotten are left out.
+        """
+        ids: list[int] = []
+        if not hits or not len(self) or hits[-1][0] < self._detections["scan"][0]:
+            return np.array(ids, np.int64)
+        scans = np.ascontiguousarray(self._detections["scan"])
+        for scan, index in hits:
+            first, last = np.searchsorted(scans, [scan, scan + 1])
+            row = first + np.flatnonzero(self._detections["index"][first:last] == index)
+            ids += (self.first_id + row).tolist()
+        return np.array(ids, np.int64)
+
+    def column(self, name: str, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+        """A field of the detections with the given ids, in the ids' shape."""
+        return np.asarray(self._detections[name][ids - self.first_id])
+
+    def __len__(self) -> int:
+        """Number of detections in the window."""
+        return len(self._detections)

@@ -26,10 +26,18 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    changed,
+    members_of_groups,
+    sums_over_hits,
+)
 from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
 from tsepm_ros.numerics.gaussian import gate_factor, solve
 from tsepm_ros.tracker.clusters.grouping import ClusterExtent
@@ -130,11 +138,10 @@ def groups(
     sharing = tracks_by_shared_hits(hits)
     for first, second in sharing.consecutive_pairs(PAIR_BLOCK):
         labels = connect(first, second)
-    rest = sharing.where_labels_differ(labels)
-    for first, second in rest.pairs(PAIR_BLOCK):
+    for first, second in sharing.pairs(labels, PAIR_BLOCK):
         if late is not None and late():
             alike = labels
-            for one, other in rest.consecutive_pairs(PAIR_BLOCK):
+            for one, other in sharing.consecutive_pairs(PAIR_BLOCK):
                 alike = _connected(alike, one, other)
             return labels, alike
         labels = connect(first, second)
@@ -151,11 +158,9 @@ def best_of_alike(labels: IntArray, alike: IntArray, evaluation: FloatArray) -> 
     evaluation : (n,) ndarray
         Smaller is better.
     """
-    if alike is labels:
-        return grouped.members_of_groups(labels)
     best = np.lexsort((evaluation, alike))
     best = best[np.diff(alike[best], prepend=-1) != 0]
-    members = grouped.members_of_groups(labels)
+    members = members_of_groups(labels)
     return [members[place] for place in np.searchsorted(np.unique(labels), labels[best])]
 
 
@@ -163,14 +168,10 @@ def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:
     """Labels after connecting the given pairs of tracks."""
     if not len(first):
         return labels
-    least = np.arange(int(labels.max()) + 1)  # of those that are known to be connected
-    while True:
-        one, other = least[labels[first]], least[labels[second]]
-        if (one == other).all():
-            return np.asarray(np.unique(least, return_inverse=True)[1][labels])
-        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
-        while (least[least] != least).any():
-            least = least[least]
+    number = int(labels.max()) + 1
+    edges = np.ones(len(first), bool), (labels[first], labels[second])
+    _, merged = connected_components(coo_matrix(edges, shape=(number, number)), directed=False)
+    return merged[labels].astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -200,24 +201,17 @@ class Sharing:
             row = rows[begin : begin + block]
             yield self.track[row], self.track[row + 1]
 
-    def where_labels_differ(self, labels: IntArray) -> Sharing:
-        """The subsets with tracks of different labels."""
-        label = labels[self.track]
-        begin = self.start[:-1]
-        mixed = np.minimum.reduceat(label, begin) != np.maximum.reduceat(label, begin)
-        counts = np.diff(self.start)
-        start = np.zeros(np.count_nonzero(mixed) + 1, np.int64)
-        np.cumsum(counts[mixed], out=start[1:])
-        return Sharing(start, self.track[np.repeat(mixed, counts)])
-
-    def pairs(self, block: int) -> Iterator[tuple[IntArray, IntArray]]:
+    def pairs(self, labels: IntArray, block: int) -> Iterator[tuple[IntArray, IntArray]]:
         """All pairs of tracks that share a subset, about `block` at a time.
 
-        A pair occurs once for every common subset.
+        Subsets are left out whose tracks have one label. A pair occurs once for every common
+        subset.
         """
-        counts = np.diff(self.start)
+        label, begin, counts = labels[self.track], self.start[:-1], np.diff(self.start)
+        mixed = np.minimum.reduceat(label, begin) != np.maximum.reduceat(label, begin)
+        track, counts = self.track[np.repeat(mixed, counts)], counts[mixed]
         # Entry p is paired with the later entries of its subset.
-        later = np.repeat(self.start[1:], counts) - np.arange(len(self.track)) - 1
+        later = np.repeat(np.cumsum(counts), counts) - np.arange(len(track)) - 1
         work = np.cumsum(later)
         total = int(work[-1]) if len(work) else 0
         borders = np.unique(np.searchsorted(work, np.arange(0, total, block), side="right"))
@@ -225,7 +219,7 @@ class Sharing:
             entry = np.repeat(np.arange(begin, end), later[begin:end])
             first_pair = np.cumsum(later[begin:end]) - later[begin:end]
             offset = np.arange(len(entry)) - first_pair[entry - begin]
-            yield self.track[entry], self.track[entry + 1 + offset]
+            yield track[entry], track[entry + 1 + offset]
 
 
 def tracks_by_shared_hits(hits: IntArray) -> Sharing:
@@ -323,7 +317,7 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     """
     score = hypotheses.score_given_held
     for start in starts:
-        due = grouped.sums_over_hits(hypotheses.hits, start.detections, start.probability)
+        due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
     return changed(hypotheses, score_given_held=score)
 
@@ -445,8 +439,8 @@ def agrees_with_older(
     state: FloatArray,
     covariance: FloatArray,
     plots: IntArray,
-    known: BoolArray | None = None,
-    explained: FloatArray | None = None,
+    known: BoolArray,
+    explained: FloatArray,
 ) -> BoolArray:
     """Which tracks agree with an older track.
 
@@ -460,36 +454,23 @@ def agrees_with_older(
         Oldest track first.
     plots : (n,) ndarray of int
         Detection that is each track's own, or NO_HIT.
-    known : (n,) ndarray of bool, optional
-        Which tracks are located; by default all.
-    explained : (n,) ndarray, optional
+    known : (n,) ndarray of bool
+        Which tracks are located.
+    explained : (n,) ndarray
         Sum of each track's association probabilities in this scan.
 
     Returns
     -------
     (n,) ndarray of bool
     """
-    n = len(state)
-    agrees = np.zeros(n, bool)
-    if n < 2 or (known is not None and np.count_nonzero(known) < 2):
+    agrees = np.zeros(len(state), bool)
+    if np.count_nonzero(known) < 2:
         return agrees
     track, older = _pairs_with_older(state[:, 0::2], known)
     may = (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
-    if known is not None:
-        may &= known[track] & known[older]
-    if explained is not None:
-        may &= explained[track] + explained[older] <= MAX_EXPLAINED
-    # The distance is at least that of each single component, which is cheap to test.
-    variances = np.diagonal(covariance, axis1=1, axis2=2)
-    bound = SAME_DISTANCE * (1.0 + 1e-9) * (variances[track] + variances[older])
-    may &= (np.square(state[track] - state[older]) <= bound).all(axis=1)
+    may &= known[track] & known[older] & (explained[track] + explained[older] <= MAX_EXPLAINED)
     track, older = track[may], older[may]
-    if not len(track):
-        return agrees
-    difference = state[track] - state[older]
-    scaled = solve(covariance[track] + covariance[older], difference)
-    near = np.einsum("pi,pi->p", difference, scaled) <= SAME_DISTANCE
-    agrees[track[near]] = True
+    agrees[track[close(state, covariance, track, older, SAME_DISTANCE)]] = True
     return agrees
 
 
@@ -498,12 +479,12 @@ def _all_pairs(n: int) -> tuple[IntArray, IntArray]:
     return np.tril_indices(n, -1)
 
 
-def _pairs_with_older(positions: FloatArray, known: BoolArray | None) -> tuple[IntArray, IntArray]:
+def _pairs_with_older(positions: FloatArray, known: BoolArray) -> tuple[IntArray, IntArray]:
     """Rows of each known track and of an older track near it, (p,) and (p,), or of more tracks."""
     n = len(positions)
     if n <= NEAREST:  # all are
         return _all_pairs(n)
-    rows = np.arange(n) if known is None else np.flatnonzero(known)
+    rows = np.flatnonzero(known)
     if len(rows) * n <= ALL_PAIRS:
         distances = squared_distances(positions[rows], positions)
         nearest = np.argpartition(distances, NEAREST - 1, axis=1)[:, :NEAREST]
@@ -537,5 +518,5 @@ def may_repeat_older(
     covariance = tracks.covariance.copy()
     covariance[:, [0, 2], [0, 2]] += size[:, None]
     covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    unknown = np.full(len(tracks), NO_HIT)
-    return agrees_with_older(tracks.state, covariance, unknown)
+    unknown, every = np.full(len(tracks), NO_HIT), np.ones(len(tracks), bool)
+    return agrees_with_older(tracks.state, covariance, unknown, every, np.zeros(len(tracks)))

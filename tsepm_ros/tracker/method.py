@@ -12,16 +12,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed
-from tsepm_ros.tracker.clutter.amplitude_likelihood import ScanAmplitudes
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.excess import PredictiveDensity
-from tsepm_ros.tracker.clutter.seen import Extent
-from tsepm_ros.tracker.detection_window import DetectionWindow
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
@@ -177,20 +177,9 @@ class Observation:
     predictive: PredictiveDensity | None = None
 
 
-class TargetHits(NamedTuple):
-    """Detections of the last scans that are probably targets', held or not.
-
-    Attributes
-    ----------
-    scan, detection : (k,) ndarray of int
-        Scan of each, and its index there.
-    probability : (k,) ndarray
-        By the positions alone.
-    """
-
-    scan: IntArray
-    detection: IntArray
-    probability: FloatArray
+TargetHits = tuple[IntArray, IntArray, FloatArray]
+"""Detections of the last scans that are probably targets', held or not: scan and index there of
+each, (k,), and its probability by the positions alone."""
 
 
 @dataclass(frozen=True)
@@ -263,9 +252,7 @@ class Method(ABC):
     """
 
     def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
-        self.sensor = sensor
-        self.common = common.resolved(self.most_tracks_true)
-        self.options = options
+        Method.configure(self, sensor, common, options)
         self.forget()
 
     @abstractmethod

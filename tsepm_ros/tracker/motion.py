@@ -32,7 +32,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,17 +95,15 @@ def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatAr
     each velocity, m^2/s^2.
     """
     t = elapsed[..., None, None]
-    noise: FloatArray = (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[
-        ..., None, None
-    ]
-    return noise
+    return np.asarray(
+        (t * (t * _SQUARE + _LINEAR) + _CONSTANT) * velocity_variance[..., None, None]
+    )
 
 
 def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
     """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
     after = np.asarray(time_after_state)[..., None]
-    position: FloatArray = state[..., 0::2] + after * state[..., 1::2]
-    return position
+    return np.asarray(state[..., 0::2] + after * state[..., 1::2])
 
 
 def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
@@ -205,21 +202,21 @@ def kalman_gain(
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
-    gain: FloatArray = cross @ inverse(innovation_covariance)
-    return gain
+    return np.asarray(cross @ inverse(innovation_covariance))
 
 
 def log_likelihood(
     state: FloatArray,
     covariance: FloatArray,
     owner: IntArray,
-    time_after_state: FloatArray,
+    stamp: float,
     innovation: FloatArray,
     innovation_covariance: FloatArray,
     detections: NDArray[np.void],
+    row: IntArray,
     gate_probability: float,
 ) -> FloatArray:
-    """Log of the likelihood of detections, given states; -inf outside the gates.
+    """Log of the likelihood of pairs of states and detections; -inf outside the gates.
 
     ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a measured range rate against the
     state updated with the position. The innovations are independent: their squared distances add
@@ -229,50 +226,40 @@ def log_likelihood(
     ----------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
-    owner : (p,) ndarray of int
-        State of each detection.
-    time_after_state : (p,) ndarray
-        Time of each detection after its state's, s.
-    innovation : (p, 2) ndarray
+    owner : (...) ndarray of int
+        State of each pair.
+    stamp : float
+        The states', s.
+    innovation : (..., 2) ndarray
         Innovation of each position, m.
-    innovation_covariance : (p, 2, 2) ndarray
-        m^2.
-    detections : (p,) ndarray of DETECTION
+    innovation_covariance : (..., 2, 2) ndarray
+        m^2; without range rates of a shape that broadcasts.
+    detections : (d,) ndarray of DETECTION
+    row : (...) ndarray of int
+        Detection of each pair.
     gate_probability : float
         Probability that the gate holds a target's detection.
 
     Returns
     -------
-    (p,) ndarray
+    (...) ndarray
         ln of 1/m^2, or of s/m^3.
     """
-    has_range_rate = range_rates.measured(detections)
-    if not has_range_rate.any():
-        return position_log_likelihood(innovation, innovation_covariance, gate_probability)
     density, distance = log_density(innovation, innovation_covariance)
-    gate = np.full(len(distance), gate_factor(gate_probability) ** 2)
-    gate[has_range_rate] = range_rates.gate_square(gate_probability)
-    rows = np.flatnonzero(has_range_rate & (distance <= gate))
-    rated, interval = owner[rows], time_after_state[rows]
-    updated = update(
-        state[rated],
-        covariance[rated],
-        interval,
-        innovation[rows],
-        innovation_covariance[rows],
-    )
-    error, variance, _ = range_rates.innovations(*updated, interval, taken(detections, rows))
-    density[rows] += range_rates.log_density(error, variance)
-    distance[rows] += error**2 / variance
+    gate: FloatArray | float = gate_factor(gate_probability) ** 2
+    measured = range_rates.measured(detections)
+    if measured.any():
+        gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
+        rows = (measured[row] & (distance <= gate)).nonzero()
+        rated, found = owner[rows], taken(detections, row[rows])
+        after = found["time"] - stamp
+        updated = update(
+            state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
+        )
+        error, variance, _ = range_rates.innovations(*updated, after, found)
+        density[rows] += range_rates.log_density(error, variance)
+        distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)
-
-
-def position_log_likelihood(
-    innovation: FloatArray, innovation_covariance: FloatArray, gate_probability: float
-) -> FloatArray:
-    """As `log_likelihood`, of positions alone, (...); -inf outside the gates."""
-    density, distance = log_density(innovation, innovation_covariance)
-    return np.where(distance <= gate_factor(gate_probability) ** 2, density, -np.inf)
 
 
 def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
@@ -300,24 +287,6 @@ PASSES = 3
 """Times that the grid is narrowed to where the density is."""
 LOG_DROP = 30.0
 """Logarithm of the factor below its maximum from which on the density does not count."""
-
-
-class VelocityInDisc(NamedTuple):
-    """Moments of velocities given that they are in the disc.
-
-    Attributes
-    ----------
-    log_probability : (n,) ndarray
-        Logarithm of the probability that they are.
-    mean : (n, 2) ndarray
-        m/s.
-    covariance : (n, 2, 2) ndarray
-        m^2/s^2.
-    """
-
-    log_probability: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
 
 
 def reaching_outside(
@@ -350,8 +319,7 @@ def log_speed_probability(
     rows = reaching_outside(state, covariance, max_speed, NEGLIGIBLE)
     if len(rows):
         radius = np.broadcast_to(max_speed, len(state))[rows]
-        quadrature, _, _, _ = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
-        result[rows] = np.minimum(quadrature.log_integral, 0.0)
+        result[rows] = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[0]
     return result
 
 
@@ -374,14 +342,7 @@ def limited(
     state, covariance : (n, 4), (n, 4, 4) ndarray
     """
     rows = reaching_outside(state, covariance, max_speed, MAX_OUTSIDE)
-    if not len(rows):
-        return state, covariance
-    velocity = _in_disc_of(rows, state, covariance, max_speed)
-    cut = velocity.log_probability < math.log1p(-MAX_OUTSIDE)
-    if not cut.any():
-        return state, covariance
-    velocity = VelocityInDisc(*(part[cut] for part in velocity))
-    return _conditioned(state, covariance, rows[cut], velocity)
+    return _conditioned(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
 
 
 def slowed(
@@ -389,17 +350,25 @@ def slowed(
 ) -> tuple[FloatArray, FloatArray]:
     """As `limited`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
-    if not len(rows):
-        return state, covariance
-    velocity = _in_disc_of(rows, state, covariance, max_speed)
-    return _conditioned(state, covariance, rows, velocity)
+    return _conditioned(state, covariance, rows, max_speed, math.inf)
 
 
 def _conditioned(
-    state: FloatArray, covariance: FloatArray, rows: IntArray, velocity: VelocityInDisc
+    state: FloatArray,
+    covariance: FloatArray,
+    rows: IntArray,
+    max_speed: FloatArray | float,
+    limit: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """The states, those in some rows with the moments of the velocity as given."""
-    mean, spread = velocity.mean, velocity.covariance
+    """The states; those of the rows whose log-probability inside is below a limit, conditioned."""
+    if not len(rows):
+        return state, covariance
+    radius = np.broadcast_to(max_speed, len(state))[rows]
+    inside, mean, spread = in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+    cut = inside < limit
+    if not cut.any():
+        return state, covariance
+    rows, mean, spread = rows[cut], mean[cut], spread[cut]
     before = covariance[rows, 1::2, 1::2]
     gain = covariance[rows][:, :, 1::2] @ inverse(before)
     state, covariance = state.copy(), covariance.copy()
@@ -410,14 +379,9 @@ def _conditioned(
     return state, covariance
 
 
-def _in_disc_of(
-    rows: IntArray, state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
-) -> VelocityInDisc:
-    radius = np.broadcast_to(max_speed, len(state))[rows]
-    return in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
-
-
-def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> VelocityInDisc:
+def in_disc(
+    mean: FloatArray, covariance: FloatArray, radius: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Probability and moments of Gaussians of two dimensions in a disc about the origin.
 
     Along the minor axis of the covariance in closed form (truncated Gaussian), along the major axis
@@ -428,12 +392,19 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     ----------
     mean, covariance : (n, 2), (n, 2, 2) ndarray
     radius : (n,) ndarray
+
+    Returns
+    -------
+    log_probability : (n,) ndarray
+        Logarithm of the probability of the disc.
+    mean, covariance : (n, 2), (n, 2, 2) ndarray
+        Given that they are in the disc.
     """
-    quadrature, axes, centre, deviation = _quadrature(mean, covariance, radius)
-    chords, weight, scale = quadrature.chords, quadrature.weight, radius[:, None]
+    inside, place, weight, chords, (axes, centre, deviation) = _quadrature(mean, covariance, radius)
     minor, spread = _moments(chords, centre, deviation)
+    scale = radius[:, None]
     weight = weight / weight.sum(axis=1)[:, None]
-    points = np.stack([minor, quadrature.place], axis=-1)
+    points = np.stack([minor, place], axis=-1)
     average = (weight[..., None] * points).sum(axis=1)
     apart = points - average[:, None]
     second = np.einsum("nk,nki,nkj->nij", weight, apart, apart)
@@ -441,33 +412,26 @@ def in_disc(mean: FloatArray, covariance: FloatArray, radius: FloatArray) -> Vel
     second[:, [0, 1], [0, 1]] += MIN_RELATIVE_VARIANCE * deviation**2  # positive definite
     average = np.einsum("nij,nj->ni", axes, average) * scale
     second = np.einsum("nij,njk,nlk->nil", axes, second, axes) * scale[..., None] ** 2
-    return VelocityInDisc(np.minimum(quadrature.log_integral, 0.0), average, second)
-
-
-class _Quadrature(NamedTuple):
-    """Integral over the unit disc along the major axis.
-
-    Attributes
-    ----------
-    log_integral : (n,) ndarray
-    place : (n, k) ndarray
-        On the major axis.
-    chords : _Chords
-        At these places.
-    weight : (n, k) ndarray
-        Of each chord, up to a factor.
-    """
-
-    log_integral: FloatArray
-    place: FloatArray
-    chords: _Chords
-    weight: FloatArray
+    return inside, average, second
 
 
 def _quadrature(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
-) -> tuple[_Quadrature, FloatArray, FloatArray, FloatArray]:
-    """The integral, and axes, centre and deviations of the Gaussian; see `in_disc`."""
+) -> tuple[FloatArray, FloatArray, FloatArray, _Chords, tuple[FloatArray, ...]]:
+    """The integral over the unit disc along the major axis; see `in_disc`.
+
+    Returns
+    -------
+    log_integral : (n,) ndarray
+    place : (n, k) ndarray
+        On the major axis.
+    weight : (n, k) ndarray
+        Of the chord at each place, up to a factor.
+    chords : _Chords
+        At these places.
+    gaussian : tuple of ndarray
+        Axes, centre and deviations, in units of the radius.
+    """
     variance, axes = np.linalg.eigh(covariance)
     scale = radius[:, None]
     deviation = np.sqrt(np.maximum(variance / scale**2, MIN_VARIANCE))
@@ -476,7 +440,7 @@ def _quadrature(
     low, high = np.full(len(mean), -0.5 * np.pi), np.full(len(mean), 0.5 * np.pi)
     for _ in range(PASSES):
         angle = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * GRID
-        density = _chords(np.sin(angle), centre, deviation).density
+        density, _ = _chords(np.sin(angle), centre, deviation)
         counts = density >= density.max(axis=1, keepdims=True) - LOG_DROP
         first = np.maximum(counts.argmax(axis=1) - 1, 0)
         last = np.minimum(len(GRID) - counts[:, ::-1].argmax(axis=1), len(GRID) - 1)
@@ -485,39 +449,22 @@ def _quadrature(
     half = 0.5 * (high - low)
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
     place = np.sin(angle)
-    chords = _chords(place, centre, deviation)
-    peak = chords.density.max(axis=1)
-    weight = np.exp(chords.density - peak[:, None]) * WEIGHTS * np.cos(angle)
-    inside = peak + np.log(weight.sum(axis=1) * half)
-    return _Quadrature(inside, place, chords, weight), axes, centre, deviation
+    density, chords = _chords(place, centre, deviation)
+    peak = density.max(axis=1)
+    weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
+    inside = np.minimum(peak + np.log(weight.sum(axis=1) * half), 0.0)
+    return inside, place, weight, chords, (axes, centre, deviation)
 
 
-class _Chords(NamedTuple):
-    """Chords of the unit disc across places (n, k) on the major axis.
-
-    Attributes
-    ----------
-    half : ndarray
-        Half of the length.
-    low, high : ndarray
-        Ends in standard deviations, mirrored to the left of the mean.
-    mirrored : ndarray of bool
-    mass : ndarray
-        Logarithm of the probability between the ends.
-    density : ndarray
-        Logarithm of the integral of the density along the chord.
-    """
-
-    half: FloatArray
-    low: FloatArray
-    high: FloatArray
-    mirrored: BoolArray
-    mass: FloatArray
-    density: FloatArray
+_Chords = tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]
+"""Of chords (n, k) of the unit disc: half of the length; low and high end in standard deviations,
+mirrored to the left of the mean; whether they are; logarithm of the probability between them."""
 
 
-def _chords(place: FloatArray, centre: FloatArray, deviation: FloatArray) -> _Chords:
-    """The chords across places (n, k) on the major axis."""
+def _chords(
+    place: FloatArray, centre: FloatArray, deviation: FloatArray
+) -> tuple[FloatArray, _Chords]:
+    """Log of the integrals of the density along chords across places (n, k) on the major axis."""
     chord = np.sqrt(np.maximum(1.0 - place**2, 1e-24))
     sigma, middle = deviation[:, :1], centre[:, :1]
     low, high = (-chord - middle) / sigma, (chord - middle) / sigma
@@ -528,14 +475,14 @@ def _chords(place: FloatArray, centre: FloatArray, deviation: FloatArray) -> _Ch
     mass = upper + np.log(-np.expm1(np.minimum(log_ndtr(low) - upper, -1e-300)))
     along = (place - centre[:, 1:]) / deviation[:, 1:]
     density = mass - 0.5 * along**2 - np.log(np.sqrt(2.0 * np.pi) * deviation[:, 1:])
-    return _Chords(chord, low, high, mirrored, mass, density)
+    return density, (chord, low, high, mirrored, mass)
 
 
 def _moments(
     chords: _Chords, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and variance on each chord, (n, k) each."""
-    chord, low, high, mirrored, mass, _ = chords
+    chord, low, high, mirrored, mass = chords
     sigma, middle = deviation[:, :1], centre[:, :1]
     at_low = np.exp(-0.5 * low**2 - mass) / np.sqrt(2.0 * np.pi)
     at_high = np.exp(-0.5 * high**2 - mass) / np.sqrt(2.0 * np.pi)

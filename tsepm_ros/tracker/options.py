@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.initial_state import ESTIMATORS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,12 +233,6 @@ class ScoreOptions(ParameterGroup):
         unit="m^2/s^3",
         minimum=0.0,
         maximum=100.0,
-    )
-    estimator: str = parameter(
-        "weighted",
-        "Fit of a confirmed track. weighted: weighted least squares on positions; polar: "
-        "maximum likelihood of ranges and azimuths, slower and hardly different",
-        choices=ESTIMATORS[1:],
     )
     max_per_detection: int = parameter(
         100,

@@ -13,33 +13,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics import grouped
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, among_best, keep_best
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.tracker.hypotheses import run_begins
 
 READINGS = ("literal", "squared")
 RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
-
-
-def confirmed(hit_count: NDArray[np.int64], min_hits: int) -> BoolArray:
-    """Which tracks satisfy the M/N rule: N_v >= M (Step 3).
-
-    N_a <= N holds for every potential track, since `expired` ends it at N_a = N.
-    """
-    return hit_count >= min_hits
-
-
-def expired(scan_count: NDArray[np.int64], window: int) -> BoolArray:
-    """Which potential tracks the M/N rule ends: N_a >= N (Step 3, pruning rule a).
-
-    A track that can no longer reach M hits still exists, and gates detections, until then.
-    """
-    return scan_count >= window
 
 
 def distance_threshold(probability: float, reading: str) -> float:
@@ -59,11 +40,6 @@ def clutter_threshold(size: float, min_hits: int) -> float:
     gate truncates the statistic, and split tracks use other points than the nearest.
     """
     return float(chdtri(2 * min_hits - 2, 1.0 - size))
-
-
-def keep(evaluation: NDArray[np.float64], threshold: float) -> BoolArray:
-    """Which evaluations do not exceed the threshold (Step 6, pruning rule b)."""
-    return evaluation <= threshold
 
 
 def prune(
@@ -96,13 +72,13 @@ def prune(
     """
     rows = np.flatnonzero(score > deletion)
     rows = rows[np.argsort(newest[rows], kind="stable")]
-    begin = run_begins(newest[rows])
+    begin = np.flatnonzero(np.diff(newest[rows], prepend=-1))  # of the runs
     number = np.diff(begin, append=len(rows))
     best = np.repeat(np.maximum.reduceat(score[rows], begin), number)
     kept = score[rows] > best + RELATIVE_PRUNING
     if number.max(initial=0) > most:
         run = np.repeat(np.arange(len(begin)), number)
-        kept &= grouped.among_best(run, score[rows], most)
+        kept &= among_best(run, score[rows], most)
     rows = rows[kept]
     within = keep_best(-score[rows], limit)
     return rows[within], len(rows) - len(within)

@@ -38,8 +38,7 @@ def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
 
 def measured(detections: NDArray[np.void]) -> BoolArray:
     """Which detections have a range rate that is used, (...)."""
-    has: BoolArray = detections["range_rate_std"] > 0.0
-    return has
+    return np.asarray(detections["range_rate_std"] > 0.0)
 
 
 def expected(
@@ -250,8 +249,7 @@ def begun(
 
 def log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
     """``ln N(e; 0, S)`` of innovations (n,) of variances (n,), ln of s/m."""
-    density: FloatArray = -0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
-    return density
+    return np.asarray(-0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance)))
 
 
 def gate_square(probability: float) -> float:

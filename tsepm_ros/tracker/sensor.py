@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
 
@@ -155,10 +155,6 @@ class SensorModel(ParameterGroup):
                 f"{self.range_rate_std}"
             )
 
-    def with_detection_probability(self, probability: float) -> SensorModel:
-        """The same sensor with an estimated detection probability, above 0 and at most 1."""
-        return changed(self, detection_probability=probability)  # the others are checked
-
     @property
     def sector_width(self) -> float:
         """Width of the azimuth sector covered, rad; 2 pi from `FULL_TURN` on."""
@@ -217,7 +213,7 @@ class SensorModel(ParameterGroup):
 EDGE_DEVIATIONS = 3.0
 """Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
 TURNS = 3
-"""Rounds of `PosesByAzimuth`: each divides the error by the ratio of the two rates."""
+"""Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
 
 def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
@@ -235,118 +231,76 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class PosesByRange:
-    """Poses of the sensor as a function of the range of the echoes.
+class EchoPoses:
+    """Poses of the sensor at the echoes of a scan, as a function of what determines their time.
 
-    Echoes arrive in the order of their ranges: the range determines the pose, whatever the order
-    of the detections in their message.
+    Echoes of a ping arrive in the order of their ranges, those of a beam that turns in the order of
+    their azimuths, whatever the order of the detections in their message.
 
     Attributes
     ----------
-    range : (k,) ndarray
-        Ascending, m.
+    key : (k,) ndarray
+        Range, m, ascending; or azimuth, rad, ascending over less than a turn from the sweep's seam.
     pose : (k, 3) ndarray
         x, y, yaw; the yaw is unwrapped.
+    by_azimuth : bool
+        Whether the key is the azimuth.
     """
 
-    range: FloatArray
+    key: FloatArray
     pose: FloatArray
-
-    @classmethod
-    def of(cls, scan: Scan) -> PosesByRange | None:
-        """The poses of a scan; None for a pose per detection without detections."""
-        pose = np.reshape(scan.sensor_pose, (-1, 3))
-        if len(pose) < 2:
-            return cls(np.zeros(1), pose) if len(pose) else None
-        order = np.lexsort((*pose.T, scan.range))
-        pose = pose[order]
-        pose[:, 2] = np.unwrap(pose[:, 2])
-        return cls(scan.range[order], pose)
+    by_azimuth: bool = False
 
     @cached_property
     def middle(self) -> FloatArray:
-        """The pose of the echo of median range, (3,)."""
+        """The pose of the echo of median range or azimuth, (3,)."""
         return self.pose[len(self.pose) // 2]
 
     def of_echoes_from(self, positions: FloatArray) -> FloatArray:
         """Pose (3,), or poses (3, n), at the echoes from positions (n, 2) in the fixed frame.
 
-        The pose is interpolated at the range from the middle pose.
+        The pose is interpolated at the range from the middle pose. The azimuth determines the pose,
+        and the pose the azimuth: `TURNS` rounds from the middle pose solve for both, since the beam
+        turns much faster than the sensor.
         """
-        pose = self.middle
-        if len(self.pose) > 1:
+        pose, key = self.middle, self.key
+        if len(self.pose) == 1:
+            return pose
+        if not self.by_azimuth:
             distance = _range(positions, pose)
-            pose = np.stack([np.interp(distance, self.range, values) for values in self.pose.T])
-        return pose
-
-    def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
-        return _polar(positions, self.of_echoes_from(positions))
-
-
-@dataclass(frozen=True)
-class PosesByAzimuth:
-    """Poses of the sensor as a function of the azimuth of the echoes: a beam that turns.
-
-    Attributes
-    ----------
-    azimuth : (k,) ndarray
-        Ascending over less than a turn from the sweep's seam, rad.
-    pose : (k, 3) ndarray
-        x, y, yaw; the yaw is unwrapped.
-    """
-
-    azimuth: FloatArray
-    pose: FloatArray
-
-    @property
-    def middle(self) -> FloatArray:
-        """The pose of the echo of median azimuth, (3,)."""
-        return self.pose[len(self.pose) // 2]
-
-    def of_echoes_from(self, positions: FloatArray) -> FloatArray:
-        """Poses (3, n) at the echoes from positions (n, 2) in the fixed frame.
-
-        The azimuth determines the pose, and the pose the azimuth: `TURNS` rounds from the middle
-        pose solve for both, since the beam turns much faster than the sensor.
-        """
-        pose = self.middle
+            return np.stack([np.interp(distance, key, values) for values in self.pose.T])
         for _ in range(TURNS):
-            from_seam = np.mod(_polar(positions, pose)[1] - self.azimuth[0], 2 * np.pi)
-            beam = self.azimuth - self.azimuth[0]
+            from_seam = np.mod(_polar(positions, pose)[1] - key[0], 2 * np.pi)
             # Beyond the last echo begins the seam, which the first follows.
-            pose = np.stack([np.interp(from_seam, beam, values) for values in self.pose.T])
+            pose = np.stack([np.interp(from_seam, key - key[0], values) for values in self.pose.T])
         return pose
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
         return _polar(positions, self.of_echoes_from(positions))
-
-
-EchoPoses = PosesByRange | PosesByAzimuth
-"""Poses of the sensor at the echoes of a scan."""
 
 
 def echo_poses_of(scan: Scan) -> EchoPoses | None:
-    """The poses of a scan, as a function of what determines the time of its echoes.
+    """The poses of a scan; None for a pose per detection without detections.
 
-    That is the range in a ping, and the azimuth in a sweep, by which the times in order vary less
-    (`PosesByRange.of`; None as there).
+    They follow from the range in a ping, and from the azimuth in a sweep, by which the times in
+    order vary less.
     """
-    pose, time = np.asarray(scan.sensor_pose), scan.time_offset
-    if pose.ndim == 1 or len(pose) < 3 or time is None:
-        return PosesByRange.of(scan)
-    along = np.lexsort((*pose.T, scan.range))
-    around = np.argsort(scan.azimuth, kind="stable")
-    jumps = np.abs(np.diff(time[around], append=time[around[0]]))
-    around = np.roll(around, -1 - int(np.argmax(jumps)))
-    if np.abs(np.diff(time[along])).sum() <= np.abs(np.diff(time[around])).sum():
-        return PosesByRange.of(scan)
-    azimuth = scan.azimuth[around]
-    azimuth = azimuth[0] + np.mod(azimuth - azimuth[0], 2 * np.pi)
-    pose = pose[around]
+    pose, time = np.reshape(scan.sensor_pose, (-1, 3)), scan.time_offset
+    if len(pose) < 2:
+        return EchoPoses(np.zeros(1), pose) if len(pose) else None
+    order, key, by_azimuth = np.lexsort((*pose.T, scan.range)), scan.range, False
+    if len(pose) > 2 and time is not None:
+        around = np.argsort(scan.azimuth, kind="stable")
+        jumps = np.abs(np.diff(time[around], append=time[around[0]]))
+        around = np.roll(around, -1 - int(np.argmax(jumps)))
+        along, across = (np.abs(np.diff(time[rows])).sum() for rows in (order, around))
+        if along > across:
+            seam = scan.azimuth[around[0]]
+            order, key, by_azimuth = around, seam + np.mod(scan.azimuth - seam, 2 * np.pi), True
+    pose = pose[order]
     pose[:, 2] = np.unwrap(pose[:, 2])
-    return PosesByAzimuth(azimuth, pose)
+    return EchoPoses(key[order], pose, by_azimuth)
 
 
 def looked_at(
@@ -389,10 +343,8 @@ class View(NamedTuple):
     def of(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
         """That of a scan at a pose (3,)."""
         x, y, yaw = map(float, pose)
-        swept = None
-        if scan.swept is not None:
-            swept = float(scan.swept[0]), float(scan.swept[1])
-        return cls(sensor, (x, y, yaw), swept)
+        start, width = (0.0, 0.0) if scan.swept is None else map(float, scan.swept)
+        return cls(sensor, (x, y, yaw), None if scan.swept is None else (start, width))
 
     def covers(self, positions: FloatArray) -> BoolArray:
         """Whether positions (n, 2) in the fixed frame were looked at."""

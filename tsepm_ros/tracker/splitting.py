@@ -38,8 +38,7 @@ from tsepm_ros.tracker.evaluation import (
     MAX_PAIRS_TOGETHER,
     fading_after_hit,
     fading_predicted,
-    first_amplitudes,
-    further_amplitudes,
+    path_amplitudes,
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import starting
@@ -230,8 +229,7 @@ def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray)
     height = np.sqrt((largest - radius) * (largest + radius))
     tree = cKDTree(np.column_stack([centres, height]))
     distance, _ = tree.query(np.column_stack([positions, np.zeros(len(positions))]))
-    inside: BoolArray = distance <= largest
-    return inside
+    return np.asarray(distance <= largest)
 
 
 def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
@@ -256,11 +254,6 @@ def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]
     first_child = np.cumsum(counts) - counts
     child_of_parent = np.arange(len(parent)) - first_child[parent]
     return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
-
-
-def residual(gated: Gated) -> IntArray:
-    """Rows of the detections outside all gates, which start new potential tracks (Step 8)."""
-    return np.flatnonzero(~gated.in_any_gate)
 
 
 def left_out(gated: Gated) -> IntArray:
@@ -426,9 +419,10 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     elapsed = observed.stamp - detections["time"]
     if elapsed.any():
         state, covariance = motion.predict(state, covariance, elapsed)
-    strength = first_amplitudes(observed)
-    score = score + strength.score
-    given_held = score - held_penalty(observed, np.arange(n), strength.score)
+    row, none = np.arange(n), np.zeros(n, np.int64)
+    strength = path_amplitudes(observed, row, none, np.zeros(n))
+    score = score + strength.increment
+    given_held = score - held_penalty(observed, row, strength.increment)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -494,7 +488,9 @@ def _children(
     hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = observed.ids[row]
-    strength = further_amplitudes(hypotheses, parent, observed, row)
+    strength = path_amplitudes(
+        observed, row, hypotheses.strength_count[parent], hypotheses.strength_total[parent]
+    )
     given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
     given_held -= held_penalty(observed, row, strength.increment)
     state, covariance = expected.updated(parent, row)

@@ -19,7 +19,7 @@ likelihood ratios summed over all starts, of which a target makes one at each of
 The threshold of the evidence that gives the target false-track rate.
 
 Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
-share of starts that may be confirmed falsely. `score_plan` gives the threshold that at most
+share of starts that may be confirmed falsely. `score_plans` gives the threshold that at most
 this share of the starts from clutter passes::
 
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
@@ -30,17 +30,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed, taken
 from tsepm_ros.tracker import evaluation, motion, range_rates
-from tsepm_ros.tracker.clutter import amplitude_likelihood
-from tsepm_ros.tracker.clutter.amplitude_likelihood import PathRatio
+from tsepm_ros.tracker.clutter import amplitude_law
+from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.method import Observation
 from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
@@ -80,7 +79,7 @@ class MonteCarloTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.of(amplitude_likelihood.LAW_KNOWN, self.detected.shape[1])
+            ratio = PathRatio.of(amplitude_law.LAW_KNOWN, self.detected.shape[1])
             evidence = ratio.at(counts, totals)
             increments[:, first] = evidence[:, 0]
             increments[:, first + 1 :] = np.diff(evidence, axis=1)
@@ -129,7 +128,7 @@ def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
     rng = np.random.default_rng([SEED, 2])
     means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
     if ratio == ANY_RATIO:
-        ratios, weights = amplitude_likelihood.ratio_prior()
+        ratios, weights = amplitude_law.ratio_prior()
         means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
     return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 
@@ -232,64 +231,16 @@ class ScorePlan:
         row = math.ceil(threshold / THRESHOLDS[1])
         if row >= len(self.passed_share):
             return np.zeros(self.passed_share.shape[1])
-        share: FloatArray = self.passed_share[row]
-        return share
+        return np.asarray(self.passed_share[row])
 
 
 @lru_cache(maxsize=64)
-def score_plan(
-    sensor: SensorModel,
-    *,
-    max_speed: float,
-    interval: float,
-    window: int,
-    gate_probability: float,
-    process_noise: float,
-    deletion: float,
-    min_hits: int,
-    strengths: bool = False,
-) -> ScorePlan:
-    """Simulate the evidence for targets drawn from the method's model.
-
-    Parameters
-    ----------
-    sensor : SensorModel
-    max_speed : float
-        v_max, m/s.
-    interval : float
-        Time between scans, s.
-    window : int
-        Scans.
-    gate_probability, process_noise, deletion, min_hits
-        As in the method.
-    strengths : bool, optional
-        Whether detections have a strength, of targets of any ratio of the prior.
-
-    Returns
-    -------
-    ScorePlan
-    """
-    (plan,) = score_plans(
-        sensor,
-        max_speed=max_speed,
-        interval=interval,
-        windows=(window,),
-        scans=window,
-        gate_probability=gate_probability,
-        process_noise=process_noise,
-        deletion=deletion,
-        min_hits=min_hits,
-        ratio=ANY_RATIO if strengths else None,
-    )
-    return plan
-
-
 def score_plans(
     sensor: SensorModel,
     *,
     max_speed: float,
     interval: float,
-    windows: Sequence[int],
+    windows: tuple[int, ...],
     scans: int,
     gate_probability: float,
     process_noise: float,
@@ -298,11 +249,17 @@ def score_plans(
     ratio: float | None = None,
     fades: bool = True,
 ) -> list[ScorePlan]:
-    """The plans of several windows, from the same targets.
+    """Simulate the evidence for targets drawn from the method's model, for several windows.
 
     Parameters
     ----------
-    windows : sequence of int
+    sensor : SensorModel
+    max_speed : float
+        v_max, m/s.
+    interval : float
+        Time between scans, s.
+    windows : tuple of int
+        Scans.
     scans : int
         Scans through which the targets are followed, at least the longest window.
     ratio : float, optional
@@ -311,8 +268,13 @@ def score_plans(
     fades : bool, optional
         Whether the targets fade, as the model's do: only these give `ScorePlan.false_share`.
         Otherwise they have the sensor's P_D throughout.
-    sensor, max_speed, interval, gate_probability, process_noise, deletion, min_hits
-        See `score_plan`.
+    gate_probability, process_noise, deletion, min_hits
+        As in the method.
+
+    Returns
+    -------
+    list of ScorePlan
+        One for each window.
     """
     targets = draw_targets(sensor, max_speed, interval, scans, process_noise, ratio, fades)
     evidences = np.full((len(windows), *targets.detected.shape), -np.inf)
@@ -368,10 +330,11 @@ def _scores(
             state,
             covariance,
             target,
-            at_stamp,
+            0.0,
             innovation,
             innovation_covariance,
             detections,
+            target,
             gate_probability,
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
@@ -408,7 +371,9 @@ def _scores(
 def _plan(tested: FloatArray, window: int) -> ScorePlan:
     """``E_1[exp(-evidence at the first passage); passes]`` in the window, and passages by scan."""
     running = np.maximum.accumulate(tested, axis=1)
-    passed = np.stack([_at_least(column) for column in running.T], axis=1)
+    passed = len(tested) - np.stack(
+        [np.searchsorted(np.sort(column), THRESHOLDS) for column in running.T], axis=1
+    )
     used = np.count_nonzero(passed[:, window - 1] >= MIN_PASSAGES)
     # A target passes the thresholds above its largest evidence so far, up to the new largest.
     before = np.concatenate([np.full((len(tested), 1), -np.inf), running[:, : window - 1]], axis=1)
@@ -420,11 +385,6 @@ def _plan(tested: FloatArray, window: int) -> ScorePlan:
     # From the highest threshold down: the shares fall over many powers of ten.
     false = np.cumsum(steps[::-1])[-2::-1][:used] / len(tested)
     return ScorePlan(false, passed[:used] / len(tested))
-
-
-def _at_least(values: FloatArray) -> IntArray:
-    """Number of the values (n,) that are at least each threshold, (t,)."""
-    return np.asarray(len(values) - np.searchsorted(np.sort(values), THRESHOLDS))
 
 
 MAX_SCANS_REMEMBERED = 50
@@ -444,25 +404,27 @@ class Threshold:
         self._counts.append(len(observed.detections))
         self._last = observed
 
-    @property
-    def interval(self) -> float:
-        """Median interval of the scans, s; 0 while unknown."""
-        return self._last.median_interval if self._last is not None else 0.0
-
     def false_share(self, false_tracks_per_hour: float) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
 
         The starts per scan are the mean of the detections, or those of the last scan if more.
         """
-        interval = self.interval
-        if not interval:
+        if self._last is None or not self._last.median_interval:
             return None
         detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
-        starts_per_hour = detections * SECONDS_PER_HOUR / interval
+        starts_per_hour = detections * SECONDS_PER_HOUR / self._last.median_interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
-    def value(self, sensor: SensorModel, common: CommonOptions, options: ScoreOptions) -> float:
+    def value(
+        self,
+        sensor: SensorModel,
+        common: CommonOptions,
+        options: ScoreOptions,
+        evidence: float = math.inf,
+    ) -> float:
         """The log-likelihood ratio that confirms; infinite while the scan rate is unknown.
+
+        Infinite, without a plan, also where the evidence is below any threshold.
 
         Parameters
         ----------
@@ -472,31 +434,25 @@ class Threshold:
             With the properties that are estimated.
         options : ScoreOptions
             With the target false-track rate.
+        evidence : float, optional
+            Largest evidence that is tested.
         """
         share = self.false_share(options.false_tracks_per_hour)
-        if share is None or self._last is None:
+        if share is None or self._last is None or evidence < min_threshold(share):
             return math.inf
-        plan = score_plan(
+        (plan,) = score_plans(
             coarse_sensor(sensor, self._last, common),
             max_speed=common.max_speed,
-            interval=rounded(self.interval),
-            window=options.window,
+            interval=rounded(self._last.median_interval),
+            windows=(options.window,),
+            scans=options.window,
             gate_probability=options.gate_probability,
             process_noise=options.process_noise,
             deletion=options.deletion_threshold,
             min_hits=MIN_HITS,
-            strengths=self._last.strengths is not None,
+            ratio=None if self._last.strengths is None else ANY_RATIO,
         )
         return plan.threshold(share)
-
-    def value_if_near(
-        self, evidence: float, sensor: SensorModel, common: CommonOptions, options: ScoreOptions
-    ) -> float:
-        """As `value`; infinite, without a plan, where the evidence is below any threshold."""
-        share = self.false_share(options.false_tracks_per_hour)
-        if share is None or evidence < min_threshold(share):
-            return math.inf
-        return self.value(sensor, common, options)
 
 
 def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:
@@ -533,10 +489,4 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
         }
     if not range_rates.measured(detections).any():
         changes["range_rate_std"] = 0.0
-    return _changed(sensor, tuple(changes.items()))
-
-
-@lru_cache(maxsize=64)
-def _changed(sensor: SensorModel, changes: tuple[tuple[str, float], ...]) -> SensorModel:
-    """The sensor with changes, which repeat from scan to scan."""
-    return replace(sensor, **dict(changes))
+    return changed(sensor, **changes)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +16,24 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, further_plots
-from tsepm_ros.tracker.clusters.grouping import Clusters, chosen
+from tsepm_ros.tracker.clusters.grouping import Clusters, chosen, placed
 from tsepm_ros.tracker.clutter.excess import HeldTargets
-from tsepm_ros.tracker.clutter.land import LandMask, afloat
-from tsepm_ros.tracker.clutter.learned import Learned
-from tsepm_ros.tracker.clutter.scan_clutter import ScanClutter
-from tsepm_ros.tracker.detection_window import DetectionWindow
-from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, HeldAssociation
-from tsepm_ros.tracker.maintenance.features import Environment
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
+from tsepm_ros.tracker.maintenance.features import Environment, histories_of
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert, major_sigma, measured_polar
+from tsepm_ros.tracker.measurement import (
+    LEAST_ACROSS,
+    DetectionWindow,
+    convert,
+    major_sigma,
+    measured_polar,
+)
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.scan import Scan, check_scan
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
-    PosesByRange,
     SensorModel,
     View,
     echo_poses_of,
@@ -47,38 +48,6 @@ WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
 REACH_SCANS = 16
 """Scans within which the detections of one target count as near each other."""
-
-
-@dataclass(frozen=True, eq=False)
-class UsableDetections:
-    """The detections of a scan that are used.
-
-    Attributes
-    ----------
-    scan : Scan
-        Of these alone.
-    rows : (n,) ndarray of int
-        Their rows of the whole scan.
-    outside_coverage, on_land : int
-        Number of the detections that are not used, because they are outside the coverage, and in
-        the coverage on land.
-    """
-
-    scan: Scan
-    rows: IntArray
-    outside_coverage: int
-    on_land: int
-
-    @classmethod
-    def of(cls, scan: Scan, sensor: SensorModel, land: LandMask | None) -> UsableDetections:
-        """Those of a scan of a sensor."""
-        used = inside(scan, sensor)
-        number, in_coverage = len(used), int(np.count_nonzero(used))
-        if land is not None:
-            used &= afloat(scan, land)
-        rows = np.flatnonzero(used)
-        part = scan if len(rows) == number else chosen(scan, rows)
-        return cls(part, rows, number - in_coverage, in_coverage - len(rows))
 
 
 class Tracker:
@@ -145,8 +114,8 @@ class Tracker:
         self.revised = TrackArrays.of([])
         self.learned = Learned.initial(self.sensor)
         self.plots = ExtendedTargets(self.sensor, self.common)
-        self._judged: tuple[Scan, UsableDetections] | None = None
-        self._poses: EchoPoses = PosesByRange(np.zeros(1), np.zeros((1, 3)))
+        self._received: dict[str, int] = {}
+        self._poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
         self.forget_potential_tracks()
@@ -183,7 +152,6 @@ class Tracker:
         other.learned = self.learned.under(method.sensor, self.sensor)
         other.plots = self.plots.under(method.sensor, method.common)
         other.maintenance = copy.copy(self.maintenance)
-        other._judged = None
         other._use(method)
         if not kept:
             other._observed, other.window = None, DetectionWindow()
@@ -192,11 +160,7 @@ class Tracker:
     def _use(self, method: Method) -> None:
         """Take a method with its sensor and options."""
         self.method, self.sensor, self.options = method, method.sensor, method.options
-        self.common = common = method.common
-        self.maintenance.hold_time = common.hold_time
-        self.maintenance.tracked_timeout = common.tracked_timeout
-        self.maintenance.speed_prior = SpeedPrior(common.min_speed, common.max_speed)
-        self.maintenance.target_extent = common.target_extent
+        self.common = self.maintenance.options = method.common
 
     def process(self, scan: Scan) -> TrackArrays:
         """Take one scan and return the tracks that it newly confirms.
@@ -224,14 +188,7 @@ class Tracker:
         room = room_for(limit, len(self.maintenance.held))
         step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
         new, counts = self._hold(observed, step, room)
-        used = self._usable(scan)
-        self.statistics = changed(
-            counts,
-            detections=len(used.rows),
-            plots=counts.detections,
-            outside_coverage=used.outside_coverage,
-            on_land=used.on_land,
-        )
+        self.statistics = changed(counts, plots=counts.detections, **self._received)
         self.totals = self.totals + self.statistics
         return new
 
@@ -269,7 +226,7 @@ class Tracker:
             probable_detections=self.maintenance.probable_detections,
             in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
-            seen_extent=self.learned.clutter_map.seen.extent,
+            seen_extent=self.learned.clutter_map.seen.region.extent,
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
@@ -293,7 +250,9 @@ class Tracker:
         if not self.common.plot_features:
             return np.zeros(len(detections), bool), None
         in_zone = self._clutter.in_zone
-        return in_zone, self.learned.features.at(in_zone, self.common.encounter_time)
+        return in_zone, Environment(
+            in_zone, self.learned.features.clutter, self.common.encounter_time
+        )
 
     def _clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
         """The sensor with its clutter's range rates, and the density of the detections' own."""
@@ -309,7 +268,7 @@ class Tracker:
         detections: NDArray[np.void],
         clutter: FloatArray,
         environment: Environment | None,
-    ) -> tuple[FloatArray, HeldAssociation]:
+    ) -> tuple[FloatArray, tuple[IntArray, FloatArray]]:
         """Carry the held tracks to a scan; returns the density of their detections (d,), and whose.
 
         With plots, a target may have others beside its own.
@@ -321,7 +280,7 @@ class Tracker:
             detections,
             clutter,
             self.detection_probability_at,
-            self.sensor_in_use,
+            changed(self.sensor, detection_probability=self.detection_probability),
             self.common.max_speed,
             self.learned.scan_interval.median / share,
             environment,
@@ -332,7 +291,9 @@ class Tracker:
             position, origin = detections["position"], self._poses.middle[:2]
             further = further_plots(self.maintenance.held, position, self.plots.extent, origin)
             density = density + further
-            association = association.joined(further, clutter)
+            rows = np.flatnonzero(further)
+            share = further[rows] / (further[rows] + clutter[rows])
+            association = np.append(association[0], rows), np.append(association[1], share)
         return density, association
 
     def _learn_from_held(self, detections: NDArray[np.void], is_clutter: BoolArray) -> None:
@@ -342,9 +303,7 @@ class Tracker:
         if not self.plots.active:
             self._learn_errors(detections)
         if self.common.plot_features:
-            learned.features.observe(
-                self.scan_index, detections["index"], detections["features"], is_clutter
-            )
+            learned.features.observe(detections["features"], is_clutter)
 
     def _learn_plots(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
@@ -352,13 +311,11 @@ class Tracker:
         if self.method.most_tracks_true:
             self.plots.learn(own, held, self.clutter_density)
         if self.plots.seen:
-            self.maintenance.end_duplicates(self.plots.of_one_hull(held.tracks))
+            self.maintenance.end(~self.plots.of_one_hull(held.tracks), "duplicate")
         if self.plots.active and not active:
-            self.maintenance.end_duplicates(
-                merging.may_repeat_older(
-                    self.maintenance.held.tracks, self.plots.extent, self._poses.middle[:2]
-                )
-            )
+            tracks, origin = self.maintenance.held.tracks, self._poses.middle[:2]
+            repeats = merging.may_repeat_older(tracks, self.plots.extent, origin)
+            self.maintenance.end(~repeats, "duplicate")
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from held tracks' detections, if these have its errors."""
@@ -379,11 +336,8 @@ class Tracker:
         reach = self._reach * REACH_SCANS
         area = math.pi * reach**2
         targets, moving = self._held_targets, self.maintenance.detections_of_moving
-        return self._clutter.learn(self._scan.stamp, self._view(), weight, area, targets, moving)
-
-    def _view(self) -> View:
-        """What the scan looked at."""
-        return View.of(self._scan, self.sensor, self._poses.middle)
+        view = View.of(self._scan, self.sensor, self._poses.middle)
+        return self._clutter.learn(self._scan.stamp, view, weight, area, targets, moving)
 
     def _held_targets(self) -> HeldTargets:
         """The held tracks in the sensor's frame."""
@@ -396,17 +350,20 @@ class Tracker:
         """Distance that a target moves at most from scan to scan, m."""
         return self.common.max_speed * self.learned.scan_interval.median
 
-    def _usable(self, scan: Scan) -> UsableDetections:
-        """The detections in the coverage and not on land; of one scan they are chosen once."""
-        if self._judged is None or self._judged[0] is not scan:
-            self._judged = scan, UsableDetections.of(scan, self.sensor, self.land)
-        return self._judged[1]
-
     def _detections(self, scan: Scan) -> NDArray[np.void]:
-        """The detections in the coverage in the fixed frame, or their plots."""
-        usable = self._usable(scan)
-        found, rows = usable.scan, usable.rows
-        if usable.outside_coverage:
+        """The detections in the coverage and not on land, or their plots, in the fixed frame."""
+        used = inside(scan, self.sensor)
+        covered = int(np.count_nonzero(used))
+        if self.land is not None:
+            used &= ~self.land.covers(placed(scan))
+        rows = np.flatnonzero(used)
+        self._received = {
+            "detections": len(rows),
+            "outside_coverage": len(scan) - covered,
+            "on_land": covered - len(rows),
+        }
+        found = scan if len(rows) == len(scan) else chosen(scan, rows)
+        if covered < len(scan):
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         runs = self.plots.runs_of(found)
         detections = self._converted(found, rows, runs)
@@ -459,8 +416,10 @@ class Tracker:
         if cut:
             step = step.where(best_held(step.existences, step.tracks.evaluation, room))
         new = self._add(step)
-        if len(self.maintenance.released):
-            new = _confirmed_at(observed.scan_index, self.maintenance.released).joined(new)
+        released = self.maintenance.released
+        if len(released):  # confirmed now, after they had been held back
+            first = np.array([hits[0][0] for hits in released.hits], np.int64)
+            new = changed(released, scan_count=observed.scan_index + 1 - first).joined(new)
         self._observed = observed
         return new, changed(
             counts,
@@ -513,7 +472,7 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        histories = self.learned.features.histories(tracks) if self.common.plot_features else None
+        histories = histories_of(self.window, tracks.hits) if self.common.plot_features else None
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.figures_of_hits(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
@@ -559,8 +518,8 @@ class Tracker:
     @property
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
-        given, source = self.sensor.detection_probability, self.common.detection_probability
-        return given if source == "given" else self.learned.detection_probability.estimate(given)
+        given = self.common.detection_probability == "given"
+        return self.sensor.detection_probability if given else self.estimated_detection_probability
 
     @property
     def clutter_density(self) -> float:
@@ -572,29 +531,13 @@ class Tracker:
     def covered_area(self) -> float:
         """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
         given = self.common.clutter_density == "given"
-        return self.sensor.coverage_area if given else self.learned.clutter_map.area
-
-    @property
-    def sensor_in_use(self) -> SensorModel:
-        """The sensor with the detection probability in use."""
-        if self.common.detection_probability == "given":
-            return self.sensor
-        return self.sensor.with_detection_probability(self.detection_probability)
-
-    @property
-    def uses_intensity(self) -> bool:
-        """Whether the strengths of the last scan counted."""
-        return self.intensity.startswith("used")
+        return self.sensor.coverage_area if given else self.learned.clutter_map.seen.area
 
     @property
     def intensity(self) -> str:
         """Whether the strengths of the last scan counted, and why not, in words."""
-        if self.common.intensity == "off" or not self.method.most_tracks_true:
-            return "not used: off" if self.common.intensity == "off" else "not used by the method"
-        return self.learned.strengths.use
-
-
-def _confirmed_at(scan_index: int, tracks: TrackArrays) -> TrackArrays:
-    """Tracks that were held back, with the scans that it took to confirm them."""
-    first = np.array([hits[0][0] for hits in tracks.hits], np.int64)
-    return changed(tracks, scan_count=scan_index + 1 - first)
+        if self.common.intensity == "off":
+            return "not used: off"
+        return (
+            self.learned.strengths.use if self.method.most_tracks_true else "not used by the method"
+        )

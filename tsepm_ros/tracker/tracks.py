@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, indices
 from tsepm_ros.numerics.gaussian import proper
-from tsepm_ros.tracker.detection_window import DetectionWindow
 from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.motion import predict
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

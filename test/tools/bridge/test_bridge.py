@@ -27,21 +27,6 @@ def test_a_position_is_found_by_the_geodesic_from_the_reference_also_across_180_
     assert -180.0 <= east < -179.98
 
 
-@pytest.mark.parametrize(
-    ("latitude", "longitude", "words"),
-    [(89.5, 0.0, "near a pole"), (math.nan, 0.0, "latitude"), (0.0, math.inf, "longitude")],
-)
-def test_a_reference_near_a_pole_or_nowhere_is_refused_with_a_sentence(latitude, longitude, words):
-    with pytest.raises(ValueError, match=words):
-        GeographicReference(latitude, longitude)
-
-
-@pytest.mark.parametrize("text", ["59.6", "59.6,10.6,3", "north,east", ""])
-def test_a_text_that_is_no_origin_is_refused_with_an_example(text):
-    with pytest.raises(ValueError, match=r"such as 59.65,10.63"):
-        GeographicReference.read(text)
-
-
 @pytest.mark.parametrize("turn", [0.0, 1.0, 2.5, -2.0])
 def test_the_approach_of_a_straight_passage_is_that_of_its_closed_form(turn):
     # d abeam at time t, at speed v: it began at v t before.

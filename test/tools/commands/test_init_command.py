@@ -13,7 +13,7 @@ from tsepm_ros.settings.parameter_files import values_for
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.init_command import QUESTIONS, SHARED, asked, completed, parameters
+from tsepm_ros.tools.commands.init_command import QUESTIONS, SHARED, completed, parameters
 from tsepm_ros.tracker.sensor import SensorModel
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
@@ -100,7 +100,7 @@ def test_what_is_given_is_not_asked_and_enter_takes_the_default():
             return "odometry"
         return "500" if prompt.startswith("Range setting") else ""
 
-    answers = asked({"sector": 90.0}, ask)
+    answers = completed({"sector": 90.0}, ask)
     assert answers == completed({"sector": 90.0, "max_range": 500.0, "own_ship": 1.0})
     assert len(prompts) == len(QUESTIONS) - 1
     assert all(question.explanation in "".join(prompts) for question in QUESTIONS[3:])
@@ -111,7 +111,7 @@ def test_an_end_of_the_input_is_said():
         raise EOFError
 
     with pytest.raises(ValueError, match="no answer to --max-range"):
-        asked({}, ask)
+        completed({}, ask)
 
 
 @pytest.mark.usefixtures("no_expectation")

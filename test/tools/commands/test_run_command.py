@@ -374,7 +374,7 @@ def test_without_a_proper_origin_the_command_says_what_is_one(origin, capsys):
 def test_the_truth_of_a_bag_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     bag_files = pytest.importorskip("support.bag_files")
-    from msg_adapters.track_cloud import TRACK_DTYPE
+    from msg_adapters.track_messages import TRACK_DTYPE
     from tsepm_ros.tools.replay.bag import Bag, find_topics
     from tsepm_ros.tools.replay.offline import bag_truth
 

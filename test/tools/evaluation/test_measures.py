@@ -1,13 +1,12 @@
 """Figures of runs and their intervals, by hand, by SciPy and by every assignment that there is."""
 
-import itertools
 import math
 
 import numpy as np
 import pytest
 from scipy import stats
 from support.builders import fit_matrix
-from support.run_summaries import NOTHING, run_of, start
+from support.run_summaries import run_of, start
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.evaluation.intervals import (
@@ -19,7 +18,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     rms_ratio,
     root_mean_square,
 )
-from tsepm_ros.tools.evaluation.measures import RunSummary, cramer_rao, gospa, measures_of
+from tsepm_ros.tools.evaluation.measures import cramer_rao, measures_of
 from tsepm_ros.tools.evaluation.simulated_run import Outcome
 from tsepm_ros.tools.simulation import Scenario
 
@@ -64,58 +63,13 @@ def test_errors_of_true_and_of_pure_starts():
     assert figures.position_to_bound.value == pytest.approx(math.sqrt((30**2 + 50**2) / 1800))
 
 
-def test_gospa_is_averaged_over_the_scans_and_its_parts_add_up_in_squares():
-    one = run_of(localisation=100.0, missed=0.0, false_held=1800.0)
-    still = RunSummary(1, (), (*one.scans[:3], NOTHING))
-    assert measures_of(SCENE, [still]).gospa_mean.value == pytest.approx(0.75 * math.sqrt(1900.0))
-    assert measures_of(SCENE, [still]).gospa.value == pytest.approx(math.sqrt(0.75 * 1900.0))
-    two = run_of(localisation=0.0, missed=900.0, false_held=0.0)
-    figures = measures_of(SCENE, [one, two])
-    assert figures.gospa_localisation.value == pytest.approx(math.sqrt(50.0))
-    assert figures.gospa_missed.value == pytest.approx(math.sqrt(450.0))
-    assert figures.gospa_false.value == pytest.approx(30.0)
-    assert figures.gospa.value == pytest.approx(math.sqrt(1400.0))
-
-
 def test_what_is_not_known_has_no_figure():
-    nothing_held = {"held": -1, "localisation": math.nan, "missed": math.nan}
-    figures = measures_of(SCENE, [run_of(false_held=math.nan, **nothing_held)] * 3)
+    figures = measures_of(SCENE, [run_of(held=-1)] * 3)
     assert figures.detection.value == 0.0
     assert figures.text("detection").startswith("0.0000 (")
-    for name in ("held", "gospa", "nees", "pure_nees", "position_to_bound", "confirmation_95"):
+    for name in ("held", "nees", "pure_nees", "position_to_bound", "confirmation_median"):
         assert math.isnan(getattr(figures, name).value)
         assert figures.text(name) == "-"
-
-
-def plain_gospa(tracks: np.ndarray, targets: np.ndarray, cutoff: float) -> float:
-    """Equation (1) of the paper's Proposition 1, p = 2, by trying everything."""
-    n, m = len(tracks), len(targets)
-    least = math.inf
-    for size in range(min(n, m) + 1):
-        for chosen in itertools.combinations(range(n), size):
-            for theirs in itertools.permutations(range(m), size):
-                apart = sum(
-                    float(((tracks[i] - targets[j]) ** 2).sum())
-                    for i, j in zip(chosen, theirs, strict=True)
-                )
-                least = min(least, apart + cutoff**2 / 2 * (n + m - 2 * size))
-    return math.sqrt(least)
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_the_metric_is_the_least_over_all_assignments(seed):
-    rng = np.random.default_rng([5, seed])
-    tracks = rng.uniform(0, 100, (rng.integers(0, 5), 2))
-    targets = rng.uniform(0, 100, (rng.integers(0, 5), 2))
-    cutoff = float(rng.uniform(10, 80))
-    found = gospa(tracks, targets, cutoff)
-    assert found.distance == pytest.approx(plain_gospa(tracks, targets, cutoff))
-    assert gospa(targets, tracks, cutoff).distance == pytest.approx(found.distance)
-
-
-def test_a_track_at_the_cut_off_is_false_and_its_target_missed():
-    found = gospa(np.array([[10.0, 0.0]]), np.array([[0.0, 0.0]]), 10.0)
-    assert (found.localisation, found.missed, found.false) == (0.0, 50.0, 50.0)
 
 
 @pytest.mark.parametrize(

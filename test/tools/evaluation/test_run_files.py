@@ -14,10 +14,8 @@ from tsepm_ros.tools.evaluation.performance import run, run_file
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
     RunFile,
-    printed,
     read_result,
     write_result,
-    write_table,
 )
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
 from tsepm_ros.tools.simulation import Scenario, load_scenario
@@ -106,20 +104,6 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
         read_result(path)
 
 
-def test_a_table_is_printed_row_by_row_and_written_only_where_a_file_is_named(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    path, table = tmp_path / "a.json", (["a", "b"], [["1", "2"], ["3", "4"]])
-    write_table(None, "python a.py", table, seed=3, runs=7)
-    assert not list(tmp_path.iterdir())
-    write_table(path, "python a.py", table, seed=3, runs=7)
-    expected = Result(command="python a.py", seed=3, runs=7, header=table[0], rows=table[1])
-    assert read_result(path) == expected
-    assert printed(iter([["a", "b"], ["1", "2"]])) == (["a", "b"], [["1", "2"]])
-    assert capsys.readouterr().out == "| a | b |\n|---|---|\n| 1 | 2 |\n"
-
-
 MANY = {
     "tsepm": {"min_hits": 3, "window": 4},
     "score": {"false_tracks_per_hour": 300.0},
@@ -179,16 +163,9 @@ def held_at(*held) -> RunSummary:
 
 def test_what_is_held_is_compared_with_the_truth():
     # The target is 7071 m away: 3 sigma of 1 degree are 370 m.
-    (none,) = held_at().scans
-    assert (none.held, none.localisation, none.false_held) == (0, 0.0, 0.0)
-    c2 = 2.0 * none.missed
-    assert c2 == pytest.approx((3.0 * np.deg2rad(1.0) * np.hypot(5000, 5000)) ** 2, rel=1e-3)
-    (near,) = held_at([5000.0, 0.0, 5300.0, 0.0], [0.0, 0.0, 0.0, 0.0]).scans
-    assert (near.held, near.missed) == (1, 0.0)
-    assert near.localisation == pytest.approx(300.0**2)
-    assert near.false_held == pytest.approx(0.5 * c2)
-    (far,) = held_at([5000.0, 0.0, 5400.0, 0.0]).scans
-    assert (far.held, far.missed, far.false_held) == (0, 0.5 * c2, 0.5 * c2)
+    assert held_at().scans[0].held == 0
+    assert held_at([5000.0, 0.0, 5300.0, 0.0], [0.0, 0.0, 0.0, 0.0]).scans[0].held == 1
+    assert held_at([5000.0, 0.0, 5400.0, 0.0]).scans[0].held == 0
 
 
 def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
@@ -199,7 +176,8 @@ def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
         (scan, list(origin).index(0)) for scan, origin in enumerate(made.origins) if 0 in origin
     )
     truth = made.simulator.truth(made.scans[scan].stamp)[0]
-    made.starts = [ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)]
+    start = ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)
+    made.starts = [(scan, start)]
     (alone,) = SimulatedRun.judged(made)
     assert alone.pure
     assert np.isnan(start_bound(made, alone)).all()

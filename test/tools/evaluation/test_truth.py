@@ -1,6 +1,7 @@
 """Judging confirmed tracks: each is exactly one of true, redundant, misplaced and false."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.tools.evaluation.simulated_run import (
     NO_TARGET,
     Outcome,
-    judge,
+    judge_starts,
     measurement_sigma,
     origins_of,
 )
+from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
 MISPLACED, FALSE = Outcome.MISPLACED, Outcome.FALSE
@@ -37,8 +39,9 @@ def track(sources: list[int], target: int = 0, off=(0.0, 0.0), stamp: float = 10
     return ConfirmedTrack(0, stamp, state, np.diag([900.0, 1.0, 900.0, 1.0]), hits, 0.0)
 
 
-def judged(*tracks, origins=ORIGINS):
-    return judge(tracks, origins, truth_at, SENSOR, lambda stamp: np.zeros(2))
+def judged(*tracks, origins=ORIGINS, sensor_x=0.0):
+    scenario = SimpleNamespace(sensor=SENSOR, own_ship=OwnShipMotion(x=sensor_x))
+    return judge_starts(SimpleNamespace(scenario=scenario, truth=truth_at), tracks, origins)
 
 
 def outcomes(*tracks, **more):
@@ -84,7 +87,7 @@ def test_three_sigma_of_the_larger_axis_is_the_border(direction, factor, outcome
 def test_the_border_is_measured_from_the_sensor_and_for_the_target_that_gave_the_hits():
     off = (0.0, 100.0)  # 3 sigma: 210 m seen from the origin, 90 m from 500 m away
     tracks = [track([0] * 5, off=off)]
-    near = judge(tracks, ORIGINS, truth_at, SENSOR, lambda stamp: np.array([3000.0, 0.0]))
+    near = judged(*tracks, sensor_x=3000.0)
     assert outcomes(*tracks) == [TRUE]
     assert near[0].outcome is MISPLACED
     (one,) = judged(track([1] * 5, target=0))

@@ -37,41 +37,6 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
     assert view.sensor[2] == pytest.approx(np.radians(40.0))
 
 
-@pytest.mark.parametrize("velocity", [(6.0, 8.0), (-6.0, 8.0), (0.0, -9.0), (9.0, 0.0), (0.0, 0.0)])
-def test_an_id_is_beside_its_track_and_overlaps_nothing_of_it(velocity):
-    pytest.importorskip("matplotlib")
-    import matplotlib.pyplot as plt
-    from matplotlib.patches import Ellipse
-
-    from tsepm_ros.tools.pictures.plan_position import draw_track, style_plan
-
-    track = ConfirmedTrack(
-        track_id=1234,
-        stamp=0.0,
-        state=np.array([100.0, velocity[0], 50.0, velocity[1]]),
-        covariance=np.diag([400.0, 1.0, 1600.0, 1.0]),
-        hits=(),
-        evaluation=0.0,
-        score=0.0,
-        scan_count=1,
-        age=0.0,
-    )
-    figure, axes = plt.subplots(figsize=(9.5, 9.5))
-    style_plan(axes, np.array([[-1000.0, 1000.0], [-1000.0, 1000.0]]))
-    draw_track(axes, track, 60.0, "#c05621", 1.0, 1.6)
-    figure.canvas.draw()
-    (text,) = (one for one in axes.texts if one.get_text() == "1234")
-    box = text.get_window_extent()
-    (ellipse,) = (one for one in axes.patches if isinstance(one, Ellipse))
-    assert not box.overlaps(ellipse.get_window_extent())
-    end = axes.transData.transform(track.position + 60.0 * track.velocity)
-    here = axes.transData.transform(track.position)
-    line = here + np.linspace(0.0, 1.0, 500)[:, np.newaxis] * (end - here)
-    assert not box.count_contains(line)
-    assert np.hypot(*(box.get_points().mean(axis=0) - here)) < 60.0
-    plt.close(figure)
-
-
 def track_at(track_id, x, hits=()):
     return ConfirmedTrack(
         track_id=track_id,
@@ -200,21 +165,6 @@ def test_the_legend_of_a_picture_names_only_what_is_drawn():
     assert hits in legend_of(RunScene("run", some, truth))
     assert judged_false in legend_of(RunScene("run", some, truth, false))
     assert hits not in legend_of(RunScene("run", [view(0), view(1, tracks)])), "too many starts"
-
-
-def test_a_bag_of_tracks_that_ends_in_an_error_leaves_nothing(tmp_path):
-    pytest.importorskip("rosbags")
-    from tsepm_ros.tools.replay.track_files import track_bag
-
-    path = tmp_path / "tracks.mcap"
-    with pytest.raises(RuntimeError, match="midway"), track_bag(path):
-        raise RuntimeError("midway")
-    assert not list(tmp_path.iterdir())
-    path.write_text("an older one")
-    with track_bag(path):
-        pass
-    assert path.read_bytes().startswith(b"\x89MCAP")
-    assert [one.name for one in tmp_path.iterdir()] == ["tracks.mcap"]
 
 
 def notes_of(size: float, points: np.ndarray):

@@ -3,7 +3,6 @@
 import copy
 import re
 import sqlite3
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -26,11 +25,10 @@ from support.bag_files import (
     storage_file,
     write_bag,
 )
-from support.sessions import failing_at
 
 from msg_adapters import MessageError, read_detections
 from msg_adapters.message_input import MessageInput
-from msg_adapters.track_cloud import track_points
+from msg_adapters.track_messages import track_points
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import parse_values
@@ -195,8 +193,7 @@ def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
         Bag(folder)
 
 
-@BOTH
-@pytest.mark.parametrize("named", ["folder", "file"])
+@pytest.mark.parametrize(("storage", "named"), [*zip(STORAGES, ("folder", "file"), strict=True)])
 def test_ros_reads_a_bag_to_the_same_tracks_where_it_is_sourced(
     tmp_path, monkeypatch, storage, named
 ):
@@ -338,16 +335,3 @@ def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_pa
     results, session = run(write_bag(tmp_path / "bag", entries))
     assert len(results) == 10 - lost
     assert sum(session.dropped.values()) == lost
-
-
-def test_a_scan_at_which_the_algorithm_fails_is_lost_and_counted(tmp_path):
-    path = write_bag(tmp_path / "bag", simulated())
-    values = {"own_ship_source": "odometry", **parse_values(PARAMETERS)}
-    made = make_groups(TRACK_INITIATOR, values)
-    session = Session(failing_at(1012.0, settings_from(made)))
-    with Bag(path) as bag:
-        given = MessageInput(session, made[InitiatorNodeOptions])
-        results = list(bag_results(bag, find_topics(bag.topics, {}), session, given))
-    assert session.dropped == {"internal_error": 1}
-    assert len(results) == 9
-    assert all(a.stamp < b.stamp for a, b in pairwise(results))

@@ -48,17 +48,22 @@ def bag(folder, images):
     return write_bag(folder / "bag", entries)
 
 
-def parameters():
+def parameters(folder):
+    """The detector's coverage; the tracker's follows the images."""
     values = {f"sensor.{name}": value for name, value in COVERAGE.items()}
-    values |= {"max_speed": 3.0, "false_detections_per_ping": 10.0, "sound_speed": 1500.0}
-    return [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+    values |= {"false_detections_per_ping": 10.0, "sound_speed": 1500.0}
+    rows = "".join(f"    {name}: {value}\n" for name, value in values.items())
+    file = folder / "detector.yaml"
+    tracker = "/**/track_initiator:\n  ros__parameters:\n    max_speed: 3.0\n"
+    file.write_text(f"/**/sonar_detector:\n  ros__parameters:\n{rows}{tracker}")
+    return ["--params-file", str(file)]
 
 
 def test_a_bag_of_images_has_the_tracks_of_the_detector_and_the_initiator(tmp_path, capsys):
     images = pictures(50)
-    assert (
-        main(["run", str(bag(tmp_path, images)), *parameters(), "--out", str(tmp_path / "o")]) == 0
-    )
+    given = [*parameters(tmp_path), "--out", str(tmp_path / "o")]
+    assert main(["run", str(bag(tmp_path, images)), *given]) == 0
+    assert "coverage" not in capsys.readouterr().err
     rows = (tmp_path / "o" / "tracks.csv").read_text().splitlines()[1:]
     detector = make_detector(false_detections_per_ping=10.0)
     initiator = make_initiator("score", sensor=SensorModel(**COVERAGE), max_speed=3.0)

@@ -23,8 +23,6 @@ from tsepm_ros.tools.replay.recording import (
     source_of,
 )
 
-JOYRIDE = Path(__file__).parents[3].parent / "shared" / "data" / "joyride"
-
 
 @pytest.fixture
 def write(tmp_path):
@@ -305,41 +303,6 @@ def test_a_clock_as_coarse_as_the_interval_of_pings_is_asked_about(write, interv
     times = [round(int(k * interval / step + 1e-6) * step, 6) for k in range(40)]
     notes = read_recording(write(detections=pings(times))).notes
     assert [f"steps of {step:g} s" in note for note in notes] == [True] * asked
-
-
-@pytest.fixture(scope="module")
-def joyride():
-    return read_recording(JOYRIDE)
-
-
-@pytest.mark.skipif(not JOYRIDE.exists(), reason="the joyride data is not here")
-class TestJoyride:
-    def test_it_has_all_scans_and_detections(self, joyride):
-        assert len(joyride.scans) == 238
-        assert sum(len(scan.fields["range"]) for scan in joyride.scans) == 432
-        assert all(set(scan.fields) == {"range", "bearing"} for scan in joyride.scans)
-
-    def test_own_ship_and_target_are_known_at_every_scan_without_a_heading(self, joyride):
-        times = [scan.time for scan in joyride.scans]
-        assert [pose.stamp for pose in joyride.own_ship] == times
-        assert joyride.targets[0][:, 0].tolist() == times
-        variances = {pose.covariance[2, 2] for pose in joyride.own_ship}
-        assert variances == {UNKNOWN_YAW_VARIANCE}
-        assert min(np.diff(times)) > 0
-
-    def test_true_bearings_from_the_own_ship_meet_the_target(self, joyride):
-        # So the sign, the zero and the axes of bearing, east and north are read right. The data's
-        # error is about 15 m.
-        near = 0
-        for scan, ship, target in zip(
-            joyride.scans, joyride.own_ship, joyride.targets[0], strict=True
-        ):
-            range_, bearing = scan.fields["range"], scan.fields["bearing"]
-            x = ship.x + range_ * np.sin(bearing)
-            y = ship.y + range_ * np.cos(bearing)
-            distance = np.hypot(x - target[1], y - target[3])
-            near += bool((distance < 60.0).any())
-        assert near / 238 == pytest.approx(0.80, abs=0.05)
 
 
 def test_a_row_that_is_refused_is_cut_short_and_a_file_that_is_no_text_is_named(tmp_path):

@@ -100,7 +100,7 @@ REFUSED = [
     ),
     (
         {"clutter_patches": [{"box": [0, 1, 0, 1], "density": -1e-6}]},
-        "clutter_patches[0].density must be at least 0",
+        "clutter_patches[0]: density must be at least 0",
     ),
     ({"clutter_patches": [{"box": [0, 1, 0, 1]}]}, "clutter_patches[0]:"),
     ({"targets": None}, "targets"),
@@ -131,7 +131,7 @@ def test_a_bad_scenario_is_refused_by_its_key(content, sentence):
 def test_a_missing_or_malformed_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match="scenario file cannot be read"):
         load_scenario(str(tmp_path / "none.yaml"))
-    for content in ("a: [1, 2", "targets: " + "[" * 20_000):
+    for content in ("a: [1, 2", "targets: " + "[" * 5_000):
         (tmp_path / "bad.yaml").write_text(content)
         with pytest.raises(ValueError, match="is not valid YAML"):
             load_scenario(str(tmp_path / "bad.yaml"))

@@ -141,15 +141,6 @@ def test_messages_that_cannot_be_read_are_reported_and_the_rest_is_shown():
     assert live.errors == [("own_ship/odometry", "not_finite"), (DETECTIONS, "missing_field")]
 
 
-def test_hypotheses_in_one_place_are_drawn_once_with_their_evidence_summed():
-    live = Live()
-    one_place = [held(k, 1000.0 + k, 1000.0, 3.0 * k, score=4.0, evaluation=-6.0) for k in range(3)]
-    elsewhere = held(3, -4000.0, 0.0, score=6.0, evaluation=-4.0)
-    live.take(POTENTIAL, tracks(100.0, *one_place, elsewhere))
-    rows = live.frames()[0]["potential"]
-    assert [row[4] for row in rows] == [51, 60]  # 4 + ln(3) is 5.1
-
-
 def test_scans_that_nobody_draws_are_bounded():
     live = Live()
     for number in range(1000):

@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import re
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -23,7 +24,7 @@ from tsepm_ros.tools.viewer.page_content import (
     PageState,
     RecordedScene,
     encode,
-    geographic_origin,
+    geographic_terms,
     health_of_message,
     health_of_run,
     make_frame,
@@ -131,11 +132,32 @@ def test_the_sector_is_from_the_bow_and_own_ship_s_velocity_in_mm_per_s_or_null(
         assert json.loads(recorded)["info"]["sector"] == [2.0, 80.0, begin, end]
 
 
-def test_an_origin_is_checked_and_without_one_the_place_is_not_known():
-    assert geographic_origin("") == {}
-    assert geographic_origin("59.65,-10.5") == {"north": True, "geographic": [59.65, -10.5]}
-    with pytest.raises(ValueError, match="near a pole"):
-        geographic_origin("89.5,0")
+@pytest.mark.parametrize("origin", ["0,0", "59.65,10.63", "-75,-179.99", "80,179.9", "-89,10"])
+def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
+    pytest.importorskip("pyproj")
+    from pyproj import Geod
+
+    from tsepm_ros.tools.bridge.geographic import GeographicReference
+
+    info = geographic_terms(origin)
+    known = info["geographic"]
+    reach = known["reach"]
+    assert info["north"] and reach >= 11_000.0
+    points = np.random.default_rng(1).uniform(-reach, reach, (200, 2))
+    latitude, longitude = np.array(known["origin"])[:, None] + sum(
+        np.outer([a, b], (points[:, 0] / reach) ** i * (points[:, 1] / reach) ** j)
+        for i, j, a, b in known["terms"]
+    )
+    truth = GeographicReference.read(origin).geographic(points)
+    away = Geod(ellps="WGS84").inv(longitude, latitude, truth[:, 1], truth[:, 0])[2]
+    assert away.max() < 1.0
+
+
+def test_an_origin_needs_its_library_and_without_one_there_are_no_places(monkeypatch):
+    assert geographic_terms("") == {}
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with pytest.raises(ValueError, match="pip install pyproj"):
+        geographic_terms("59.65,10.63")
 
 
 TITLE = '<script>alert("1")</script> & "sea"'

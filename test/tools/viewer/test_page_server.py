@@ -26,7 +26,7 @@ from tornado.websocket import websocket_connect
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer import page_server
 from tsepm_ros.tools.viewer.page_content import SCRIPTS, STYLE
-from tsepm_ros.tools.viewer.page_server import HEADERS, PageServer
+from tsepm_ros.tools.viewer.page_server import HEADERS, Access, PageServer, token_for
 
 TOKEN = "a-token-of-some-length"
 
@@ -75,12 +75,36 @@ def test_a_recording_is_served_compressed_and_plain():
         assert get(server.url + "updates").code == 404
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "192.168.1.5", ""])
-@pytest.mark.parametrize("path", ["", "updates", "nothing"])
-def test_a_name_that_is_not_this_machine_s_is_refused(host, path):
+FOREIGN = "evil.example", "evil.example:80", "localhost.evil.example", "a@b@c", "[bad"
+OWN = "localhost", "127.0.0.1:9000", "[::1]:8470", "LOCALHOST:1"
+
+
+def test_a_name_that_is_not_this_machine_s_is_refused():
     """A page that has pointed its own name here (DNS rebinding) reads nothing."""
     with served(live_state(1)) as server:
-        assert get(server.url + path, headers={"Host": host}).code in (400, 403)
+        for path in ("", "updates", "nothing"):
+            for host in (*FOREIGN, "192.168.1.5", ""):
+                assert get(server.url + path, headers={"Host": host}).code in (400, 403)
+        assert {get(server.url, headers={"Host": host}).code for host in OWN} == {200}
+    with served(live_state(1), host="0.0.0.0", token=TOKEN) as server:
+        url = f"http://127.0.0.1:{urlsplit(server.url).port}/?token={TOKEN}"
+        assert get(url, headers={"Host": "192.168.1.5:8470"}).code == 303
+        for host in FOREIGN:
+            assert get(url, headers={"Host": host}).code in (400, 403)
+
+
+@pytest.mark.parametrize(
+    ("address", "is_open"),
+    [
+        *(("127.1.2.3", True), ("::1", True), ("192.168.1.5", False)),
+        *(("::", False), ("fe80::1%eth0", False)),
+    ],
+)
+def test_what_others_can_reach_needs_a_token_of_its_own(address, is_open):
+    first, second = (token_for(["127.0.0.1", address], "") for _ in range(2))
+    assert (first == second == "") if is_open else (len(first) >= 32 and first != second)
+    for given in ("", f"{TOKEN}-", TOKEN.upper(), "ä"):
+        assert not Access.to("0.0.0.0", TOKEN).allows_token(given)
 
 
 @pytest.mark.parametrize(

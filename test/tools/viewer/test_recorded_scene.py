@@ -67,21 +67,6 @@ def test_a_track_s_hits_and_reason_are_its_own():
             assert np.hypot(x - predicted[0], y - predicted[1]) < 1500.0
 
 
-def test_hits_of_scans_that_were_not_recorded_are_left_out():
-    recording, _ = simulated_recording(Simulator(SCENARIO, 1))
-    options = SessionOptions(method="score", own_ship_source="odometry")
-    run = Session(Settings(session=options, sensor=SCENARIO.sensor))
-    scene, tracks = RecordedScene("the end", True), []
-    for number, result in enumerate(recording_results(recording, run, "bow")):
-        if number >= 2:
-            scene.add(result, run.tracker)
-            tracks += result.new
-    page = json.loads(scene.document(run.dropped))
-    shown = [len(page["facts"][str(track.track_id)]["hits"]) for track in tracks]
-    assert shown == [sum(scan >= 2 for scan, _ in track.hits) for track in tracks]
-    assert sum(shown) < sum(len(track.hits) for track in tracks)
-
-
 def test_after_a_restart_hits_are_those_of_the_new_run():
     quiet = dataclasses.replace(SCENARIO, scans=8)
     recording, _ = simulated_recording(Simulator(quiet, 3))

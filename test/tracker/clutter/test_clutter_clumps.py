@@ -31,8 +31,8 @@ def taken(
     batch, density = Batch(made.grid.shape[1]), made.at(cells)
     batch.take(cells, (weight, weight), weight, np.ones(made.grid.shape[1]))
     batch.densities.append(density)
-    clumps.update(batch, made.counted_area)
-    return clumps.predictive(cells, density, made.counted_area)
+    clumps.update(batch, made.seen.counted)
+    return clumps.predictive(cells, density, made.seen.counted)
 
 
 def along_path(predictive: PredictiveDensity, row: int, hits: int) -> float:
@@ -94,7 +94,7 @@ def test_neighbours_are_those_that_a_loop_counts():
         weight = rng.random(80)
         made.update(cells, weight)
         taken(clumps, made, cells, weight)
-        found = clumps.around(cells, made.at(cells), made.counted_area)
+        found = clumps.around(cells, made.at(cells), made.seen.counted)
         around = np.zeros(80)
         for age, scan in enumerate(reversed(before)):
             for row, column, other in scan:
@@ -244,7 +244,7 @@ def test_pairs_are_those_that_a_loop_counts():
     row, column = sea.map.grid.cells(*places)
     columns = sea.map.grid.shape[1]
     every = Cells(*np.indices(sea.map.grid.shape).reshape(2, -1))
-    expected = (sea.map.at(every)).reshape(sea.map.grid.shape) * sea.map.counted_area
+    expected = (sea.map.at(every)).reshape(sea.map.grid.shape) * sea.map.seen.counted
     for width, found in zip(HALF_WIDTHS, pair_correlation(sea), strict=True):
         pairs = mean = 0.0
         for i in range(len(row)):

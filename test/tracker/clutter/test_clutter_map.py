@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.clutter.density import ARCS, MIN_STEP, PER_SIDE, Bounds, ClutterMap, squares
+from tsepm_ros.tracker.clutter.density import (
+    ARCS,
+    MIN_STEP,
+    PER_SIDE,
+    Bounds,
+    ClutterMap,
+    Extent,
+    SeenExtent,
+    squares,
+)
 from tsepm_ros.tracker.clutter.excess import INNER_RINGS, MAX_DEVIATIONS, PolarGrid, poisson_bound
-from tsepm_ros.tracker.clutter.seen import Extent, SeenExtent
 
 SONAR = SensorModel(max_range=9000.0)
 

@@ -1,27 +1,30 @@
-"""Strengths of clutter, learned from scan to scan: units, gain, levels, texture and restarts."""
+"""Strengths of clutter, learned from scan to scan: units, gain, levels and texture."""
 
 import dataclasses
 import math
 from collections import deque
-from functools import partial
 
 import numpy as np
 import pytest
 
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
-from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import (
+    INTENSITY,
     LAGS,
+    MAX_PER_PING,
+    MAX_PINGS,
+    REFERENCE,
     RINGS,
     ClutterAmplitudes,
-    Judged,
     PlaceLevels,
+    References,
     level_by_range,
     ping_level,
 )
-from tsepm_ros.tracker.clutter.amplitude_law import MAX_PER_PING, MAX_PINGS, REFERENCE, References
-from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.measurement import DETECTION
 
 BOX = load_scenario("box")
 MAP = ClutterMap(BOX.sensor)
@@ -29,8 +32,17 @@ REACH = 120.0 * np.arange(LAGS + 1) + 380.0
 """Of two detections of one target, m."""
 
 
-def cells_of(range_: np.ndarray, azimuth: np.ndarray) -> Cells:
-    return MAP.grid.divided(MAP.grid.cells(range_, azimuth), range_, RINGS)
+def judged(
+    learner: ClutterAmplitudes, strength, index: int, range_, azimuth
+) -> ScanAmplitudes | None:
+    """What a learner says of a scan of clutter, from which it learns then."""
+    detections = np.zeros(len(strength), DETECTION)
+    detections["features"][:, INTENSITY], detections["index"] = strength, np.arange(len(strength))
+    detections["position"] = (range_ * np.array([np.cos(azimuth), np.sin(azimuth)])).T
+    cells = MAP.grid.cells(range_, azimuth)
+    found = learner.judge(detections, index, 16, lambda: MAP.grid.divided(cells, range_, RINGS))
+    learner.update(np.ones(len(strength)), 750.0, REACH)
+    return found
 
 
 class Sea:
@@ -42,22 +54,22 @@ class Sea:
         scene = dataclasses.replace(BOX, scans=200, targets=(), clutter_strength=law)
         self._scans = enumerate(Simulator(scene, seed))
 
-    def pings(self, number: int, changed=lambda strength, range_: strength) -> list[Judged | None]:
-        judged = []
+    def pings(
+        self, number: int, changed=lambda strength, range_: strength
+    ) -> list[ScanAmplitudes | None]:
+        found = []
         for index, simulated in (next(self._scans) for _ in range(number)):
             scan = simulated.scan
-            n, strength = len(scan), changed(scan.features["intensity"], scan.range)
-            direction = np.array([np.cos(scan.azimuth), np.sin(scan.azimuth)])
-            position = (scan.range * direction).T
-            cells = partial(cells_of, scan.range, scan.azimuth)
-            found = self.learner.judge(strength, index, np.arange(n), cells, position)
-            self.learner.update(np.ones(n), 750.0, REACH)
-            judged.append(found)
-        return judged
+            strength = changed(scan.features["intensity"], scan.range)
+            found.append(judged(self.learner, strength, index, scan.range, scan.azimuth))
+        return found
 
 
-def exponents(judged) -> np.ndarray:
-    return np.concatenate([found.exponent for found in judged])
+def exponents(scans) -> np.ndarray:
+    """u of the strengths of scans: the inverse of `scaled`."""
+    return np.concatenate(
+        [one.ratio.count * np.log1p(one.scaled / one.ratio.count) for one in scans]
+    )
 
 
 @pytest.mark.parametrize(
@@ -83,7 +95,7 @@ def test_exponents_of_clutter_are_exponential_in_any_unit(changed):
 def test_nothing_is_said_before_there_are_references():
     sea = Sea()
     assert sea.pings(1) == [None]
-    assert "too few" in sea.learner.unsaid
+    assert "too few" in sea.learner.use
     assert sea.pings(1) != [None]
     assert sea.learner.use.startswith("used")
 
@@ -114,10 +126,9 @@ def test_saturated_strengths_count_as_the_share_that_saturates():
         of_top.append(np.mean(strength >= np.log(10.0)))
         return saturated(strength, range_)
 
-    judged = sea.pings(20, noted)
     strongest = [
-        np.sort(found.exponent)[::-1][: round(share * len(found.exponent))]
-        for found, share in zip(judged, of_top, strict=True)
+        np.sort(exponents([found]))[::-1][: round(share * len(found.scaled))]
+        for found, share in zip(sea.pings(20, noted), of_top, strict=True)
     ]
     at_top = np.concatenate(strongest)
     assert np.median(at_top) == pytest.approx(np.log(10.0), abs=0.2)
@@ -141,7 +152,7 @@ def test_a_change_to_decibels_drops_the_law_of_before(offset):
         return offset + 10.0 * np.log10(strength)
 
     first = sea.pings(8, decibels)[0]
-    assert (first is None) == sea.learner.memory[2] == (offset < 0.0), "begun anew as decibels"
+    assert (first is None) == (offset < 0.0), "begun anew as decibels"
     assert exponents(sea.pings(20, decibels)).mean() == pytest.approx(1.0, abs=0.15)
 
 
@@ -149,30 +160,12 @@ def test_texture_is_seen_and_independent_clutter_has_none():
     for law, shape in (("rayleigh", 1.0), ("k", 0.5)):
         independent = Sea(ClutterStrength(law, shape))
         independent.pings(30)
-        assert independent.learner.texture < 0.02
+        assert independent.learner.texture.doubt < 0.02
     textured = Sea(ClutterStrength("k", 0.5, texture_length=500.0))
-    judged = textured.pings(30)
-    assert textured.learner.texture > 0.1
-    assert judged[-1].samples < 10.0
+    last = textured.pings(30)[-1]
+    assert textured.learner.texture.doubt > 0.1
+    assert last.ratio.count < 10.0
     assert "neighbouring clutter is alike" in textured.learner.use
-
-
-def test_memory_counts_after_a_restart_with_the_same_law_only():
-    before = Sea()
-    before.pings(30)
-    raw, weight, decibels = before.learner.memory
-    assert weight > 500.0 and not decibels
-    same, other = Sea(seed=2), Sea(seed=2)
-    for sea in (same, other):
-        sea.learner.remember(raw, weight, decibels)
-
-    def louder(strength, range_):
-        return 1e4 * strength**2
-
-    assert same.pings(1) == other.pings(1, louder) == [None]
-    (found,), (changed,) = same.pings(1), other.pings(1, louder)
-    assert found.samples > 200.0
-    assert changed.samples < 100.0
 
 
 def test_a_large_scan_is_bounded_in_memory():
@@ -180,12 +173,9 @@ def test_a_large_scan_is_bounded_in_memory():
     rng = np.random.default_rng(1)
     for scan in range(3):
         n = 20_000
-        position = rng.uniform(-9000.0, 9000.0, (n, 2))
-        polar = np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0])
-        cells = partial(cells_of, *polar)
-        learner.judge(rng.exponential(size=n), scan, np.arange(n), cells, position)
-        learner.update(np.ones(n), 500.0, REACH)
-    assert len(learner.memory[0]) == 256 and learner.memory[1] <= 3 * 64
+        range_, azimuth = rng.uniform(0.0, 9000.0, n), rng.uniform(-3.0, 3.0, n)
+        judged(learner, rng.exponential(size=n), scan, range_, azimuth)
+    assert learner.use == "used: compared with 128 of clutter"
 
 
 def rows_of(raw: np.ndarray) -> np.ndarray:
@@ -286,26 +276,6 @@ def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
     places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
     places.renew()
     assert abs(places.at(cell[:1])[0]) < 0.3
-
-
-@pytest.mark.parametrize("shape", [(7, 5), (1, 1), (5, 1), (2, 3)])
-def test_units_that_fade_change_nothing(monkeypatch, shape):
-    """With an update a unit, and with a unit for all."""
-    found = []
-    for least in (0.99, 0.0):
-        monkeypatch.setattr(amplitude, "LEAST_UNIT", least)
-        rng, places = np.random.default_rng(4), PlaceLevels(shape, True)
-        for _ in range(120):
-            ring = rng.integers(shape[0] * RINGS, size=30)
-            at = places.places_of(ring, rng.integers(shape[1], size=30))
-            values = rng.normal(size=30) + 2.0 * (ring < 2 * shape[0])
-            places.update(at, values, np.ones(30), 4.0, 1.0)
-            places.withdraw(at[:5], values[:5], np.full(5, 0.5), np.zeros(5, np.int64))
-        places.renew()
-        ring = np.arange(shape[0] * RINGS)
-        found.append(places.at(places.places_of(ring, ring % shape[1])))
-    assert found[0].any()
-    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
 
 
 ROWS = 20

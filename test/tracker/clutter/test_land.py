@@ -8,8 +8,8 @@ from support.builders import assert_same_tracks
 
 from tsepm_ros import LandMask, Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.tracker.clutter import land as module
-from tsepm_ros.tracker.clutter.land import afloat
+from tsepm_ros.tracker.clusters.grouping import placed
+from tsepm_ros.tracker.clutter import fixed_places as module
 
 SENSOR = SensorModel(range_std=5.0, range_std_fraction=0.0, max_range=2000.0)
 
@@ -39,11 +39,10 @@ def test_a_place_is_on_land_where_its_cell_is(yaw):
 def test_detections_are_judged_where_they_are_in_the_fixed_frame():
     mask = LandMask([[True]], 10.0, (95.0, 45.0, 0.0))
     scan = Scan(0.0, [50.0, 50.0, 50.0], [0.0, -1.0, 2.0], sensor_pose=(100.0, 0.0, math.pi / 2))
-    assert afloat(scan, mask).tolist() == [False, True, True]
+    assert mask.covers(placed(scan)).tolist() == [True, False, False]
     poses = [(100.0, 0.0, math.pi / 2), (50.0, 50.0, 1.0), (0.0, 0.0, 0.0)]
     scan = Scan(0.0, [50.0, 50.0, 50.0], [0.0, -1.0, 2.0], sensor_pose=poses)
-    assert afloat(scan, mask).tolist() == [False, False, True]
-    assert afloat(scan, None).all()
+    assert mask.covers(placed(scan)).tolist() == [True, True, False]
 
 
 BAD = {

@@ -9,8 +9,12 @@ from support.builders import reconfigured
 from support.score_scenes import clutter, score
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.clutter.detection_probability import DATA_SHEET_SCANS, DetectionProbability
-from tsepm_ros.tracker.clutter.measurement_errors import FittedErrors, MeasurementErrors
+from tsepm_ros.tracker.clutter.sensor_performance import (
+    DATA_SHEET_SCANS,
+    DetectionProbability,
+    FittedErrors,
+    MeasurementErrors,
+)
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.tracker import Tracker
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
-from support.builders import AS_GIVEN, assert_same_tracks, scan_at
+from support.builders import AS_GIVEN, assert_same_tracks, detections, scan_at
 
 from tsepm_ros import SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
@@ -15,15 +15,14 @@ from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.assignment import Pairs
 from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
 from tsepm_ros.tracker.maintenance.features import (
-    MEMORY,
     Environment,
     Surroundings,
     closest_approach,
     distance_at,
+    histories_of,
     meeting,
 )
-from tsepm_ros.tracker.measurement import Histories
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.measurement import DetectionWindow, Histories
 
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
 
@@ -73,29 +72,24 @@ def test_plots_that_resemble_several_go_by_their_distance():
 
 
 def test_histories_are_those_of_the_hits_as_far_as_remembered():
-    surroundings = Surroundings()
-    for scan in range(MEMORY + 10):
-        features = np.full((2, 3), float(scan))
-        features[1] += 0.5
-        surroundings.observe(scan, np.arange(2), features, np.array([True, False]))
-    track = replace(
-        TrackArrays.of([]).where(np.zeros(0, np.int64)),
-        track_id=np.array([1]),
-        hits=[((0, 0), (20, 1), (MEMORY + 9, 0))],
-    )
-    found = surroundings.histories(track)
-    assert found.count.tolist() == [[2.0] * 3], "scan 0 is forgotten"
-    assert found.mean[0, 0] == pytest.approx((20.5 + MEMORY + 9.0) / 2.0)
-    surroundings.observe(500, np.zeros(1, int), np.zeros((1, 3)), np.ones(1, bool))
-    assert surroundings.histories(track).count.tolist() == [[0.0] * 3]
+    window = DetectionWindow()
+    for scan in range(30):
+        found = detections([[0.0, 0.0], [500.0, 0.0]], float(scan))
+        found["scan"], found["index"] = scan, [0, 3]
+        found["features"] = [[scan] * 3, [scan + 0.5] * 3]
+        window.append(found)
+    window.forget(10)
+    found = histories_of(window, [((0, 0), (20, 3), (29, 0)), ((1, 0),)])
+    assert found.count.tolist() == [[2.0] * 3, [0.0] * 3], "scans 0 and 1 are forgotten"
+    assert found.mean[0, 0] == pytest.approx((20.5 + 29.0) / 2.0)
 
 
 def test_only_plots_of_clutter_tell_of_clutter():
     surroundings = Surroundings()
     nothing = np.full((1, 3), np.nan)
     features = np.concatenate([SMALL[None], BIG[None], nothing])
-    surroundings.observe(0, np.arange(3), features, np.array([True, False, True]))
-    assert surroundings.at(np.zeros(0, bool), 1.0).clutter.tolist() == [SMALL.tolist()]
+    surroundings.observe(features, np.array([True, False, True]))
+    assert surroundings.clutter.tolist() == [SMALL.tolist()]
 
 
 def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
@@ -134,7 +128,7 @@ def test_echoes_outside_the_coverage_change_no_track_s_features(method, outside)
             started.append(track)
             features = np.array([own[scan] for scan, index in track.hits if index == outside])
             if len(features) == len(track.hits):
-                found = made.learned.features.histories(TrackArrays.of([track]))
+                found = histories_of(made.window, [track.hits])
                 np.testing.assert_allclose(found.mean[0], features.mean(axis=0))
     assert started, "the target is found"
     assert made.statistics.outside_coverage == outside

@@ -9,12 +9,13 @@ from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import CLUTTER, P_D, published, step, tracks
 
 from tsepm_ros.tracker.maintenance import stationary
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, StraightFits
+from tsepm_ros.tracker.maintenance.stationary import StraightFits, stationary_probability
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
-def plain_probability(velocity, spread, prior: SpeedPrior, share: float) -> float:
+def plain_probability(velocity, spread, prior: CommonOptions, share: float) -> float:
     """The same by sums over a fine grid of velocities, part by part of the prior."""
     step_size = prior.max_speed / 600.0
     axis = np.arange(-prior.max_speed, prior.max_speed + step_size, step_size)
@@ -48,21 +49,21 @@ def plain_probability(velocity, spread, prior: SpeedPrior, share: float) -> floa
 @pytest.mark.parametrize("min_speed", [0.0, 0.4, 1.5])
 @pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.6, -0.2), (-1.0, 2.0), (4.9, 0.0)])
 def test_the_probability_is_that_of_sums_over_velocities(min_speed, velocity):
-    prior = SpeedPrior(min_speed, 5.0)
+    prior = CommonOptions(min_speed=min_speed, max_speed=5.0)
     spread = np.array([[0.3, 0.1], [0.1, 0.15]])
     state = np.array([[100.0, velocity[0], -50.0, velocity[1]]])
     covariance = np.diag([9.0, 0.0, 9.0, 0.0])[None].copy()
     covariance[0, 1::2, 1::2] = spread
-    found = prior.stationary_probability(state, covariance, 0.7)
+    found = stationary_probability(prior, state, covariance, 0.7)
     expected = plain_probability(velocity, spread, prior, 0.7)
     np.testing.assert_allclose(found, expected, rtol=0.01, atol=1e-6)
 
 
 def test_far_beyond_every_speed_nothing_stands_still_and_nothing_known_is_the_share():
-    prior = SpeedPrior(0.5, 5.0)
+    prior = CommonOptions(min_speed=0.5, max_speed=5.0)
     state = np.array([[0.0, 300.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, np.nan, 0.0, 0.0]])
     covariance = np.stack([np.eye(4), 1e8 * np.eye(4), np.eye(4)])
-    first, second, third = prior.stationary_probability(state, covariance, 0.9)
+    first, second, third = stationary_probability(prior, state, covariance, 0.9)
     assert first < 1e-12
     np.testing.assert_allclose(second, 0.9, rtol=1e-4)
     assert 0.9 < third < 1.0
@@ -78,12 +79,12 @@ def moving(speed, deviation, long=1.0):
 @pytest.mark.parametrize("speed", [1.0, 4.99])
 @pytest.mark.parametrize("long", [1e-3, 1.0])
 def test_velocities_certain_to_move_have_the_probability_of_the_integral(min_speed, speed, long):
-    prior = SpeedPrior(min_speed, 5.0)
+    prior = CommonOptions(min_speed=min_speed, max_speed=5.0)
     deviation = (speed - min_speed) / stationary.CERTAIN_DEVIATIONS / math.sqrt(2.0)
     state, covariance = moving(speed, 0.99 * deviation, long)
     velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
-    assert prior.stationary_probability(state, covariance, 0.9) == 0.0
-    assert prior._integrated(velocity, spread, 0.9) < 1e-12
+    assert stationary_probability(prior, state, covariance, 0.9) == 0.0
+    assert stationary._integrated(prior, velocity, spread, 0.9) < 1e-12
 
 
 def batch_fit(times, positions, variance, stamp):
@@ -103,7 +104,7 @@ def test_over_scans_the_fit_is_least_squares_on_all_detections(monkeypatch):
     sensor = replace(sensor, azimuth_std=sensor.range_std / 3000.0)
     state, covariance = batch_fit(times[:4], places[:4], sensor.range_std**2, times[3])
     track = replace(tracks(1), state=state[None], covariance=covariance[None])
-    hold = TrackMaintenance(1e6)
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6))
     hold.add(replace(track, stamp=times[3:4]), 0.999)
     for time, place in zip(times[4:], places[4:], strict=True):
         found = detections(place[None], time)
@@ -114,8 +115,8 @@ def test_over_scans_the_fit_is_least_squares_on_all_detections(monkeypatch):
     sigma = np.sqrt(np.diag(spread))
     np.testing.assert_allclose(fits.state[0] / sigma, expected / sigma, atol=0.05)
     np.testing.assert_allclose(np.sqrt(np.diag(fits.covariance[0])), sigma, rtol=0.02)
-    probability = SpeedPrior(0.0, 10.0).stationary_probability(expected[None], spread[None], 0.9)
-    found = fits.stationary_probability(SpeedPrior(0.0, 10.0), np.zeros(1))
+    probability = stationary_probability(CommonOptions(), expected[None], spread[None], 0.9)
+    found = fits.stationary_probability(CommonOptions(), np.zeros(1))
     share = stationary.STATIONARY_SHARE
     odds = probability / (1.0 - probability) / 9.0 * share / (1.0 - share)
     np.testing.assert_allclose(found, odds / (1.0 + odds), rtol=0.05)
@@ -140,13 +141,13 @@ def test_places_are_the_fits_given_that_the_targets_stand_still():
 
 def test_the_share_of_rest_is_that_of_the_tracks_held():
     # Of twenty tracks that surely stand still, the next start of which nothing is known is another.
-    prior, number = SpeedPrior(0.3, 5.0), 20
+    prior, number = CommonOptions(min_speed=0.3, max_speed=5.0), 20
     still, vague = np.diag([1.0, 1e-3, 1.0, 1e-3]) ** 2, np.diag([1.0, 50.0, 1.0, 50.0]) ** 2
     covariance = np.stack([still] * number + [vague])
     fits = StraightFits.of(np.zeros((number + 1, 4)), covariance)
     found = fits.stationary_probability(prior, np.ones(number + 1))
     share, weight = stationary.STATIONARY_SHARE, stationary.PRIOR_TRACKS
-    even = prior.stationary_probability(np.zeros((1, 4)), vague[None], 0.5)[0]
+    even = stationary_probability(prior, np.zeros((1, 4)), vague[None], 0.5)[0]
 
     def posterior(share: float) -> float:
         return share * even / (share * even + (1.0 - share) * (1.0 - even))
@@ -164,7 +165,7 @@ def test_the_share_of_rest_is_that_of_the_tracks_held():
 
 
 def test_one_detection_changes_the_odds_of_a_change_by_a_bounded_factor():
-    hold = TrackMaintenance(1e6)
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6))
     hold.add(tracks(1), 0.99)
     before = hold.held.fits.change_odds[0]
     # Far from the fit, but within the gate of a turn.
@@ -192,7 +193,7 @@ def follow(hold: TrackMaintenance, path, stamps, rng) -> None:
 
 def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
     rng = np.random.default_rng(4)
-    hold = TrackMaintenance(1e6, speed_prior=SpeedPrior(0.5, 10.0))
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6, min_speed=0.5))
     state = np.array([[2000.0, 5.0, 1000.0, 0.0]])
     covariance = np.diag([3.0, 0.3, 3.0, 0.3])[None] ** 2
     hold.add(replace(tracks(1), state=state, covariance=covariance), 0.99)
@@ -210,12 +211,13 @@ def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
     assert len(hold.released) == 0, "it is no new track"
 
 
-SLOW = SpeedPrior(8.0, 10.0)
-"""Under this prior the tracks of `support.held`, at 5 m/s, count as standing still."""
+LONG = CommonOptions(hold_time=1e6)
+SLOW = replace(LONG, min_speed=8.0)
+"""Under these options the tracks of `support.held`, at 5 m/s, count as standing still."""
 
 
-def holding(*track_ids: int, prior: SpeedPrior = SLOW, hold_time: float = 1e6) -> TrackMaintenance:
-    hold = TrackMaintenance(hold_time, speed_prior=prior)
+def holding(*track_ids: int, options: CommonOptions = SLOW) -> TrackMaintenance:
+    hold = TrackMaintenance(options)
     hold.add(tracks(*track_ids), 0.9)
     return hold
 
@@ -225,7 +227,7 @@ def echoes(hold: TrackMaintenance) -> list[int]:
 
 
 def test_the_end_of_what_was_never_published_is_not_told():
-    hold = holding(1, 2, hold_time=30.0)
+    hold = holding(1, 2, options=replace(SLOW, hold_time=30.0))
     for scan in range(1, 60):
         step(hold, 12.0 * scan, detectable=P_D)
         assert hold.ended == {}
@@ -237,8 +239,8 @@ def test_the_end_of_what_was_never_published_is_not_told():
 
 
 def test_min_speed_does_not_take_back_what_was_published():
-    hold = holding(1, prior=SpeedPrior())
-    hold.speed_prior = SLOW
+    hold = holding(1, options=LONG)
+    hold.options = SLOW
     step(hold, 12.0)
     assert (published(hold), echoes(hold)) == ([1], [])
     assert hold.current.stationary_probability[0] > 0.5
@@ -252,7 +254,7 @@ def test_a_downstream_tracker_does_not_decline_what_it_never_heard_of():
             hold.follow(stamp, TrackArrays.of([]))
     assert len(hold.held) == 1
     # Its time begins when the track is published.
-    hold.speed_prior = SpeedPrior()
+    hold.options = LONG
     step(hold, 160.0, detections([[2800.0, 1000.0]], 160.0, 400.0), P_D)
     assert published(hold) == [1]
     hold.follow(200.0, TrackArrays.of([]))
@@ -272,7 +274,7 @@ def test_a_fixed_echo_outside_the_coverage_is_remembered_as_it_is_and_never_publ
     assert after.track_id.tolist() == [1]
     np.testing.assert_allclose(after.state, before.state, rtol=1e-9)
     np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-6)
-    hold.speed_prior = SpeedPrior()
+    hold.options = LONG
     step(hold, 6012.0, detectable=0.0)
     assert len(hold.released) == len(hold.current) == len(hold.held) == 0
 
@@ -285,21 +287,21 @@ def test_an_existence_that_is_not_known_leaves_the_others_their_probability_to_s
 
 
 def test_what_is_held_back_claims_its_detections_as_every_held_track_does():
-    back, shown = holding(1), holding(1, prior=SpeedPrior())
+    back, shown = holding(1), holding(1, options=LONG)
     assert (published(back), published(shown)) == ([], [1])
     scan = detections([[2060.0, 1000.0], [2000.0, 9000.0]], 12.0)
     np.testing.assert_array_equal(step(back, 12.0, scan, P_D), step(shown, 12.0, scan, P_D))
     for one, other in zip(back.held_association, shown.held_association, strict=True):
         np.testing.assert_array_equal(one, other)
-    assert back.held_association.probability[0] > 0.9
+    assert back.held_association[1][0] > 0.9
     assert (published(back), echoes(back)) == ([], [1])
 
 
 def test_what_exists_hardly_is_neither_published_nor_a_fixed_echo():
-    hold = TrackMaintenance(1e6, speed_prior=SLOW)
+    hold = TrackMaintenance(SLOW)
     hold.add(tracks(1), 0.3)
     assert echoes(hold) == []
-    hold.speed_prior = SpeedPrior()
+    hold.options = LONG
     step(hold, 1.0)
     assert (published(hold), len(hold.held)) == ([], 1)
 

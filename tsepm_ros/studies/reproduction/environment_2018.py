@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.studies.reproduction import published
 from tsepm_ros.studies.reproduction.report import (
-    FAILS,
-    HOLDS,
     Cell,
     Line,
     Panel,
@@ -24,6 +20,12 @@ from tsepm_ros.studies.reproduction.report import (
 from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion
 from tsepm_ros.tracker.maintenance.features import closest_approach, distance_at
 from tsepm_ros.tracker.measurement import decision
+
+ENCOUNTER = ((18_000.0, 187.0, 6.0, 330.0), (17_000.0, 189.0, 4.0, 190.0))
+"""Targets A and B of Fig. 4: distance (m), azimuth (degrees), speed (m/s), heading (degrees)."""
+ENVIRONMENT_TABLE_1 = ((16.038, 7.500), (22.449, 1.090))
+"""Feature distances of plots 1 and 2 to the tracks A and B, to which they are said to belong."""
+
 
 FEATURES = 3
 TRIALS = 50
@@ -50,7 +52,7 @@ def encounter(azimuth_from: str = "y") -> FloatArray:
         Whether the azimuths of the positions are clockwise from north, as the headings, or
         counter-clockwise from the x axis.
     """
-    distance, azimuth, speed, heading = np.array(published.ENCOUNTER).T
+    distance, azimuth, speed, heading = np.array(ENCOUNTER).T
     azimuth, heading = np.radians(azimuth), np.radians(heading)
     first, second = np.sin(azimuth), np.cos(azimuth)
     x, y = (first, second) if azimuth_from == "y" else (second, first)
@@ -59,71 +61,46 @@ def encounter(azimuth_from: str = "y") -> FloatArray:
     )
 
 
-@dataclass(frozen=True)
-class Equations:
-    """A reading of Eqs. 2, 8 and 9.
-
-    Attributes
-    ----------
-    name : str
-    slope : callable
-        Numerator and denominator of Eq. 2 from the targets' velocities (2, 2) as x, y.
-    quadrants : bool
-        Whether both arctangents take account of the quadrant.
-    time : callable
-        T_cpa from ``R cos(phi_r - theta) / v_r``.
-    """
-
-    name: str
-    slope: Callable[[FloatArray], tuple[float, float]]
-    quadrants: bool
-    time: Callable[[FloatArray], FloatArray]
-
-    def times(self, states: FloatArray, times: FloatArray) -> FloatArray:
-        """T_cpa (s) at each time (n,) of two targets (2, 4), Eqs. 1-9."""
-        velocity = states[:, 1::2]
-        position = states[1, 0::2] - states[0, 0::2]
-        relative = velocity[1] - velocity[0]
-        x, y = (position + times[:, None] * relative).T  # Eqs. 5 and 6
-        across, along = self.slope(velocity)
-        direction = np.arctan2(across, along) - np.arctan2(x, y)
-        if not self.quadrants:
-            direction = np.arctan(across / along) - np.arctan(x / y)
-        along_course = np.hypot(x, y) * np.cos(direction) / np.hypot(*relative)  # Eqs. 1 and 7
-        return np.asarray(self.time(along_course))
-
-
 SLOPES: dict[str, Callable[[FloatArray], tuple[float, float]]] = {
     "Eq. 2 as printed": lambda v: (v[1, 1] * v[0, 1], v[1, 0] - v[0, 0]),
     "Eq. 2 with its minus": lambda v: (v[1, 1] - v[0, 1], v[1, 0] - v[0, 0]),
     "phi_r from y": lambda v: (v[1, 0] - v[0, 0], v[1, 1] - v[0, 1]),
 }
-"""Numerator and denominator of Eq. 2 from the velocities of both targets (2, 2)."""
-_AS_PRINTED, _WITH_MINUS, _FROM_NORTH = SLOPES.values()
+"""Numerator and denominator of Eq. 2 from the velocities of both targets (2, 2), as x, y."""
+ANGLES = {"without quadrants": False, "with quadrants": True}
+"""Whether the arctangents of Eqs. 2 and 8 take account of the quadrant."""
+SIGNS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "with bars": np.abs,
+    "without bars": np.positive,
+    "with a minus instead of bars": np.negative,
+}
+"""T_cpa of Eq. 9 from ``R cos(phi_r - theta) / v_r``."""
+_AS_PRINTED, _WITH_MINUS, _FROM_NORTH = SLOPES
+PICTURED = {
+    "as printed": (_AS_PRINTED, "without quadrants", "with bars"),
+    "Eq. 2 with its minus": (_WITH_MINUS, "without quadrants", "with bars"),
+    "and phi_r from y, as theta": (_FROM_NORTH, "without quadrants", "with bars"),
+    "and without the bars": (_FROM_NORTH, "without quadrants", "without bars"),
+    "and with quadrants": (_FROM_NORTH, "with quadrants", "without bars"),
+    "with all corrections": (_FROM_NORTH, "with quadrants", "with a minus instead of bars"),
+}
+"""Readings of the picture; each adds a correction to the previous reading."""
 
-EQUATIONS = (
-    Equations("as printed", _AS_PRINTED, False, np.abs),
-    Equations("Eq. 2 with its minus", _WITH_MINUS, False, np.abs),
-    Equations("and phi_r from y, as theta", _FROM_NORTH, False, np.abs),
-    Equations("and without the bars", _FROM_NORTH, False, np.positive),
-    Equations("and with quadrants", _FROM_NORTH, True, np.positive),
-    Equations("with all corrections", _FROM_NORTH, True, np.negative),
-)
-"""Readings; each adds a correction to the previous reading."""
 
-
-def all_equations() -> list[Equations]:
-    """Every combination of the readings of Eqs. 2, 8 and 9."""
-    angles = {"without quadrants": False, "with quadrants": True}
-    signs = {
-        "with bars": np.abs,
-        "without bars": np.positive,
-        "with a minus instead of bars": np.negative,
-    }
-    return [
-        Equations(", ".join(names), SLOPES[names[0]], angles[names[1]], signs[names[2]])
-        for names in itertools.product(SLOPES, angles, signs)
-    ]
+def time_of_closest_approach(
+    states: FloatArray, times: FloatArray, reading: tuple[str, str, str]
+) -> FloatArray:
+    """T_cpa (s) at each time (n,) of two targets (2, 4) by a reading of Eqs. 1-9."""
+    slope, angles, sign = reading
+    velocity = states[:, 1::2]
+    relative = velocity[1] - velocity[0]
+    x, y = (states[1, 0::2] - states[0, 0::2] + times[:, None] * relative).T  # Eqs. 5 and 6
+    across, along = SLOPES[slope](velocity)
+    direction = np.arctan2(across, along) - np.arctan2(x, y)
+    if not ANGLES[angles]:
+        direction = np.arctan(across / along) - np.arctan(x / y)
+    along_course = np.hypot(x, y) * np.cos(direction) / np.hypot(*relative)  # Eqs. 1 and 7
+    return np.asarray(SIGNS[sign](along_course))
 
 
 def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
@@ -136,7 +113,7 @@ def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
         (np.diff(size[before]) <= 0.0).all(),
         (np.diff(size[after]) >= 0.0).all(),
     )
-    return HOLDS if all(conditions) else FAILS
+    return "holds" if all(conditions) else "does not hold"
 
 
 def _encounter_parts() -> list[Part]:
@@ -149,13 +126,18 @@ def _encounter_parts() -> list[Part]:
         [closest_approach(*_moved(states, elapsed))[0] for elapsed in times], np.float64
     )
     curves = {"closest approach, -r.v / |v|^2": exact}
-    curves |= {equations.name: equations.times(states, times) for equations in EQUATIONS}
-    rows = [_figure_4_row(name, times, values, time) for name, values in curves.items()]
-    combinations = all_equations()
+    curves |= {
+        name: time_of_closest_approach(states, times, reading) for name, reading in PICTURED.items()
+    }
+    rows = [
+        _figure_4_row(name, times, curves[name], time)
+        for name in ("closest approach, -r.v / |v|^2", "as printed", "with all corrections")
+    ]
+    readings = list(itertools.product(SLOPES, ANGLES, SIGNS))
     valid = [
-        equations
-        for equations in combinations
-        if holds(times, equations.times(states, times), time) == HOLDS
+        ", ".join(reading)
+        for reading in readings
+        if holds(times, time_of_closest_approach(states, times, reading), time) == "holds"
     ]
     return [
         "### Fig. 4: the time of closest approach",
@@ -165,8 +147,7 @@ def _encounter_parts() -> list[Part]:
         f"{-float(separating[0]):.0f} s before). The text's t_c is at least 0, gets smaller, is "
         "below 0 when the targets separate, and then grows in size. The last line of the "
         "table corrects Eqs. 2, 8 and 9. Of all "
-        f"{len(combinations)} combinations this holds for: "
-        f"{'; '.join(equations.name for equations in valid)}.",
+        f"{len(readings)} combinations this holds for: {'; '.join(valid)}.",
         Table(
             "environment_2018_figure_4",
             {
@@ -178,7 +159,6 @@ def _encounter_parts() -> list[Part]:
                 "the text's description": "",
             },
             rows,
-            [*rows[:2], rows[-1]],
         ),
         _figure_4(states, times, curves, time),
     ]
@@ -292,7 +272,7 @@ def decide(
 
 
 def _decision_parts(setting: Setting) -> list[Part]:
-    table = np.array(published.ENVIRONMENT_TABLE_1)
+    table = np.array(ENVIRONMENT_TABLE_1)
     each, pairs = smallest(table)
     rng = np.random.default_rng(setting.seed)
     trials = TRIALS * setting.runs
@@ -322,7 +302,6 @@ def _decision_parts(setting: Setting) -> list[Part]:
             },
             rows,
             [row for row in rows if row[0] != "3, 3" and row[1] in (1.0, 2.0)],
-            bounds=False,
         ),
         "With unequal histories the longer history attracts all plots.",
     ]

@@ -1,4 +1,4 @@
-"""Simulated runs of the reproductions: scenes, methods and counts.
+"""Tracks started in simulated scenes, and the runs of TSEPM 2018: its numbers, scenes and counts.
 
 A run function takes a case and a seed, and returns its numbers by name. A method that differs from
 the package's in one step is here too: the gate, the evaluation or the merging of TSEPM 2018 read
@@ -8,7 +8,6 @@ in another way.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,26 +20,9 @@ from numpy.typing import NDArray
 
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_distance
-from tsepm_ros.studies import sequential
-from tsepm_ros.studies.reproduction import published
-from tsepm_ros.studies.reproduction.published import (
-    COORDINATE,
-    FIGURE_7_DENSITY,
-    GATE_FACTOR,
-    GATE_PROBABILITY,
-    MAX_SPEED,
-    PERIOD,
-    RANGE_ERROR_FRACTION,
-    TABLE_1,
-    TABLE_1_DENSITY,
-    Table1Row,
-)
 from tsepm_ros.studies.reproduction.report import Result
-from tsepm_ros.studies.sequential import SequentialOptions
-from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
-from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tools.evaluation.simulated_run import (
     Judged,
     Outcome,
@@ -48,16 +30,14 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     measurement_sigma,
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
-from tsepm_ros.tools.simulation.scenario import WaypointMotion
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.initial_state import position_covariances_at, positions_at
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated, gate_within
 from tsepm_ros.tracker.tracker import Tracker
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 AS_GIVEN: Mapping[str, Any] = MappingProxyType(
     {
@@ -95,23 +75,26 @@ class Started:
         count = int(self.tracks.hit_count.max(initial=0))
         return np.array(self.tracks.hits, np.int64).reshape(len(self.tracks), count, 2)
 
+    def of_hits(self, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Values of each track's hits, (n, m), of values of the detections of each scan."""
+        offsets, hits = np.cumsum([0, *map(len, values)]), self.hits
+        return np.concatenate(values)[offsets[hits[..., 0]] + hits[..., 1]]
+
     def origins(self) -> IntArray:
         """Target of each track's hits, (n, m)."""
-        offsets = np.cumsum([0, *map(len, self.scene.origins)])
-        hits = self.hits
-        origin = np.concatenate([*self.scene.origins, np.zeros(0, np.int64)])
-        return origin[offsets[hits[..., 0]] + hits[..., 1]]
+        return self.of_hits(self.scene.origins)
 
-    def from_targets(self) -> IntArray:
-        """Rows of the tracks that have more than half of their hits from one target."""
+    def from_targets(self) -> BoolArray:
+        """Whether each track has more than half of its hits from one target, (n,)."""
         origins = self.origins()
         same = (origins[:, :, None] == origins[:, None, :]).sum(axis=2)
         max_hits = np.where(origins == CLUTTER, 0, same).max(axis=1, initial=0)
-        return np.flatnonzero(2 * max_hits > origins.shape[1])
+        return np.asarray(2 * max_hits > origins.shape[1])
 
     def judged(self) -> list[Judged]:
         """Judgements of the tracks from targets; all other tracks are false."""
-        return self.scene.judge([self.tracks[int(row)] for row in self.from_targets()])
+        rows = np.flatnonzero(self.from_targets())
+        return self.scene.judge([self.tracks[int(row)] for row in rows])
 
     def counts(self) -> tuple[int, int]:
         """Targets found, and false and misplaced tracks."""
@@ -127,6 +110,64 @@ def first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
         if judgement.outcome is not Outcome.FALSE:
             first.setdefault(judgement.target, judgement)
     return list(first.values())
+
+
+@dataclass(frozen=True)
+class Table1Row:
+    """A row of TSEPM 2018, Table 1: P_F(1), P_F(2), and P_D at p_d = 1.0, 0.9 and 0.8."""
+
+    rule: tuple[int, int]
+    false_before: float
+    false_after: float
+    detection: tuple[float, float, float]
+
+    @property
+    def name(self) -> str:
+        """M/N."""
+        return "{}/{}".format(*self.rule)
+
+
+TABLE_1 = tuple(
+    Table1Row((m, n), before, after, (one, two, three))
+    for m, n, before, after, one, two, three in (
+        (3, 4, 0.1822, 0.1004, 0.9720, 0.8149, 0.6470),
+        (3, 5, 0.3953, 0.1253, 0.9963, 0.8788, 0.7445),
+        (4, 5, 0.0545, 0.0276, 0.9477, 0.7509, 0.5494),
+        (4, 6, 0.1554, 0.0618, 0.9871, 0.8348, 0.6506),
+        (5, 6, 0.0151, 0.0048, 0.9185, 0.6819, 0.4558),
+        (4, 7, 0.2621, 0.1007, 0.9944, 0.8676, 0.7161),
+        (5, 7, 0.0536, 0.0174, 0.9842, 0.8217, 0.6243),
+        (6, 7, 0.0040, 0.0015, 0.8857, 0.6119, 0.3715),
+        (5, 8, 0.1319, 0.0418, 0.9973, 0.8749, 0.7187),
+        (6, 8, 0.0170, 0.0059, 0.9743, 0.7819, 0.5535),
+        (7, 8, 0.0010, 0.0003, 0.8503, 0.5440, 0.2987),
+        (5, 9, 0.3446, 0.0997, 0.9996, 0.8925, 0.7650),
+        (6, 9, 0.0497, 0.0194, 0.9950, 0.8572, 0.6725),
+        (7, 9, 0.0025, 0.0083, 0.9619, 0.7367, 0.4822),
+        (8, 9, 0.0002, 0.0000, 0.8131, 0.4797, 0.2375),
+    )
+)
+TABLE_1_DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
+TABLE_1_DENSITY = 1e-6
+"""1/m^2."""
+TABLE_1_RUNS = 500
+GATE_PROBABILITY = 0.9
+MAX_SPEED = 10.0
+"""m/s."""
+PERIOD = 12.0
+"""s."""
+GATE_FACTOR = 2.146
+"""alpha at 0.9, as printed below Eq. 5."""
+RANGE_ERROR_FRACTION = 0.015
+COORDINATE = 5000.0
+"""Each coordinate of the target's initial position, m."""
+RECOMMENDED = {"5/8", "6/9"}
+"""Rules that the text finds for p_d = 0.9, P_D above 0.85 and P_F below 0.05."""
+
+FIGURE_7_DENSITY = 5e-6
+"""1/m^2; Figs. 5 and 6 state no range of densities, Fig. 8 no density."""
+FIGURE_7_MARKS = (75.0, 120.0)
+"""Measurement errors between which P_D is said to fall."""
 
 
 RULE = (5, 8)
@@ -204,8 +245,9 @@ class Predicted(Tsepm):
             if len(others) > 1:  # two positions at least have a velocity
                 fitted, hit = self.fit(hits[:, others]), hits[:, [place]]
                 time = hit["time"] - self.stamp
-                misfit = hit["position"] - positions_at(fitted.state, time)
-                covariance = position_covariances_at(fitted.covariance, time) + hit["covariance"]
+                misfit = hit["position"] - position_after(fitted.state[:, None], time)
+                covariance = position_covariance_after(fitted.covariance[:, None], time)
+                covariance += hit["covariance"]
                 distances.append(squared_distance(misfit, covariance)[:, 0])
         largest = np.max(distances, axis=0)
         return dataclasses.replace(candidates, distance=largest, evaluation=largest)
@@ -294,6 +336,7 @@ def run_table_1(case: Table1Case, seed: list[int]) -> Result:
 def _table_1_counts(
     scene: SimulatedScene, row: Table1Row, reading: str, as_read: str
 ) -> list[float]:
+    """Counts in the order of `Counted`."""
     min_hits, window = row.rule
     options = TsepmOptions(
         min_hits=min_hits,
@@ -301,10 +344,8 @@ def _table_1_counts(
         gate_probability=GATE_PROBABILITY,
         pruning_reading=reading,
     )
-    method = TSEPM_AS_READ[as_read](
-        scene.scenario.sensor, CommonOptions(max_speed=MAX_SPEED, **AS_GIVEN), options
-    )
-    initiator = Tracker(method)
+    common = CommonOptions(max_speed=MAX_SPEED, **AS_GIVEN)
+    initiator = Tracker(TSEPM_AS_READ[as_read](scene.scenario.sensor, common, options))
     started = Started.on(scene, initiator, window)
     found, wrong = started.counts()
     errors = [
@@ -312,28 +353,18 @@ def _table_1_counts(
         for one in started.judged()
         if one.outcome is Outcome.TRUE
     ]
-    first = _of_first_scan(started)
-    counts: dict[Counted, float] = {
-        Counted.FIRST_SCAN_STARTS: int(np.count_nonzero(scene.origins[0] == CLUTTER)),
-        Counted.FIRST_SCAN_TRACKS: len(first),
-        Counted.STARTS_WITH_TRACK: len(np.unique(first)),
-        Counted.STARTS: initiator.totals.started,
-        Counted.WRONG: wrong,
-        Counted.FOUND: found,
-        Counted.POSITION_ERROR: errors[0][0] if errors else math.nan,
-        Counted.VELOCITY_ERROR: errors[0][1] if errors else math.nan,
-    }
-    return [float(counts[place]) for place in Counted]
-
-
-def _of_first_scan(started: Started) -> np.ndarray:
-    """First hit of each false track that begins with clutter of the first scan."""
-    false = np.ones(len(started.tracks), bool)
-    false[started.from_targets()] = False
-    hits, origins = started.hits, started.origins()
-    if not len(hits):
-        return np.zeros(0, np.int64)
-    return hits[false & (hits[:, 0, 0] == 0) & (origins[:, 0] == CLUTTER), 0, 1]
+    false = ~started.from_targets()
+    begin, origin = started.hits[false, :1], started.origins()[false, :1]
+    first = begin[(begin[..., 0] == 0) & (origin == CLUTTER)][:, 1]  # their clutter of scan 0
+    return [
+        float(np.count_nonzero(scene.origins[0] == CLUTTER)),
+        float(len(first)),
+        float(len(np.unique(first))),
+        float(initiator.totals.started),
+        float(wrong),
+        float(found),
+        *(errors[0] if errors else (math.nan, math.nan)),
+    ]
 
 
 @dataclass(frozen=True)
@@ -458,246 +489,3 @@ def _errors_by_weight(
             x, y = (weighted(group) - truth)[:, 0::2].T
             errors += np.hypot(x, y).tolist()
     return errors
-
-
-class SplitOnly(SplitMerge):
-    """Split-merge 2016 without merging: every confirmed track is an output."""
-
-    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
-        """One track per candidate."""
-        return self.tracks(candidates), 0
-
-
-def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
-    """Count tracks after splitting and after merging.
-
-    Returns after each stage, for the coverage: tracks, and targets found; for the area of interest
-    round each target: all tracks, and tracks that have more than half of their hits from the
-    target.
-    """
-    scene = SimulatedScene.drawn(scenario, seed)
-    min_hits, window = published.TABLE_I_RULE
-    options = SplitMergeOptions(min_hits=min_hits, window=window)
-    results: Result = {}
-    for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
-        initiator = Tracker(method_class(scenario.sensor, CommonOptions(**AS_GIVEN), options))
-        started = Started.on(scene, initiator, scenario.scans)
-        results[name] = [float(len(started.tracks)), float(started.counts()[0])]
-        near = np.zeros(len(started.tracks), bool)
-        near[started.from_targets()] = True
-        inside = [_inside(started, target) for target in range(len(scene.simulator.targets))]
-        results[f"{name} areas"] = [float(rows.sum()) for rows in inside]
-        results[f"{name} near"] = [float((rows & near).sum()) for rows in inside]
-    return results
-
-
-def _inside(started: Started, target: int) -> NDArray[np.bool_]:
-    """Tracks all of whose hits lie in the area of interest round a target in mid run."""
-    scene = started.scene
-    half = 0.5 * published.AREA_SIDE
-    centre = scene.simulator.truth(0.5 * scene.scenario.duration)[target, 0::2]
-    inside = [
-        (np.abs(x - centre[0]) <= half) & (np.abs(y - centre[1]) <= half)
-        for x, y in (
-            (scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth))
-            for scan in scene.scans
-        )
-    ]
-    offsets = np.cumsum([0, *map(len, inside)])
-    hits = started.hits
-    within = np.concatenate(inside)[offsets[hits[..., 0]] + hits[..., 1]]
-    return np.asarray(within.all(axis=1))
-
-
-DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
-ASSUMED = 0.9
-"""Detection probability of the scene with the listed interval."""
-TURN_RADIUS = 1.0
-"""Turn radius of the platform at a corner, m; the published platform turns on the spot."""
-
-
-MATCHINGS = {
-    "nearest pair first": "nearest",
-    "oldest track first": "oldest",
-    "by several tracks": "shared",
-}
-"""Values of `SequentialOptions.matching`, in the words of the tables."""
-GATES = ("range", "major_axis")
-MATCHED = tuple(itertools.product(GATES, MATCHINGS))
-"""Meaning of sigma in Eq. 7, and track of a detection that several tracks match (Step 3)."""
-DEFAULT_READING = (GATES[0], "oldest track first")
-"""The default reading of the method."""
-
-
-def hexagon_case(period: float, detection_probability: float) -> Scenario:
-    """The scene of Section 5, from time 0 to two minutes; every run draws the targets' headings.
-
-    Parameters
-    ----------
-    period : float
-        s.
-    detection_probability : float
-    """
-    half = 0.5 * published.SQUARE_SIDE
-    corners = ((-half, -half), (half, -half), (half, half), (-half, half))
-    sensor = SensorModel(
-        range_std_fraction=published.SEQUENTIAL_RANGE_ERROR_FRACTION,
-        azimuth_std=math.radians(published.ANGLE_ERROR_DEG),
-        max_range=published.MAX_RANGE,
-        detection_probability=detection_probability,
-        clutter_density=published.CLUTTER / (math.pi * published.MAX_RANGE**2),
-    )
-    return Scenario(
-        "sequential_2014",
-        scans=1 + int(published.DURATION // period),
-        period=period,
-        sensor=sensor,
-        own_ship=WaypointMotion(
-            corners, published.PLATFORM_SPEED, published.PLATFORM_SPEED / TURN_RADIUS, True
-        ),
-    )
-
-
-def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
-    """States of the targets, with headings drawn."""
-    azimuth = np.arange(published.TARGETS) * 2.0 * np.pi / published.TARGETS
-    heading = rng.uniform(-np.pi, np.pi, published.TARGETS)
-    x, y = published.DISTANCE * np.array([np.cos(azimuth), np.sin(azimuth)])
-    vx, vy = published.TARGET_SPEED * np.array([np.cos(heading), np.sin(heading)])
-    return tuple(np.stack([x, vx, y, vy], axis=1))
-
-
-def hexagon_cases() -> dict[tuple[float, float], Scenario]:
-    """Scenes by interval (s) and p_d; the source leaves both open."""
-    text_period, list_period = published.PERIODS
-    keys = [(text_period, p_d) for p_d in DETECTION_PROBABILITIES]
-    return {key: hexagon_case(*key) for key in (*keys, (list_period, ASSUMED))}
-
-
-def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
-    """Start tracks by every reading.
-
-    Returns cumulative counts per reading and scan: targets with a true track; targets with a track
-    that has more than half of its hits from the target; all tracks. For the second kind of tracks
-    of the default reading it also returns the errors of each estimator, and the bounds.
-    """
-    scene = _hexagon_scene(scenario, seed)
-    results: Result = {}
-    for gate, matching in MATCHED:
-        method = sequential.Sequential(
-            scenario.sensor,
-            CommonOptions(max_speed=published.SEQUENTIAL_MAX_SPEED, **AS_GIVEN),
-            SequentialOptions(gate_error=gate, matching=MATCHINGS[matching]),
-        )
-        started = Started.on(scene, Tracker(method), scenario.scans)
-        judged = started.judged()
-        results |= _counts_by_scan(started, f"{gate}, {matching}", judged)
-        if (gate, matching) == DEFAULT_READING:
-            results |= errors(started, first_of_each_target(judged))
-    return results
-
-
-def _counts_by_scan(started: Started, name: str, judged: Sequence[Judged]) -> Result:
-    """Counts by the end of each scan: true tracks, first tracks of targets, all tracks."""
-    scenario = started.scene.scenario
-    true = [one for one in judged if one.outcome is Outcome.TRUE]
-    stamps = {
-        "true": [one.track.stamp for one in true],
-        "near": [one.track.stamp for one in first_of_each_target(judged)],
-        "all": started.tracks.stamp.tolist(),
-    }
-    counts = {}
-    for kind, values in stamps.items():
-        scan = np.round(np.array(values) / scenario.period)
-        number = np.histogram(scan, np.arange(scenario.scans + 1) - 0.5)[0]
-        counts[f"{name}: {kind}"] = np.cumsum(number).astype(float).tolist()
-    return counts
-
-
-SIX_OF_TEN = {"min_hits": 6, "window": 10}
-WIDER = {**SIX_OF_TEN, "gate_sigmas": 2.0}
-CONVENTIONAL: dict[str, tuple[str, dict[str, Any]]] = {
-    "heuristic, as printed": ("heuristic", {}),
-    "heuristic, 6/10, 2 sigma": ("heuristic", {**WIDER, "max_acceleration": 2.0}),
-    "logic, 6/10": ("logic", SIX_OF_TEN),
-    "logic, ends when missed": ("logic", {"missed": "ends"}),
-    "modified Hough, as printed": ("modified_hough", {}),
-    "modified Hough, 6/10, 2 sigma": ("modified_hough", {**WIDER, "max_turn": 1.0}),
-    "Hough, 15 angles, 900 m": ("hough", {**SIX_OF_TEN, "angles": 15, "cell": 900.0}),
-    "Hough, 45 angles, 300 m": ("hough", {**SIX_OF_TEN, "angles": 45, "cell": 300.0}),
-    "Hough, 90 angles, 150 m": ("hough", {**SIX_OF_TEN, "angles": 90, "cell": 150.0}),
-    "Hough, 180 angles, 50 m": ("hough", {**SIX_OF_TEN, "angles": 180, "cell": 50.0}),
-    "two points": ("sequential", {"min_hits": 2, "window": 2}),
-    "sequential": ("sequential", {}),
-}
-"""Methods in the scene of 2014 that the source finds unsuitable, and its own."""
-
-
-def run_conventional(scenario: Scenario, seed: list[int]) -> Result:
-    """Start tracks by the conventional methods: counts by scan, and errors of the position, m."""
-    scene = _hexagon_scene(scenario, seed)
-    results: Result = {}
-    for name, (method, options) in CONVENTIONAL.items():
-        speed = published.SEQUENTIAL_MAX_SPEED
-        given = {"max_speed": speed, **AS_GIVEN, **options}
-        initiator = make_initiator(method, sensor=scenario.sensor, **given)
-        started = Started.on(scene, initiator, scenario.scans)
-        judged = scene.judge(list(started.tracks))  # lines of Hough have any number of hits
-        results |= _counts_by_scan(started, name, judged)
-        results[name] = [float(one.position_error) for one in first_of_each_target(judged)]
-    return results
-
-
-def _hexagon_scene(scenario: Scenario, seed: list[int]) -> SimulatedScene:
-    """The scene with headings drawn."""
-    targets = hexagon(np.random.default_rng([*seed, 1]))
-    return SimulatedScene.drawn(dataclasses.replace(scenario, targets=targets), seed)
-
-
-def errors(started: Started, judged: list[Judged]) -> Result:
-    """Errors of the estimators on the same hits, and their Cramer-Rao bounds.
-
-    Returns
-    -------
-    dict
-        Per estimator: distance (m), length of the velocity's error (m/s), speed less the true one
-        (m/s), angle between the velocities (degrees), of each track in turn; and of each track the
-        Cramer-Rao bounds of mean square distance (m^2) and velocity error (m^2/s^2), and whether
-        all hits are the target's.
-    """
-    scene = started.scene
-    results: Result = {name: [] for name in (*sequential.ESTIMATORS, "bound")}
-    for judgement in judged:
-        truth = scene.simulator.truth(judgement.track.stamp)[judgement.target]
-        for name in sequential.ESTIMATORS:
-            results[name] += _errors(_estimated(scene, judgement.track, name) - truth, truth)
-        results["bound"] += [*_bound(scene, judgement), float(judgement.pure)]
-    return results
-
-
-def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
-    sensor = scene.scenario.sensor
-    hits = np.array([convert(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits])
-    noise = SequentialOptions().process_noise
-    return sequential.estimate(hits[None], track.stamp, sensor, estimator, noise).state[0]
-
-
-def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
-    true, estimated = truth[1::2], truth[1::2] + error[1::2]
-    angle = math.atan2(true[0] * estimated[1] - true[1] * estimated[0], float(true @ estimated))
-    return [
-        float(np.hypot(error[0], error[2])),
-        float(np.hypot(error[1], error[3])),
-        float(np.hypot(*estimated) - np.hypot(*true)),
-        abs(math.degrees(angle)),
-    ]
-
-
-def _bound(scene: SimulatedScene, judgement: Judged) -> list[float]:
-    """Bounds of the mean square errors at the hits' times, all taken as the target's."""
-    stamps = np.array([scene.scans[scan].stamp for scan, _ in judgement.track.hits])
-    scenario = scene.scenario
-    positions = np.array([scene.simulator.truth(t)[judgement.target, 0::2] for t in stamps])
-    own_ship = np.array([scenario.own_ship.pose(t)[:2] for t in stamps])
-    bound = cramer_rao(positions, stamps, own_ship, scenario.sensor, judgement.track.stamp)
-    return [float(np.trace(bound[place::2, place::2])) for place in (0, 1)]

@@ -1,8 +1,7 @@
-"""The command `tsepm reproduce`: stored runs, their paired comparison, and the report.
+"""The command `tsepm reproduce`: stored runs, and the report.
 
-Seeded runs are stored in files, so that an interrupted reproduction goes on. Ratios and
-differences over paired runs give the verdicts on published claims. Texts, tables and pictures
-become Markdown, CSV and PNG files.
+Seeded runs are stored in files, so that an interrupted reproduction goes on. Texts, tables and
+pictures become Markdown, CSV and PNG files.
 
 A new source is a module of this package with a function ``reproduce(setting)``, which returns the
 parts of its chapter, and a row in `SOURCES`.
@@ -13,23 +12,19 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
-import inspect
 import math
 import pkgutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import tsepm_ros
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.commands.arguments import add_out, add_runs, workers_of
-from tsepm_ros.tools.evaluation.intervals import Z_95, Estimate, error_bars, mean
+from tsepm_ros.tools.commands.arguments import add_out, add_runs
+from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
 from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.terminal import Progress, markdown_table, silent, with_progress
 from tsepm_ros.whole_files import opened_whole, write_text, written_whole
 
@@ -57,7 +52,7 @@ class Setting:
         Folder of the stored runs.
     runs, seed : int
         Run i is seeded with (seed, i) on every worker.
-    workers : Workers
+    processes : int
     progress : callable
         Shows the progress of the missing runs.
     """
@@ -65,7 +60,7 @@ class Setting:
     folder: Path
     runs: int
     seed: int = 1
-    workers: Workers = field(default_factory=Workers)
+    processes: int = 1
     progress: Progress = silent
 
     def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
@@ -84,16 +79,16 @@ class Setting:
         """
         files = [self._file(function, case) for case in cases]
 
-        def results_of(missing: list[tuple[int, int]]) -> Iterator[Result]:
-            jobs = [(function, cases[place], [self.seed, index]) for place, index in missing]
-            return self.workers.mapped(_run, jobs)
+        def job_of(case: int, index: int) -> tuple[RunFunction, Any, list[int]]:
+            return function, cases[case], [self.seed, index]
 
-        complete(files, self.runs, results_of, self.progress)
-        return [[file.results[index] for index in range(self.runs)] for file in files]
+        return complete(
+            files, self.runs, _run, job_of, processes=self.processes, progress=self.progress
+        )
 
     def _file(self, function: RunFunction, case: Any) -> RunFile:
         header = {
-            "version": code_key(Path(inspect.getfile(function))),
+            "version": code_key(),
             "function": function.__name__,
             "case": dataclasses.asdict(case),
             "seed": self.seed,
@@ -109,96 +104,6 @@ def _run(job: tuple[RunFunction, Any, list[int]]) -> Result:
 def column(runs: Sequence[Result], name: str, place: int) -> np.ndarray:
     """One number of every run, (runs,)."""
     return np.array([run[name][place] for run in runs], float)
-
-
-MAX_MEAN_WITHOUT_EVENT = -math.log(0.025)
-"""Upper bound of a Poisson mean without an event, of the two-sided 95 % interval."""
-HOLDS, FAILS, OPEN = "holds", "does not hold", "undecided"
-
-
-def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:
-    """Ratio of two sums of counts over independent runs, with the interval of the delta method."""
-    value, influence = _linear(part, whole)
-    if value == 0.0:  # Garwood's bound of no event
-        return Estimate(0.0, 0.0, MAX_MEAN_WITHOUT_EVENT / float(np.sum(whole)))
-    estimate = _around(value, influence)
-    return Estimate(value, max(estimate.low, 0.0), estimate.high)
-
-
-def ratio_difference(
-    one: tuple[ArrayLike, ArrayLike], other: tuple[ArrayLike, ArrayLike]
-) -> Estimate:
-    """Difference of two ratios, `one` minus `other`, over the same runs."""
-    first, influence = _linear(*one)
-    second, other_influence = _linear(*other)
-    return _around(first - second, influence - other_influence)
-
-
-def _linear(part: ArrayLike, whole: ArrayLike) -> tuple[float, FloatArray]:
-    """Ratio of two sums, and the influence of each run on it."""
-    a, b = np.asarray(part, float), np.asarray(whole, float)
-    if not b.sum() > 0.0:
-        return math.nan, np.zeros(len(b))
-    value = float(a.sum() / b.sum())
-    return value, (a - value * b) / b.mean()
-
-
-def _around(value: float, influence: FloatArray) -> Estimate:
-    half = math.nan
-    if len(influence) > 1:
-        half = Z_95 * float(influence.std(ddof=1)) / math.sqrt(len(influence))
-    return Estimate(value, value - half, value + half)
-
-
-def share_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
-    """Difference of two shares over the same runs, with Bonett and Price's interval.
-
-    "Adjusted Wald confidence interval for a difference of binomial proportions based on paired
-    data", J. Educ. Behav. Stat. 37(4), 2012: one run is added for each kind of difference,
-    so that equal runs have an interval too.
-    """
-    first, second = np.asarray(one, bool), np.asarray(other, bool)
-    n = len(first) + 2
-    up = (np.count_nonzero(first & ~second) + 1) / n
-    down = (np.count_nonzero(~first & second) + 1) / n
-    half = Z_95 * math.sqrt((up + down - (up - down) ** 2) / n)
-    value = float(first.mean() - second.mean())
-    return Estimate(value, max(up - down - half, -1.0), min(up - down + half, 1.0))
-
-
-def mean_difference(one: ArrayLike, other: ArrayLike) -> Estimate:
-    """Difference of two means over the same runs."""
-    return mean(np.asarray(one, float) - np.asarray(other, float))
-
-
-def is_below(difference: Estimate) -> str:
-    """Whether a difference is below 0, by its interval."""
-    if difference.high < 0.0:
-        return HOLDS
-    return FAILS if difference.low > 0.0 else OPEN
-
-
-def is_within(difference: Estimate, tolerance: float) -> str:
-    """Whether the size of a difference is within a tolerance, by its interval."""
-    if difference.low > -tolerance and difference.high < tolerance:
-        return HOLDS
-    return FAILS if difference.low > tolerance or difference.high < -tolerance else OPEN
-
-
-def is_not_below(difference: Estimate, tolerance: float) -> str:
-    """Whether a difference is not below 0 by more than a tolerance, by its interval."""
-    if difference.low > -tolerance:
-        return HOLDS
-    return FAILS if difference.high < -tolerance else OPEN
-
-
-def everywhere(verdicts: Sequence[str]) -> str:
-    """Verdict on a claim for all points of a curve, with the number of points where it holds."""
-    counts = {verdict: verdicts.count(verdict) for verdict in (FAILS, OPEN, HOLDS)}
-    worst = next(verdict for verdict, count in counts.items() if count)
-    if counts[worst] == len(verdicts):
-        return worst
-    return f"{worst} ({counts[HOLDS]} of {len(verdicts)} points hold)"
 
 
 Cell = str | int | float | Estimate
@@ -217,8 +122,6 @@ class Table:
     rows : sequence of sequence of Cell
     reported : sequence of sequence of Cell, optional
         The rows that the report shows; all if not given, and no table if there are none.
-    bounds : bool
-        Whether the report shows the intervals, as the file does.
     hidden : sequence of str, optional
         Columns that the report leaves out.
     """
@@ -227,8 +130,12 @@ class Table:
     columns: Mapping[str, str]
     rows: Sequence[Sequence[Cell]]
     reported: Sequence[Sequence[Cell]] | None = None
-    bounds: bool = True
     hidden: Sequence[str] = ()
+
+    def written(self, folder: Path) -> str:
+        """Write the file to a folder, and return the table in Markdown."""
+        self.write_csv(folder / f"{self.name}.csv")
+        return self.markdown()
 
     def markdown(self) -> str:
         """The table in Markdown; empty without rows."""
@@ -245,11 +152,9 @@ class Table:
         return markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
-        """Text of a cell, a dash for nan."""
+        """Text of a cell without its interval, a dash for nan."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
-        if isinstance(cell, Estimate) and self.bounds:
-            return cell.text(spec)
         value = cell.value if isinstance(cell, Estimate) else cell
         return "-" if math.isnan(value) else format(value, spec)
 
@@ -353,28 +258,28 @@ class Picture:
     panels: Sequence[Panel]
     size: tuple[float, float] = (9.0, 4.5)
 
-    def drawn(self, path: Path) -> bool:
-        """Draw it to a file, if matplotlib is installed; returns whether it was drawn."""
+    def written(self, folder: Path) -> str:
+        """Draw it to a file in a folder, and return its line in Markdown, or a note instead."""
         try:
             from matplotlib.backends.backend_agg import FigureCanvasAgg
             from matplotlib.figure import Figure
         except ImportError:
-            return False
+            return f"*{self.caption}: not drawn, since it needs matplotlib (the extra plot)*"
         figure = Figure(figsize=self.size, layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(1, len(self.panels), squeeze=False)[0]
         for panel, axis in zip(self.panels, axes, strict=True):
             panel.draw(axis)
-        with written_whole(path) as temporary:
+        with written_whole(folder / f"{self.name}.png") as temporary:
             figure.savefig(temporary, dpi=100)
-        return True
+        return f"![{self.caption}]({self.name}.png)"
 
 
 Part = str | Table | Picture
 """A part of a chapter; a text is a paragraph in Markdown."""
 
 
-def write(parts: Sequence[Part], report: Path) -> list[Path]:
+def write(parts: Sequence[Part], report: Path) -> None:
     """Write a report, and its tables and pictures beside it.
 
     Parameters
@@ -382,30 +287,10 @@ def write(parts: Sequence[Part], report: Path) -> list[Path]:
     parts : sequence of Part
     report : Path
         The report's file.
-
-    Returns
-    -------
-    list of Path
-        All written files. Without matplotlib the report has a note in place of each picture.
     """
     report.parent.mkdir(parents=True, exist_ok=True)
-    texts, written = [], [report]
-    for part in parts:
-        if isinstance(part, str):
-            texts.append(part)
-            continue
-        path = report.parent / f"{part.name}.{'csv' if isinstance(part, Table) else 'png'}"
-        if isinstance(part, Table):
-            part.write_csv(path)
-            texts.append(part.markdown())
-        elif part.drawn(path):
-            texts.append(f"![{part.caption}]({path.name})")
-        else:
-            texts.append(f"*{part.caption}: not drawn, since it needs matplotlib (the extra plot)*")
-            continue
-        written.append(path)
+    texts = [one if isinstance(one, str) else one.written(report.parent) for one in parts]
     write_text(report, "\n\n".join(filter(None, texts)) + "\n")
-    return written
 
 
 def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
@@ -438,7 +323,7 @@ def run_reproduction(options: argparse.Namespace) -> None:
         folder=options.out / "runs",
         runs=options.runs,
         seed=options.seed,
-        workers=workers_of(options),
+        processes=options.workers,
         progress=with_progress,
     )
     parts: list[Part] = [
@@ -451,5 +336,5 @@ def run_reproduction(options: argparse.Namespace) -> None:
         chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
         told = f"Measured with version {tsepm_ros.__version__}: {options.runs} runs, seed "
         parts += [f"## {SOURCES[name]}", f"{told}{options.seed}.", *chapter(setting)]
-    written = write(parts, options.out / "report.md")
-    print("written: " + ", ".join(map(str, written)))
+    write(parts, options.out / "report.md")
+    print(f"written: {options.out / 'report.md'}, its tables and pictures beside it")

@@ -18,7 +18,7 @@ from typing import TextIO
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.result import ScanResult
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.maintenance import features
 from tsepm_ros.tracker.tracks import TrackArrays

@@ -11,24 +11,19 @@ from typing import Any
 import numpy as np
 import pyproj  # noqa: F401 - of `GeographicReference`: missing at the start, not later
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 
 from msg_adapters import MessageError, message_class, read_own_ship, read_track_cloud
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
-from msg_adapters.track_cloud import track_arrays
-from msg_adapters.track_objects import radar_tracks, tracked_objects
-from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode, refusing
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.running import run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription
+from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
+from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import exchanged
+from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
-from tsepm_ros.settings.settings import TRACK_BRIDGE, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -51,8 +46,8 @@ class TrackBridge(ParameterisedNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_bridge", **node_options)
-        options: BridgeNodeOptions = NodeParameters(self, TRACK_BRIDGE).options[BridgeNodeOptions]
-        self._options, self._warnings = options, ThrottledWarnings(self)
+        options: BridgeNodeOptions = self.options[BridgeNodeOptions]
+        self._options = options
         self._dropped: dict[str, int] = {}
         self._instance = uuid.uuid4()
         self._numbers = nmea.TargetNumbers()
@@ -97,8 +92,7 @@ class TrackBridge(ParameterisedNode):
         if not self._options.origin:
             self.create_subscription(NavSatFix, FIX, self._take_fix, NEWEST)
         # A node without a timer might never notice that the context was shut down by a signal.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CHECK_PERIOD, lambda: None, clock=steady)
+        self.steady_timer(CHECK_PERIOD, lambda: None)
 
     def destroy_node(self) -> None:
         """Destroy the node and close its socket."""
@@ -111,7 +105,7 @@ class TrackBridge(ParameterisedNode):
     def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not handed on, and say why."""
         self._dropped[reason] = self._dropped.get(reason, 0) + number
-        self._warnings.warn(reason, f"{sentence} ({self._dropped[reason]} so far)", 0)
+        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
 
     def _take(self, cloud: PointCloud2) -> None:
         """Hand on the tracks that are held after a ping, if somebody takes them now."""

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import shipped_scenarios
 
 
@@ -55,11 +54,6 @@ def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") 
         ("--workers", positive, cores, "processes; default one per core"),
     ):
         parser.add_argument(name, type=kind, default=default, help=text)
-
-
-def workers_of(options: argparse.Namespace) -> Workers:
-    """Workers of the runs, from `add_runs`."""
-    return Workers(processes=options.workers)
 
 
 def add_out(parser: argparse.ArgumentParser, folder: str) -> None:

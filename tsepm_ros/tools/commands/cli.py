@@ -15,7 +15,7 @@ from typing import Any
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination
 from tsepm_ros.methods.registry import METHODS, method_class
-from tsepm_ros.settings.parameter_files import ANY_NODE, as_markdown, as_page, as_yaml
+from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.commands.arguments import CommandFailed
 from tsepm_ros.tools.commands.design_command import add_design_arguments, run_design
@@ -38,12 +38,6 @@ REPRODUCTION = "tsepm_ros.studies.reproduction.report"
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
-STUDY = (
-    "tsepm study is now tsepm evaluate with one operating point: "
-    "tsepm evaluate SCENARIO --method METHOD -p OPTION:=VALUE"
-)
-"""The sentence on a former command, until the next release."""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
@@ -59,9 +53,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if list(arguments[:1]) == ["study"]:
-        print(f"refused: {STUDY}", file=sys.stderr)
-        return 2
     options = _parser().parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
@@ -113,19 +104,13 @@ def _methods(options: argparse.Namespace) -> None:
 def _add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
     names = [*sorted(NODES), "all"]
     parser.add_argument("node", nargs="?", choices=names, default="track_initiator")
-    parser.add_argument("--markdown", action="store_true", help="tables instead of YAML")
 
 
 def _parameters(options: argparse.Namespace) -> None:
     nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
-    if not options.markdown:
-        keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
-        files = [as_yaml(node, groups, keys[node]) for node, groups in nodes.items()]
-        print("\n".join(files), end="")
-    elif options.node == "all":
-        print(as_page(NODES), end="")
-    else:
-        print(as_markdown(NODES[options.node]), end="")
+    keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
+    files = [as_yaml(node, groups, keys[node]) for node, groups in nodes.items()]
+    print("\n".join(files), end="")
 
 
 def _add_ros_arguments(parser: argparse.ArgumentParser) -> None:
@@ -143,7 +128,7 @@ def _add_health_arguments(parser: argparse.ArgumentParser) -> None:
 def _live(make: str, options: argparse.Namespace, *arguments: Any) -> Any:
     """Run a node of the commands on live topics to its end, and return it."""
     try:
-        from tsepm_ros.nodes.running import run
+        from tsepm_ros.nodes.base_node import run
 
         kind = pkgutil.resolve_name(f"tsepm_ros.tools.live_commands:{make}")
     except ImportError as error:

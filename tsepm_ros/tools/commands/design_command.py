@@ -7,40 +7,35 @@ import dataclasses
 import math
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-
-import yaml
 
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.parameters import Value
 from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.settings.parameter_files import ANY_NODE, add_values, given_values, parse_values
+from tsepm_ros.settings.parameter_files import add_values, given_values, parse_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     add_arguments,
     add_runs,
     positive,
-    workers_of,
 )
-from tsepm_ros.tools.design import search
-from tsepm_ros.tools.design.prediction import Case, target_scenes
-from tsepm_ros.tools.design.search import (
-    WINDOWS,
+from tsepm_ros.tools.design.prediction import (
     Candidate,
+    Case,
     FirstEstimate,
-    PingIncrements,
     Rule,
+    candidates,
+    clutter_scans,
     first_estimate,
     remedied_detection,
+    rules_within,
+    target_scenes,
 )
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.terminal import named_progress, text_table
-from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.whole_files import write_text
 
 MAX_REMEDY_RUNS = 100
 """Maximum number of targets simulated for each proposed change."""
@@ -62,14 +57,12 @@ ARGUMENTS: Arguments = {
         "help": "pings within which a target is to be found",
     },
     "--speed": {"type": float, "help": "speed of the targets, m/s; default half max_speed"},
-    "--range": {"type": float, "help": "range of the targets, m; default anywhere in the coverage"},
     "--ratio": {
         "type": float,
         "metavar": "DB",
         "help": "signal-to-clutter ratio of the targets, dB, where detections have an intensity",
     },
     "--wanted": {"type": float, "default": 0.9, "help": "required share of targets that are found"},
-    "--write": {"metavar": "FILE", "help": "write a parameter file for the node"},
 }
 
 
@@ -81,12 +74,12 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_design(options: argparse.Namespace) -> None:
-    """Design, print the predicted performance, and write parameters.
+    """Design, and print the predicted performance.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_design_arguments`, and `line`, the command line.
+        From `add_design_arguments`.
 
     Raises
     ------
@@ -112,7 +105,6 @@ def run_design(options: argparse.Namespace) -> None:
         interval=options.interval,
         scans=options.scans,
         target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
-        target_range=options.range,
         ratio_db=options.ratio,
     )
     target_scenes(case, options.runs, options.seed)  # refuses targets that leave the coverage
@@ -121,10 +113,8 @@ def run_design(options: argparse.Namespace) -> None:
     print(case_lines(case, target_rate), flush=True)
     first = first_estimate(case, score, given_window="score.window" in values)
     score = dataclasses.replace(score, window=first.window)
-    increments = search.ping_increments(case, score.gate_probability)
-    print(increments_line(increments, first.threshold))
     print(first_line(first, case), flush=True)
-    rules = search.rules_within(case, tsepm, target_rate, workers_of(options))
+    rules = rules_within(case, tsepm, target_rate, options.workers)
     print(
         "\nM/N rules of the method tsepm that keep the target false-track rate:"
         + ("" if rules else " none")
@@ -134,35 +124,31 @@ def run_design(options: argparse.Namespace) -> None:
     simulation = {
         "runs": options.runs,
         "seed": options.seed,
-        "workers": workers_of(options),
+        "processes": options.workers,
         "progress": named_progress,
     }
-    candidates = list(
-        search.candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation)
-    )
-    hours = search.clutter_scans(case, target_rate) / case.scans_per_hour
+    found = list(candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation))
+    hours = clutter_scans(case, target_rate) / case.scans_per_hour
     print(
         f"\nsimulated: up to {options.runs} targets, {hours:.1f} h of clutter alone, seed "
         f"{options.seed}; score with window {score.window}; 95 % intervals; a dash: not simulated, "
         "since fewer targets are found"
     )
-    print(candidate_table(candidates, case.sensor.coverage_area))
+    print(candidate_table(found))
     assumed = ""
     if "sensor.clutter_density" not in values:
         assumed = (
             f"the clutter is not given; with the default, {case.detections_per_scan:.3g} false "
             "detections per ping (yours: --false-detections NUMBER), "
         )
-    print(f"\n{assumed}{verdict(candidates, options.wanted, target_rate)}", flush=True)
-    if max(candidate.targets.detection.high for candidate in candidates) < options.wanted:
+    print(f"\n{assumed}{verdict(found, options.wanted, target_rate)}", flush=True)
+    if max(candidate.targets.detection.high for candidate in found) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
         changes = remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
-        now = ("as it is", candidates[0].targets.detection)
+        now = ("as it is", found[0].targets.detection)
         print(remedy_table([now, *changes]))
-    if options.write:
-        _write_parameters(options, values, candidates)
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -176,64 +162,32 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError("method follows from the design; leave it out")
     if not 0.0 < options.wanted < 1.0:
         raise ValueError(f"wanted must be between 0 and 1; got {options.wanted!r}")
-    if options.write and not Path(options.write).absolute().parent.is_dir():
-        raise ValueError(f"write: there is no folder for {options.write}")
-
-
-def _write_parameters(
-    options: argparse.Namespace, values: dict[str, Value], candidates: list[Candidate]
-) -> None:
-    """Write the given values, the target false-track rate, and the best candidate's options."""
-    best = max(candidates, key=lambda candidate: candidate.targets.detection.value)
-    own = ("window", "false_tracks_per_hour") if best.method == "score" else ("min_hits", "window")
-    chosen: dict[str, Value] = {"method": best.method, "max_speed": best.options["max_speed"]}
-    chosen |= {f"{best.method}.{name}": best.options[name] for name in own}
-    content = {ANY_NODE: {"ros__parameters": {**values, **chosen}}}
-    text = f"# {options.line}\n{yaml.safe_dump(content, sort_keys=False)}"
-    write_text(Path(options.write), text)
-    print(f"written: {options.write}")
 
 
 def case_lines(case: Case, false_per_hour: float) -> str:
     """The case of a design in two lines."""
     sensor = case.sensor
-    where = "anywhere in the coverage"
-    if case.target_range is not None:
-        where = f"at {case.target_range:g} m in the middle of the run"
-    if case.ratio_db is not None:
-        where += f", {case.ratio_db:g} dB above the clutter"
+    strength = "" if case.ratio_db is None else f", {case.ratio_db:g} dB above the clutter"
     return (
         f"sonar: {sensor.coverage_area / 1e6:.4g} km^2, a ping every {case.interval:g} s, "
         f"{case.detections_per_scan:.3g} false detections in each: {case.starts_per_hour:.0f} "
         f"an hour; target false-track rate {false_per_hour:g} per hour\n"
-        f"targets: {case.target_speed:g} m/s (up to {case.max_speed:g} allowed), {where}, to be "
-        f"found within {case.scans} pings ({(case.scans - 1) * case.interval:g} s) inside it"
+        f"targets: {case.target_speed:g} m/s (up to {case.common.max_speed:g} allowed), anywhere "
+        f"in the coverage{strength}, to be found within {case.scans} pings "
+        f"({(case.scans - 1) * case.interval:g} s) inside it"
     )
-
-
-def increments_line(increments: PingIncrements, threshold: float) -> str:
-    """Mean increments of a ping and the number of pings up to the threshold."""
-    text = (
-        f"mean increment of the log-likelihood ratio, the target's position known: hit "
-        f"{increments.hit:+.1f}, miss {increments.miss:+.1f}, ping {increments.scan:+.2f} at most; "
-        f"threshold {threshold:.1f}: "
-    )
-    pings = max(math.ceil(threshold / max(increments.scan, 1e-9)), MIN_HITS)
-    if pings > WINDOWS[-1]:
-        return f"{text}more pings than the longest window, {WINDOWS[-1]}"
-    return f"{text}about {pings} pings, plus those needed to estimate the velocity"
 
 
 def first_line(estimate: FirstEstimate, case: Case) -> str:
     """The first estimate in a line."""
-    if not estimate.detection > 0.0:
+    if not estimate.found[-1] > 0.0:
         return "first estimate, without simulation: no target is found in time"
     half, text = estimate.scans_until(0.5), ""
     if half is not None:
         text = f", half of the targets within {half} pings ({(half - 1) * case.interval:g} s)"
     return (
-        f"first estimate, without simulation: score finds about {estimate.detection:.2f} of the "
-        f"targets in time{text}"
+        f"first estimate, without simulation: score (threshold {estimate.threshold:.1f}) finds "
+        f"about {estimate.found[-1]:.2f} of the targets in time{text}"
     )
 
 
@@ -253,46 +207,23 @@ def rule_table(rules: Sequence[Rule]) -> str:
     )
 
 
-def candidate_table(candidates: Sequence[Candidate], area: float) -> str:
-    """Table of the candidates' simulated performance; `area` is that of the coverage, m^2."""
+def candidate_table(candidates: Sequence[Candidate]) -> str:
+    """Table of the candidates' simulated performance."""
     return text_table(
-        [
-            "method",
-            "targets",
-            "P_D",
-            "95 %",
-            "time [s]",
-            "95 % by",
-            "bound/h",
-            "false/h",
-            "95 %",
-            "per h and km^2",
-        ],
+        ["method", "targets", "P_D, 95 %", "time [s]", "95 % by", "bound/h", "false/h, 95 %"],
         [
             [
                 candidate.name,
                 f"{candidate.targets.targets}",
-                f"{candidate.targets.detection.value:.3f}",
-                _interval(candidate.targets.detection, ".3f"),
+                candidate.targets.detection.text(".3f"),
                 f"{candidate.targets.confirmation_time.value:.4g}",
                 f"{candidate.targets.slow_confirmation_time:.4g}",
                 f"{candidate.false_bound:.2g}",
-                *_rate_cells(candidate.false_simulated, area),
+                candidate.false_simulated.text(".2g"),
             ]
             for candidate in candidates
         ],
     )
-
-
-def _rate_cells(false: Estimate, area: float) -> list[str]:
-    if math.isnan(false.value):
-        return ["-", "-", "-"]
-    per_area = false.value / (area / 1e6)
-    return [f"{false.value:.2g}", _interval(false, ".2g"), f"{per_area:.2g}"]
-
-
-def _interval(estimate: Estimate, spec: str) -> str:
-    return f"{estimate.low:{spec}} to {estimate.high:{spec}}"
 
 
 def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: float) -> str:
@@ -302,11 +233,11 @@ def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: floa
         return f"infeasible: every method has more than {false_per_hour:g} false tracks per hour"
     best = max(keeping, key=lambda candidate: candidate.targets.detection.value)
     share = best.targets.detection
-    text = f"{best.name} finds {share.value:.2f} of the targets in time"
+    text = f"{best.name} finds {share:.2f} of the targets in time"
     if share.low >= wanted:
         return f"feasible: {text}, at least {wanted:g}"
     if share.high >= wanted:
-        return f"undecided by the runs: {text} ({_interval(share, '.2f')}), wanted {wanted:g}"
+        return f"undecided by the runs: {text}, wanted {wanted:g}"
     return f"infeasible: {text}, less than {wanted:g}"
 
 
@@ -314,6 +245,6 @@ def remedy_table(remedies: Sequence[tuple[str, Estimate]]) -> str:
     """Table of P_D with each change, the present case first and then by P_D, descending."""
     ordered = [remedies[0], *sorted(remedies[1:], key=lambda row: -row[1].value)]
     return text_table(
-        ["with a change", "P_D", "95 %"],
-        [[text, f"{share.value:.2f}", _interval(share, ".2f")] for text, share in ordered],
+        ["with a change", "P_D, 95 %"],
+        [[text, f"{share:.2f}"] for text, share in ordered],
     )

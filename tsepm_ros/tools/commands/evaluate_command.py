@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from tsepm_ros.tools.commands.arguments import (
     add_runs,
     positive,
     scenario_names,
-    workers_of,
 )
 from tsepm_ros.tools.evaluation.performance import (
     Evaluated,
@@ -26,21 +24,14 @@ from tsepm_ros.tools.evaluation.performance import (
     evaluate,
     markdown,
     measures_rows,
-    runs_of,
-    short_text,
     table_of,
     write_csv,
 )
 from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
-from tsepm_ros.tools.evaluation.workers import Workers
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.terminal import text_table, with_progress
 from tsepm_ros.whole_files import opened_whole, write_text
-
-MIN_ESTIMATED = 100
-"""Fewest runs whose time is estimated."""
-
 
 ARGUMENTS: Arguments = {
     "scenario": {"nargs": "*", "default": ["box"], "help": f"{scenario_names()}; default box"},
@@ -104,10 +95,9 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         seed=options.seed,
         horizons=options.horizon,
     )
-    _announce(plan, workers_of(options))
-    evaluated = evaluate(plan, options.out / "runs", workers_of(options), with_progress)
-    for evaluation in evaluated:
-        print(short_text(plan, evaluation) + "\n")
+    _announce(plan)
+    evaluated = evaluate(plan, options.out / "runs", options.workers, with_progress)
+    print(f"{plan.runs} runs, seed {plan.seed}\n{text_table(*table_of(evaluated, interval=False))}")
     _write(plan, evaluated, options.out, options.line)
     if options.result:
         header, rows = table_of(evaluated)
@@ -123,27 +113,16 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         write_result(options.result, result)
 
 
-def _announce(plan: Plan, workers: Workers) -> None:
-    """Say what will be done and, from a run of each method, about how long it takes."""
+def _announce(plan: Plan) -> None:
+    """Say what will be done; the bar has the time that is left."""
     for point in plan.points:
         point.make(plan.scenarios[0])  # refused options are refused before anything is said
-    firsts = {point.method: point for point in reversed(plan.points)}
+    methods = len({point.method for point in plan.points})
     names = ", ".join(scenario.name for scenario in plan.scenarios)
     total = plan.runs * len(plan.points) * len(plan.scenarios)
     print(
-        f"{total} runs: {plan.runs} of each of {len(plan.points)} operating points of "
-        f"{len(firsts)} methods on {names}; those done before are not repeated",
-        file=sys.stderr,
-    )
-    if total < MIN_ESTIMATED:
-        return
-    trials = [(one, [plan.seed, 0], point) for one in plan.scenarios for point in firsts.values()]
-    begin = time.perf_counter()
-    for _ in with_progress(runs_of(trials, None), len(trials), "trial"):
-        pass
-    minutes = (time.perf_counter() - begin) / len(trials) * total / workers.processes / 60.0
-    print(
-        f"about {minutes:.2g} minutes on {workers.processes} processes; fewer: --runs, --method",
+        f"{total} runs: {plan.runs} of each of {len(plan.points)} operating points of {methods} "
+        f"methods on {names}; those done before are not repeated; fewer: --runs, --method",
         file=sys.stderr,
     )
 

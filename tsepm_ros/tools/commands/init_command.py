@@ -13,16 +13,15 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tsepm_ros.detector.detector_options import DetectorOptions
+from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
 from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.design.prediction import Case
-from tsepm_ros.tools.design.search import FirstEstimate, first_estimate
+from tsepm_ros.tools.design.prediction import Case, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -48,6 +47,7 @@ MOUNTING = (
     ("roll", "rolled about its axis ahead, 180 if it hangs upside down", "degrees", 180.0),
 )
 """Name, wording, unit and bound of the parts of the mounting that are asked for."""
+ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -307,21 +307,44 @@ QUESTIONS = (
 """In the order in which they are asked; a default depends on earlier answers only."""
 
 
-def completed(given: Answers) -> dict[str, float]:
-    """All answers: those given, checked, and the defaults of the others.
+def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[str, float]:
+    """All answers: those given, checked, and the others asked for, each until it is allowed.
+
+    Parameters
+    ----------
+    given : mapping of str to float
+    ask : callable, optional
+        Shows a text and returns the answer; the defaults are taken if not given.
 
     Raises
     ------
     ValueError
-        If an answer is not allowed; the message names the argument.
+        If a given answer is not allowed, or the input ends; the message names the argument.
     """
     answers: dict[str, float] = {}
     for question in QUESTIONS:
-        name = question.name
-        answers[name] = question.checked(
-            given[name] if name in given else question.default(answers)
-        )
+        name, default = question.name, question.default(answers)
+        if name in given:
+            answers[name] = question.checked(given[name])
+        elif ask is None or (name.startswith("mounting") and answers["own_ship"] != ODOMETRY):
+            answers[name] = question.checked(default)
+        else:
+            answers[name] = _asked(question, default, ask)
     return answers
+
+
+def _asked(question: Question, default: float, ask: Callable[[str], str]) -> float:
+    shown = question.shown(default)
+    prompt = f"{question.text} ({question.unit})\n  {question.explanation}\n  [{shown}]: "
+    while True:
+        try:
+            text = ask(prompt).strip()
+        except EOFError:
+            raise ValueError(f"no answer to {question.argument}: the input has ended") from None
+        try:
+            return question.read(text) if text else question.checked(default)
+        except ValueError as error:
+            print(f"  {error}")
 
 
 def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, Value]:
@@ -404,33 +427,6 @@ def sections(answers: Answers, values: dict[str, Value]) -> Sections:
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
 
 
-def expected(answers: Answers) -> list[tuple[float, FirstEstimate]]:
-    """First estimate of the performance for the given false detections per ping.
-
-    If they are not known, for each of `FALSE_DETECTIONS`.
-
-    Targets have half the maximum speed; detection probability 0.9.
-    """
-    values = parameters(answers)
-    groups = make_groups(TRACK_INITIATOR, values)
-    area = groups[SensorModel].coverage_area
-    estimates = []
-    given = answers["false_detections"]
-    for number in (given,) if given else FALSE_DETECTIONS:
-        dense = make_groups(TRACK_INITIATOR, {**values, "sensor.clutter_density": number / area})
-        case = Case(
-            sensor=dense[SensorModel],
-            common=groups[CommonOptions],
-            interval=answers["interval"],
-            scans=ESTIMATED_SCANS,
-            target_speed=0.5 * answers["max_speed"],
-        )
-        options = groups[ScoreOptions]
-        estimates.append((number, first_estimate(case, options, given_window=True)))
-    return estimates
-
-
-ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
 LEARNED = """the node learns the clutter density by place, the detection probability, and whether
 targets have several detections in a ping"""
 
@@ -479,7 +475,7 @@ def run_init(options: argparse.Namespace) -> None:
     }
     if not options.yes and sys.stdin.isatty() and sys.stdout.isatty():
         print("The sonar's data sheet has most answers. Enter alone takes the value in [ ].\n")
-        given = asked(given, input)
+        given = completed(given, input)
     answers = completed(given)
     values = parameters(answers, known_interval="interval" in given)
     write_text(path, file_text(sections(answers, values), _line(path, answers, given)))
@@ -501,45 +497,6 @@ def run_init(options: argparse.Namespace) -> None:
         print("on a moving vessel give --own-ship odometry, or tf")
 
 
-def asked(given: Answers, ask: Callable[[str], str]) -> dict[str, float]:
-    """Answers to the questions that are not given, each asked until it is allowed.
-
-    Parameters
-    ----------
-    given : mapping of str to float
-    ask : callable
-        Shows a text and returns the answer.
-
-    Raises
-    ------
-    ValueError
-        If the input ends.
-    """
-    answers: dict[str, float] = {}
-    for question in QUESTIONS:
-        if question.name in given:
-            answers[question.name] = question.checked(given[question.name])
-        elif question.name.startswith("mounting") and answers["own_ship"] != ODOMETRY:
-            answers[question.name] = question.default(answers)
-        else:
-            answers[question.name] = _asked_one(question, question.default(answers), ask)
-    return answers
-
-
-def _asked_one(question: Question, default: float, ask: Callable[[str], str]) -> float:
-    shown = question.shown(default)
-    prompt = f"{question.text} ({question.unit})\n  {question.explanation}\n  [{shown}]: "
-    while True:
-        try:
-            text = ask(prompt).strip()
-        except EOFError:
-            raise ValueError(f"no answer to {question.argument}: the input has ended") from None
-        try:
-            return question.read(text) if text else question.checked(default)
-        except ValueError as error:
-            print(f"  {error}")
-
-
 def file_text(content: Sections, line: str) -> str:
     """The parameter file, for nodes in any namespace; without images of any name."""
     lines = [
@@ -552,10 +509,23 @@ def file_text(content: Sections, line: str) -> str:
 
 
 def expectation_text(answers: Answers, path: Path) -> str:
-    """Table of the estimated performance by the number of false detections; a more exact way."""
-    interval = answers["interval"]
-    rows = []
-    for number, estimate in expected(answers):
+    """Table of the estimated performance by the number of false detections; a more exact way.
+
+    If that number is not given, for each of `FALSE_DETECTIONS`. Targets have half the maximum
+    speed; detection probability 0.9.
+    """
+    interval, given = answers["interval"], answers["false_detections"]
+    groups = make_groups(TRACK_INITIATOR, parameters(answers))
+    sensor, rows = groups[SensorModel], []
+    for number in (given,) if given else FALSE_DETECTIONS:
+        case = Case(
+            sensor=replace(sensor, clutter_density=number / sensor.coverage_area),
+            common=groups[CommonOptions],
+            interval=interval,
+            scans=ESTIMATED_SCANS,
+            target_speed=0.5 * answers["max_speed"],
+        )
+        estimate = first_estimate(case, groups[ScoreOptions], given_window=True)
         row = [f"{number:g}"]
         for share in (0.5, 0.9):
             scans = estimate.scans_until(share)

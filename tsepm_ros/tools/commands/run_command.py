@@ -25,8 +25,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.consistency_checks import explained, questions
 from tsepm_ros.session.drop_reasons import reason_of
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, unused_files, yaml_text
 from tsepm_ros.settings.settings import (
@@ -191,13 +190,15 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         raise ValueError(
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
+    coverage: dict[str, float] = {}
     if (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists():
-        path = detected(path, Path(stack.enter_context(TemporaryDirectory())))
+        path, coverage = detected(path, Path(stack.enter_context(TemporaryDirectory())))
     source, is_bag = source_of(path)
     if is_bag:
         return _bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)
-    return _recorded(recording, options, "odometry" if recording.own_ship else "none")
+    own_ship = "odometry" if recording.own_ship else "none"
+    return _recorded(recording, options, own_ship, **coverage)
 
 
 def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str, Value]]:
@@ -495,8 +496,7 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
 def _draw(drawing: ModuleType, scene: RunScene, options: argparse.Namespace) -> None:
     picture = options.picture or (options.out and options.out / "picture.png")
     if picture:
-        for path in with_progress([picture], 1, "picture", "file"):
-            drawing.save(scene, path)
+        drawing.save(scene, picture)
         print(f"picture: {picture}", file=sys.stderr)
 
 

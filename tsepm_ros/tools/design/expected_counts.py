@@ -456,4 +456,4 @@ def _passing(
         stamp = options.window * gating.interval
         statistic = normalized_distance(hits, fit(hits, stamp, sensor, options.estimator))
         threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
-    return pruning.keep(statistic, threshold)
+    return statistic <= threshold

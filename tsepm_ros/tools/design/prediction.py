@@ -1,36 +1,58 @@
-"""Predicted performance of a method with a sonar: P_D, confirmation time and false tracks.
+"""Predicted performance of methods with a sonar, and the search for their parameters.
 
-The prediction runs the method itself, on targets in scenes of `target_scenes`, and on clutter alone
-over the coverage, in which false tracks are counted.
+A first estimate follows from the plan of the threshold, without a simulated scene. The prediction
+of P_D, confirmation time and false tracks runs the method itself, on targets in scenes of
+`target_scenes`, and on clutter alone over the coverage, in which false tracks are counted.
 
 A scene has several targets, since most of a scan's cost does not depend on their number. They are
 too far apart to disturb each other, and few beside the clutter, whose density is estimated. Each
 target is drawn by itself and goes into the first scene where it fits: its place does not depend on
 the others. Where the coverage has more clutter than is of use, each target has a patch of it that
 holds all clutter within reach of its track.
+
+The search is for the parameters at a target false-track rate. Remedies are changes of a sonar that
+may raise P_D.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from tsepm_ros.methods.registry import make_initiator
+from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.design.expected_counts import (
+    Gating,
+    clutter_pass_share,
+    confirmed_by,
+    expected_counts,
+    rule_detection_probability,
+    target_pass_share,
+)
 from tsepm_ros.tools.evaluation.intervals import Estimate, mean, mean_count, proportion
 from tsepm_ros.tools.evaluation.measures import SECONDS_PER_HOUR
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
-from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.evaluation.result_files import mapped
+from tsepm_ros.tools.evaluation.simulated_run import (
+    OperatingPoint,
+    Outcome,
+    measurement_sigma,
+    simulate,
+)
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tools.terminal import Progress, silent
-from tsepm_ros.tracker.measurement import major_sigma, position_covariance
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker import threshold as threshold_plan
+from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.threshold import ANY_RATIO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +70,6 @@ class Case:
         Number of pings within which a target should be found.
     target_speed : float
         m/s.
-    target_range : float, optional
-        Range of the targets in the middle of the run, m; anywhere in the coverage if not given.
     ratio_db : float, optional
         Signal-to-clutter ratio of the targets, dB, fluctuating in Rayleigh clutter; without it
         detections have no strength.
@@ -65,30 +85,23 @@ class Case:
     interval: float = 12.0
     scans: int = 16
     target_speed: float = 5.0
-    target_range: float | None = None
     ratio_db: float | None = None
 
     def __post_init__(self) -> None:
-        sensor, speed = self.sensor, self.target_speed
-        nearest, farthest, place = sensor.min_range, sensor.max_range, self.target_range
+        speed = self.target_speed
         for allowed, sentence in (
             (
                 0.0 < self.interval < math.inf,
                 f"interval must be finite and above 0; got {self.interval!r}",
             ),
             (
-                0.0 <= speed <= self.max_speed,
-                f"speed must be from 0 to max_speed = {self.max_speed:g}; got {speed!r}",
+                0.0 <= speed <= self.common.max_speed,
+                f"speed must be from 0 to max_speed = {self.common.max_speed:g}; got {speed!r}",
             ),
             (self.scans >= 3, f"scans must be at least 3; got {self.scans}"),
             (
                 self.ratio_db is None or -100.0 <= self.ratio_db <= 100.0,
                 f"ratio must be from -100 to 100 dB; got {self.ratio_db!r}",
-            ),
-            (
-                place is None or (nearest <= place <= farthest and place > 0.0),
-                f"range must be above 0 and within the coverage, {nearest:g} to {farthest:g} m; "
-                f"got {place!r}",
             ),
         ):
             if not allowed:
@@ -98,22 +111,6 @@ class Case:
     def clutter_strength(self) -> ClutterStrength | None:
         """Law of the strength of clutter, where detections have one."""
         return None if self.ratio_db is None else ClutterStrength()
-
-    @property
-    def target_strength(self) -> TargetStrength | None:
-        """Strength of the targets' echoes, where detections have one."""
-        return None if self.ratio_db is None else TargetStrength(self.ratio_db)
-
-    @property
-    def max_speed(self) -> float:
-        """v_max, m/s."""
-        return self.common.max_speed
-
-    @property
-    def typical_range(self) -> float:
-        """The targets' range, or the range beyond which half of the coverage lies, m."""
-        squares = self.sensor.min_range**2 + self.sensor.max_range**2
-        return self.target_range or math.sqrt(0.5 * squares)
 
     @property
     def scans_per_hour(self) -> float:
@@ -156,22 +153,6 @@ class _Target:
         return self.centre + times[:, None] * self.velocity
 
 
-@dataclass
-class _Group:
-    """Targets of a scene, with their positions, (scans, 2), and their clearances, m."""
-
-    targets: list[_Target] = field(default_factory=list)
-    paths: list[FloatArray] = field(default_factory=list)
-    clearances: list[float] = field(default_factory=list)
-
-    def takes(self, path: FloatArray, clearance: float) -> bool:
-        """Whether a target with this path is far enough from the others."""
-        return all(
-            float(np.hypot(*(path - other).T).min()) >= clearance + apart
-            for other, apart in zip(self.paths, self.clearances, strict=True)
-        )
-
-
 def target_scenes(case: Case, number: int, seed: int) -> list[Scenario]:
     """Scenes with a number of targets altogether.
 
@@ -193,27 +174,33 @@ def target_scenes(case: Case, number: int, seed: int) -> list[Scenario]:
     if case.detections_per_scan > MAX_WHOLE_COVERAGE:
         return [_scene(case, [target], times, _patch(case, target)) for target in drawn]
     most = int(np.clip(case.detections_per_scan / DETECTIONS_PER_TARGET, 1, MAX_TARGETS_PER_SCENE))
-    groups: list[_Group] = []
+    scenes: list[list[_Target]] = []
     for target in drawn:
-        path, clearance = target.at(times), _clearance(case, target.range)
-        fitting = (g for g in groups if len(g.targets) < most and g.takes(path, clearance))
-        group = next(fitting, None)
-        if group is None:
-            groups.append(group := _Group())
-        group.targets.append(target)
-        group.paths.append(path)
-        group.clearances.append(clearance)
-    return [_scene(case, group.targets, times) for group in groups]
+        fitting = (one for one in scenes if len(one) < most and _fits(case, target, one, times))
+        scene = next(fitting, None)
+        if scene is None:
+            scenes.append(scene := [])
+        scene.append(target)
+    return [_scene(case, targets, times) for targets in scenes]
+
+
+def _fits(case: Case, target: _Target, others: list[_Target], times: FloatArray) -> bool:
+    """Whether a target's detections and gates end before those of the others."""
+    return all(
+        float(np.hypot(*(target.at(times) - other.at(times)).T).min())
+        >= _clearance(case, target.range) + _clearance(case, other.range)
+        for other in others
+    )
 
 
 def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
-    """A target that stays in the coverage, anywhere in it or at the case's range."""
+    """A target that stays in the coverage, anywhere in it."""
     sensor = case.sensor
     for _ in range(MAX_PLACEMENT_TRIES):
         share, bearing, turn = rng.random(3)
         azimuth = sensor.azimuth_min + bearing * sensor.sector_width
         square = sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share
-        range_ = case.target_range or math.sqrt(square)
+        range_ = math.sqrt(square)
         heading = 2.0 * math.pi * turn
         target = _Target(
             range_ * np.array([math.cos(azimuth), math.sin(azimuth)]),
@@ -234,31 +221,30 @@ def _scene(
     times: FloatArray,
     clutter_box: tuple[float, float, float, float] | None = None,
 ) -> Scenario:
-    states = []
-    for target in targets:
-        (x, y), (vx, vy) = target.at(times)[0], target.velocity
-        states.append(np.array([x, vx, y, vy]))
+    strength = None if case.ratio_db is None else TargetStrength(case.ratio_db)
     return Scenario(
         name="targets",
         scans=case.scans,
         period=case.interval,
         sensor=case.sensor,
-        targets=tuple(states),
+        targets=tuple(
+            np.stack([target.at(times)[0], target.velocity], axis=1).ravel() for target in targets
+        ),
         clutter_box=clutter_box,
         clutter_strength=case.clutter_strength,
-        target_strengths=(case.target_strength,) * len(targets),
+        target_strengths=(strength,) * len(targets),
     )
 
 
 def _clearance(case: Case, range_: float) -> float:
     """Distance at which a target's detections and gates end, m: two of these are between two."""
-    return PATCH_SIGMAS * _sigma(case, range_) + case.max_speed * case.interval
+    return PATCH_SIGMAS * _sigma(case, range_) + case.common.max_speed * case.interval
 
 
 def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
     """Box of a target's clutter: its path, its errors and the reach of clutter paths."""
     path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
-    reach = case.max_speed * case.interval * math.sqrt(case.scans)
+    reach = case.common.max_speed * case.interval * math.sqrt(case.scans)
     half = path + PATCH_SIGMAS * _sigma(case, target.range) + reach
     x, y = target.centre
     return x - half, x + half, y - half, y + half
@@ -266,17 +252,13 @@ def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
 
 def _sigma(case: Case, range_: float) -> float:
     """Larger axis of the measurement error, m."""
-    covariance = position_covariance(
-        range_, 0.0, case.sensor.range_variance(range_), case.sensor.azimuth_std
-    )
-    return float(major_sigma(covariance))
+    return measurement_sigma(case.sensor, np.array([range_, 0.0]))
 
 
 SEGMENTS = 8
 """Number of runs with clutter alone."""
 MIN_TARGETS = 28
 """Minimum number of simulated targets before an early end."""
-ONE_PROCESS = Workers()
 
 
 @dataclass(frozen=True)
@@ -319,7 +301,7 @@ def target_statistics(
     *,
     runs: int,
     seed: int,
-    workers: Workers = ONE_PROCESS,
+    processes: int = 1,
     progress: Progress = silent,
     enough: Callable[[Estimate], bool] = lambda found: False,
 ) -> TargetStatistics:
@@ -336,7 +318,7 @@ def target_statistics(
     runs : int
         Number of targets.
     seed : int
-    workers : Workers, optional
+    processes : int, optional
     progress : callable, optional
     enough : callable, optional
         Whether P_D so far, of at least `MIN_TARGETS` targets, is known well enough.
@@ -346,12 +328,12 @@ def target_statistics(
     ValueError
         If no target stays in the coverage during all scans.
     """
-    jobs = []
-    for index, scene in enumerate(target_scenes(case, runs, seed)):
-        point = OperatingPoint(method, options=_for_scene(case, scene, options))
-        jobs.append((scene, [seed, index], point))
+    jobs = [
+        (scene, [seed, index], OperatingPoint(method, options=_for_scene(case, scene, options)))
+        for index, scene in enumerate(target_scenes(case, runs, seed))
+    ]
     times: list[float | None] = []
-    done = workers.mapped(_confirmation_times, jobs)
+    done = mapped(_confirmation_times, jobs, processes)
     for of_scene in progress(done, len(jobs)):
         times += of_scene
         found = sum(time is not None for time in times)
@@ -368,7 +350,7 @@ def false_tracks_per_hour(
     *,
     scans: int,
     seed: int,
-    workers: Workers = ONE_PROCESS,
+    processes: int = 1,
     progress: Progress = silent,
 ) -> Estimate:
     """Rate of tracks that the method confirms on clutter alone.
@@ -382,7 +364,7 @@ def false_tracks_per_hour(
     scans : int
         Number of scans that count, after the scans in which the potential tracks accumulate.
     seed : int
-    workers : Workers, optional
+    processes : int, optional
     progress : callable, optional
     """
     part = math.ceil(scans / SEGMENTS)
@@ -394,7 +376,7 @@ def false_tracks_per_hour(
         clutter_strength=case.clutter_strength,
     )
     jobs = [(scene, [seed, index], method, options, case.scans) for index in range(SEGMENTS)]
-    counts = list(progress(workers.mapped(_count_false, jobs), SEGMENTS))
+    counts = list(progress(mapped(_count_false, jobs, processes), SEGMENTS))
     return mean_count(counts).mapped(lambda count: count * case.scans_per_hour / part)
 
 
@@ -424,3 +406,357 @@ def _count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> i
         for index, simulated in enumerate(Simulator(scene, seed))
         if len(tracks := initiator.process(simulated.scan)) and index >= first
     )
+
+
+Labelled = Callable[[str], Progress]
+"""Progress of a part of the simulation by its name."""
+
+WINDOWS = (8, 12, 16, 24, 32, 48, 64)
+RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
+MIN_DETECTION_INCREASE = 0.01
+"""Minimum increase of P_D for the choice of a longer window."""
+MAX_SIMULATED_RULES = 2
+HALF_WIDTH = 0.04
+"""Half the width of the interval of P_D at which the simulation of a method's targets ends."""
+MAX_CLUTTER_DETECTIONS = 80_000.0
+"""Maximum number of false detections simulated without a target."""
+MIN_DETECTIONS_PER_SCAN = 20.0
+"""Minimum number of detections for the cost of a scan."""
+EXPECTED_FALSE_TRACKS = 10.0
+"""Expected false tracks in a simulation that estimates their rate."""
+MIN_CLUTTER_SCANS = 40
+
+
+@dataclass(frozen=True)
+class Rule:
+    """An M/N rule that keeps the target false-track rate.
+
+    Attributes
+    ----------
+    min_hits, window : int
+        M and N.
+    one_start : float
+        P_D of one start, as in TSEPM 2018, Table 1.
+    in_time : float
+        P_D within the case's scans, of all starts in them, with the evaluation; without clutter.
+    false_per_hour : float
+        Confirmations from clutter that pass the evaluation, before merging: an upper bound.
+    """
+
+    min_hits: int
+    window: int
+    one_start: float
+    in_time: float
+    false_per_hour: float
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A method with its parameters and its simulated performance.
+
+    Attributes
+    ----------
+    name : str
+    false_bound : float
+        Target false-track rate of the threshold, or upper bound of the rule, per hour over the
+        coverage.
+    targets : TargetStatistics
+    false_simulated : Estimate
+        Simulated false tracks per hour; unknown for a rule that finds fewer targets than a method
+        that keeps the target false-track rate.
+    """
+
+    name: str
+    false_bound: float
+    targets: TargetStatistics
+    false_simulated: Estimate
+
+    def keeps(self, false_per_hour: float) -> bool:
+        """Whether the simulated rate's interval reaches down to the given rate, or the bound."""
+        low = self.false_simulated.low
+        return (self.false_bound if math.isnan(low) else low) <= false_per_hour
+
+
+def passages(
+    case: Case, options: ScoreOptions, windows: Sequence[int]
+) -> list[tuple[float, FloatArray]]:
+    """For each window the threshold of `score` and the share of targets that passed it by scan.
+
+    The targets have the stated P_D and at least the case's scans, without clutter.
+    """
+    plans_of = partial(
+        threshold_plan.score_plans,
+        case.sensor,
+        max_speed=case.common.max_speed,
+        interval=threshold_plan.rounded(case.interval),
+        windows=tuple(windows),
+        scans=max(case.scans, *windows),
+        gate_probability=options.gate_probability,
+        process_noise=options.process_noise,
+        deletion=math.log(options.miss_probability),
+        min_hits=MIN_HITS,
+    )
+    if case.ratio_db is None or case.common.intensity == "off":
+        plans, of_targets = plans_of(), plans_of(fades=False)
+    else:  # nobody tells the method the ratio
+        plans = plans_of(ratio=ANY_RATIO)
+        of_targets = plans_of(ratio=10.0 ** (case.ratio_db / 10.0), fades=False)
+    share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
+    thresholds = [plan.threshold(share) for plan in plans]
+    return [
+        (threshold, plan.passed(threshold))
+        for plan, threshold in zip(of_targets, thresholds, strict=True)
+    ]
+
+
+def score_thresholds(
+    case: Case, options: ScoreOptions, windows: Sequence[int]
+) -> list[tuple[float, float]]:
+    """For each window the threshold of `score`, and the share that passes it in the case's scans.
+
+    See `passages`.
+    """
+    return [
+        (threshold, float(passed[case.scans - 1]))
+        for threshold, passed in passages(case, options, windows)
+    ]
+
+
+def score_window(case: Case, options: ScoreOptions) -> int:
+    """The shortest window beyond which P_D hardly increases."""
+    windows = [window for window in WINDOWS if window <= max(case.scans, WINDOWS[0])]
+    shares = np.array([share for _, share in score_thresholds(case, options, windows)])
+    return windows[int(np.argmax(shares >= shares.max() - MIN_DETECTION_INCREASE))]
+
+
+def rules_within(
+    case: Case, options: TsepmOptions, false_per_hour: float, processes: int = 1
+) -> list[Rule]:
+    """For each window the rule of fewest hits that keeps the target false-track rate, if any."""
+    windows = [window for window in reversed(RULE_WINDOWS) if window <= case.scans]
+    jobs = [(case, options, false_per_hour, window) for window in windows]  # the longest first
+    rules = [rule for rule in mapped(_rule_within, jobs, processes) if rule is not None]
+    return rules[::-1]
+
+
+def _rule_within(job: tuple[Case, TsepmOptions, float, int]) -> Rule | None:
+    case, options, false_per_hour, window = job
+    sensor, gate = case.sensor, options.gate_probability
+    gating = Gating(
+        sensor=sensor,
+        max_speed=case.common.max_speed,
+        interval=case.interval,
+        gate_probability=gate,
+    )
+
+    def chosen(min_hits: int) -> TsepmOptions:
+        return dataclasses.replace(options, min_hits=min_hits, window=window)
+
+    def predicted(min_hits: int) -> float:
+        raw = expected_counts(gating, min_hits, window, 3 * window).raw[window:].mean()
+        rate = float(raw) * case.scans_per_hour
+        if rate > false_per_hour:
+            rate *= clutter_pass_share(gating, chosen(min_hits))
+        return rate
+
+    numbers = range(2, window + 1)  # the rate falls with each more hit
+    place = bisect_left(numbers, True, key=lambda number: predicted(number) <= false_per_hour)
+    if place == len(numbers):
+        return None
+    min_hits, probability = numbers[place], sensor.detection_probability
+    passes = target_pass_share(gating, chosen(min_hits), case.target_speed)
+    by_scan = confirmed_by(min_hits, window, probability, gate, case.scans, passes)
+    return Rule(
+        min_hits,
+        window,
+        rule_detection_probability(min_hits, window, probability, gate),
+        float(by_scan[-1]),
+        predicted(min_hits),
+    )
+
+
+def clutter_scans(case: Case, false_per_hour: float) -> int:
+    """Number of scans with clutter alone: EXPECTED_FALSE_TRACKS at the rate, within the cost."""
+    affordable = MAX_CLUTTER_DETECTIONS / max(case.detections_per_scan, MIN_DETECTIONS_PER_SCAN)
+    needed = EXPECTED_FALSE_TRACKS / false_per_hour * case.scans_per_hour
+    return int(max(min(needed, affordable), MIN_CLUTTER_SCANS))
+
+
+def candidates(
+    case: Case,
+    score: ScoreOptions,
+    tsepm: TsepmOptions,
+    rules: list[Rule],
+    *,
+    wanted: float,
+    runs: int,
+    seed: int,
+    processes: int,
+    progress: Labelled,
+) -> Iterator[Candidate]:
+    """The method `score` and the M/N rules of highest P_D, each run on targets and on clutter.
+
+    All get the same targets, until P_D is known within `HALF_WIDTH` and is certainly above or below
+    the required P_D. A rule whose P_D is below that
+    of `score`, if `score` keeps the rate, is not run further.
+
+    Parameters
+    ----------
+    case : Case
+    score : ScoreOptions
+    tsepm : TsepmOptions
+        Options besides the rule.
+    rules : list of Rule
+        Rules that keep the target false-track rate.
+    wanted : float
+        Required P_D.
+    runs : int
+        Maximum number of targets.
+    seed : int
+    processes : int
+    progress : callable
+        Progress of a part by its name.
+    """
+    rate = score.false_tracks_per_hour
+    scans = clutter_scans(case, rate)
+    rival = -math.inf  # the P_D that another method has at least
+
+    def enough(found: Estimate) -> bool:
+        decided = not found.low < wanted <= found.high
+        return (decided and known_within(found, HALF_WIDTH)) or found.high < rival
+
+    def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> Candidate:
+        options = {**dataclasses.asdict(case.common), **own}
+        targets = target_statistics(
+            case,
+            method,
+            options,
+            runs=runs,
+            seed=seed,
+            processes=processes,
+            progress=progress(f"{name}, targets"),
+            enough=enough,
+        )
+        false = Estimate.unknown()
+        if targets.detection.high >= rival:
+            shown = progress(f"{name}, clutter")
+            false = false_tracks_per_hour(
+                case, method, options, scans=scans, seed=seed, processes=processes, progress=shown
+            )
+        return Candidate(name, bound, targets, false)
+
+    best = candidate("score", "score", dataclasses.asdict(score), rate)
+    yield best
+    if best.keeps(rate):
+        rival = best.targets.detection.low
+    for rule in sorted(rules, key=lambda rule: -rule.in_time)[:MAX_SIMULATED_RULES]:
+        changes = {"min_hits": rule.min_hits, "window": rule.window}
+        own = {**dataclasses.asdict(tsepm), **changes}
+        yield candidate(f"tsepm {rule.min_hits}/{rule.window}", "tsepm", own, rule.false_per_hour)
+
+
+def known_within(estimate: Estimate, half_width: float) -> bool:
+    """Whether the interval of an estimate is narrow enough."""
+    return estimate.high - estimate.low <= 2.0 * half_width
+
+
+@dataclass(frozen=True, eq=False)
+class FirstEstimate:
+    """Threshold of `score` and P_D, of targets without clutter about them.
+
+    Attributes
+    ----------
+    window : int
+        Window of `score`, scans.
+    threshold : float
+        Log-likelihood ratio.
+    found : (scans,) ndarray
+        P_D by each scan.
+    """
+
+    window: int
+    threshold: float
+    found: FloatArray
+
+    def scans_until(self, share: float) -> int | None:
+        """Scans within which a share of the targets is found; None if it is not."""
+        reached = self.found >= share
+        return int(np.argmax(reached)) + 1 if reached[-1] else None
+
+
+def first_estimate(case: Case, options: ScoreOptions, *, given_window: bool) -> FirstEstimate:
+    """The estimate of a case, at the design's window unless the given window is kept."""
+    if not given_window:
+        options = dataclasses.replace(options, window=score_window(case, options))
+    [(threshold, found)] = passages(case, options, [options.window])
+    return FirstEstimate(options.window, threshold, found[: case.scans])
+
+
+REMEDY_HALF_WIDTH = 0.09
+"""Half the width of the interval of P_D at which the simulation of a change ends."""
+
+
+def remedies(case: Case) -> list[tuple[str, Case]]:
+    """Changes that may raise P_D, each with the changed case."""
+    sensor = case.sensor
+
+    def changed(**values: float) -> Case:
+        return dataclasses.replace(case, sensor=dataclasses.replace(sensor, **values))
+
+    range_errors = {
+        name: 0.5 * getattr(sensor, name) for name in ("range_std", "range_std_fraction")
+    }
+    farthest = max(0.7 * sensor.max_range, 0.5 * (sensor.min_range + sensor.max_range))
+    return [
+        ("twice as many pings", dataclasses.replace(case, scans=2 * case.scans)),
+        ("half the sector", changed(azimuth_max=sensor.azimuth_min + 0.5 * sensor.sector_width)),
+        ("half the bearing error", changed(azimuth_std=0.5 * sensor.azimuth_std)),
+        ("half the range error", changed(**range_errors)),
+        ("half the clutter", changed(clutter_density=0.5 * sensor.clutter_density)),
+        (f"a range of {farthest:.0f} m", changed(max_range=farthest)),
+    ]
+
+
+def remedied_detection(
+    case: Case,
+    score: ScoreOptions,
+    *,
+    given_window: bool,
+    runs: int,
+    seed: int,
+    processes: int,
+    progress: Labelled,
+) -> Iterator[tuple[str, Estimate]]:
+    """P_D of the method `score` with each change, and at a larger false-track rate.
+
+    Parameters
+    ----------
+    case : Case
+    score : ScoreOptions
+    given_window : bool
+        Whether the window of `score` is kept.
+    runs, seed, processes, progress
+        As in `candidates`; P_D is determined within `REMEDY_HALF_WIDTH`.
+    """
+    more = dataclasses.replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
+    cases = [(text, changed, score) for text, changed in remedies(case)]
+    cases.append(("ten times as many false tracks", case, more))
+    jobs = [(changed, options, given_window, runs, seed) for _, changed, options in cases]
+    found = progress("possible changes")(mapped(_remedied, jobs, processes), len(jobs))
+    for (text, _, _), detection in zip(cases, found, strict=True):
+        yield text, detection
+
+
+def _remedied(job: tuple[Case, ScoreOptions, bool, int, int]) -> Estimate:
+    """P_D of a changed case, by this process alone."""
+    case, score, given_window, runs, seed = job
+    window = score.window if given_window else score_window(case, score)
+    options = {**dataclasses.asdict(case.common), **dataclasses.asdict(score), "window": window}
+    return target_statistics(
+        case,
+        "score",
+        options,
+        runs=runs,
+        seed=seed,
+        enough=lambda found: known_within(found, REMEDY_HALF_WIDTH),
+    ).detection

@@ -1,7 +1,7 @@
 """Measures of methods over many runs, each with its 95 % interval, from summaries of the runs.
 
-A summary has the data of every measure, after any number of scans. Among the measures are the GOSPA
-metric and the Cramer-Rao bound of the state of a confirmed track.
+A summary has the data of every measure, after any number of scans. Among the measures is the
+Cramer-Rao bound of the state of a confirmed track.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import linear_sum_assignment
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.evaluation.intervals import (
@@ -24,7 +23,6 @@ from tsepm_ros.tools.evaluation.intervals import (
     proportion,
     quantile,
     rms_ratio,
-    root,
     root_mean_square,
 )
 from tsepm_ros.tools.evaluation.simulated_run import (
@@ -37,65 +35,6 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 )
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tracker.sensor import SensorModel
-
-POWER = 2.0
-"""p of the metric; its alpha is 2, which makes the parts below well defined."""
-
-
-@dataclass(frozen=True)
-class Gospa:
-    """The parts of the metric's p-th power, m^2 for p = 2; their sum is that power.
-
-    Attributes
-    ----------
-    localisation : float
-        Part of the targets with an assigned track.
-    missed, false : float
-        Parts of the targets without a track and of the tracks without a target.
-    """
-
-    localisation: float
-    missed: float
-    false: float
-
-    @property
-    def distance(self) -> float:
-        """The metric, m."""
-        return float((self.localisation + self.missed + self.false) ** (1.0 / POWER))
-
-
-def gospa(tracks: FloatArray, targets: FloatArray, cutoff: float) -> Gospa:
-    """Generalised optimal sub-pattern assignment metric with alpha = 2.
-
-    Over all assignments theta of some tracks to as many targets (Rahmathullah, Garcia-Fernandez,
-    Svensson, "Generalized optimal sub-pattern assignment metric", FUSION 2017, Proposition 1)::
-
-        d^p = min_theta [ sum_(i,j) in theta |x_i - y_j|^p + c^p / 2 (n + m - 2 |theta|) ]
-
-    Parameters
-    ----------
-    tracks : (n, 2) ndarray
-        Positions, m.
-    targets : (m, 2) ndarray
-        True positions, m.
-    cutoff : float
-        c, m: a track farther from a target than this is not assigned to it.
-
-    Returns
-    -------
-    Gospa
-    """
-    offset = tracks[:, None, :] - targets[None, :, :]
-    # A pair at the cutoff costs as much as an unassigned track and an unassigned target.
-    cost = np.minimum(np.hypot(offset[..., 0], offset[..., 1]), cutoff) ** POWER
-    pairs = linear_sum_assignment(cost)
-    assigned = cost[pairs][cost[pairs] < cutoff**POWER]
-    unassigned_cost = 0.5 * cutoff**POWER
-    return Gospa(
-        localisation=math.fsum(assigned),
-        missed=unassigned_cost * (len(targets) - len(assigned)),
-        false=unassigned_cost * (len(tracks) - len(assigned)),
-    )
 
 
 def cramer_rao(
@@ -224,9 +163,6 @@ class ScanSummary:
         Starts that were corrected in this scan.
     right : int
         Targets with a true start, or with a start that a correction made true, so far.
-    localisation, missed, false_held : float
-        Parts of the squared GOSPA metric of the held tracks, m^2; nan if the starter holds no
-        tracks.
     """
 
     false: int
@@ -234,9 +170,6 @@ class ScanSummary:
     at: int = 0
     corrections: int = 0
     right: int = 0
-    localisation: float = math.nan
-    missed: float = math.nan
-    false_held: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -287,12 +220,12 @@ class RunSummary:
             StartSummary(scan, time, Outcome(outcome), pure, *_numbers(more))
             for scan, time, outcome, pure, *more in content["starts"]
         )
-        scans = (ScanSummary(*values[:-3], *_numbers(values[-3:])) for values in content["scans"])
+        scans = (ScanSummary(*values) for values in content["scans"])
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
 def _values(summary: StartSummary | ScanSummary) -> list[Any]:
-    values = [getattr(summary, field.name) for field in dataclasses.fields(summary)]
+    values = list(vars(summary).values())
     values = [value.value if isinstance(value, Outcome) else value for value in values]
     return [None if value != value else value for value in values]  # nan is not JSON
 
@@ -304,29 +237,21 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
 def summarise(run: SimulatedRun) -> RunSummary:
     """Judge the starts of a run and summarise it; what was before its targets is left out."""
     first = run.scenario.warm_up
-    judged = [
-        (scan - first, start)
-        for scan, start in zip(run.start_scans, run.judged(), strict=True)
-        if scan >= first
-    ]
-    corrected = [
-        (scan - first, revision)
-        for scan, revision in zip(run.correction_scans, run.judge(run.corrections), strict=True)
-        if scan >= first
-    ]
+    judged, corrected = (
+        [
+            (scan - first, one)
+            for (scan, _), one in zip(tracks, run.judge([t for _, t in tracks]), strict=True)
+            if scan >= first
+        ]
+        for tracks in (run.starts, run.corrections)
+    )
     true = [
         (scan, one.target)
         for scan, one in [*judged, *corrected]
         if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)
     ]
-    scans = range(run.scenario.scans)
-    counts = zip(
-        _in_each_scan([scan for scan, one in judged if one.outcome is Outcome.FALSE], scans),
-        _so_far([(scan, target) for scan, one in judged for target in one.at], scans),
-        _in_each_scan([scan for scan, _ in corrected], scans),
-        _so_far(true, scans),
-        strict=True,
-    )
+    false = [scan for scan, one in judged if one.outcome is Outcome.FALSE]
+    near = [(scan, target) for scan, one in judged for target in one.at]
     return RunSummary(
         targets=len(run.simulator.targets),
         starts=tuple(
@@ -335,19 +260,21 @@ def summarise(run: SimulatedRun) -> RunSummary:
             if one.outcome is not Outcome.FALSE
         ),
         scans=tuple(
-            _scan_summary(run, scan, *row) for scan, row in zip(scans, counts, strict=True)
+            ScanSummary(
+                false=false.count(scan),
+                held=_targets_held(run, scan),
+                at=_so_far(near, scan),
+                corrections=[at for at, _ in corrected].count(scan),
+                right=_so_far(true, scan),
+            )
+            for scan in range(run.scenario.scans)
         ),
     )
 
 
-def _in_each_scan(events: Sequence[int], scans: range) -> list[int]:
-    """Number of the events in each scan."""
-    return [events.count(scan) for scan in scans]
-
-
-def _so_far(events: Sequence[tuple[int, int]], scans: range) -> list[int]:
-    """Number of targets with an event, a scan and a target, up to each scan."""
-    return [len({target for at, target in events if at <= scan}) for scan in scans]
+def _so_far(events: Sequence[tuple[int, int]], scan: int) -> int:
+    """Number of targets with an event, a scan and a target, up to a scan."""
+    return len({target for at, target in events if at <= scan})
 
 
 def _start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary:
@@ -400,34 +327,17 @@ def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArr
     return scan.stamp + offset, poses[row, :2], velocities[row]
 
 
-def _scan_summary(
-    run: SimulatedRun, scan: int, false: int, at: int, corrections: int, right: int
-) -> ScanSummary:
-    """Compare the held tracks with the truth; c is 3 sigma, the mean over the targets."""
+def _targets_held(run: SimulatedRun, scan: int) -> int:
+    """Number of targets with a held track within 3 sigma; -1 if the starter holds no tracks."""
     index = run.scenario.warm_up + scan
     held, stamp = run.held[index], run.scans[index].stamp
     targets = run.simulator.truth(stamp)[:, 0::2]
     if held is None or not len(targets):
-        return ScanSummary(false, -1, at, corrections, right)
-    sensor = run.sensor_position(stamp)
+        return -1
+    sensor = run.scenario.own_ship.pose(stamp)[:2]
     sigmas = [measurement_sigma(run.scenario.sensor, target - sensor) for target in targets]
-    parts = gospa(held, targets, SIGMAS * float(np.mean(sigmas)))
-    return ScanSummary(
-        false,
-        _targets_held(held, targets, sigmas),
-        at,
-        corrections,
-        right,
-        parts.localisation,
-        parts.missed,
-        parts.false,
-    )
-
-
-def _targets_held(held: FloatArray, targets: FloatArray, sigmas: Sequence[float]) -> int:
-    """Number of targets with a held track within 3 sigma."""
-    offset = held[:, None, :] - targets[None, :, :]
-    near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.asarray(sigmas)
+    offset = held[:, None, :] - targets
+    near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.array(sigmas)
     return int(near.any(axis=0).sum())
 
 
@@ -444,8 +354,7 @@ class Measures:
     """Measures of a method over the runs of a scenario.
 
     *Pure* starts have all hits from one target. Redundant starts are excluded; misplaced starts
-    are included, since without them the errors would be cut off at 3 sigma. GOSPA is that of the
-    held tracks, over scans and runs; the three parts of its root mean square add up in squares.
+    are included, since without them the errors would be cut off at 3 sigma.
 
     Attributes
     ----------
@@ -473,8 +382,6 @@ class Measures:
         Errors of the pure starts over the root mean square of their Cramer-Rao bounds.
     nees, pure_nees : Estimate
         Mean over the true and over the pure starts; 4 is ideal.
-    gospa_mean, gospa, gospa_localisation, gospa_missed, gospa_false : Estimate
-        Mean, root mean square and the parts of the latter, m.
     """
 
     runs: int
@@ -503,11 +410,6 @@ class Measures:
     velocity_to_bound: Estimate = field(metadata=_shown("velocity error / Cramer-Rao bound", ".3f"))
     nees: Estimate = field(metadata=_shown("NEES of true starts (ideal 4)", ".2f"))
     pure_nees: Estimate = field(metadata=_shown("NEES of pure starts (ideal 4)", ".2f"))
-    gospa_mean: Estimate = field(metadata=_shown("GOSPA, mean [m]", ".0f"))
-    gospa: Estimate = field(metadata=_shown("GOSPA, RMS [m]", ".0f"))
-    gospa_localisation: Estimate = field(metadata=_shown("of it localisation [m]", ".0f"))
-    gospa_missed: Estimate = field(metadata=_shown("of it missed [m]", ".0f"))
-    gospa_false: Estimate = field(metadata=_shown("of it false [m]", ".0f"))
 
     def text(self, name: str, *, interval: bool = True) -> str:
         """A measure as text in its format, or a dash without a value."""
@@ -548,7 +450,6 @@ def measures_of(
         confirmation_median=quantile(times, 0.5),
         confirmation_95=quantile(times, 0.95),
         **_errors(true, pure),
-        **_gospa(runs),
     )
 
 
@@ -587,18 +488,4 @@ def _errors(true: Sequence[StartSummary], pure: Sequence[StartSummary]) -> dict[
         ),
         "nees": mean([start.nees for start in true]),
         "pure_nees": mean([start.nees for start in pure]),
-    }
-
-
-def _gospa(runs: Sequence[RunSummary]) -> dict[str, Estimate]:
-    """Means over the scans of each run, then over the runs."""
-    parts = np.array(
-        [[[scan.localisation, scan.missed, scan.false_held] for scan in run.scans] for run in runs]
-    )  # (run, scan, part)
-    square = parts.sum(axis=-1)
-    names = ("gospa_localisation", "gospa_missed", "gospa_false")
-    return {
-        "gospa_mean": mean(np.sqrt(square).mean(axis=1)),
-        "gospa": root(mean(square.mean(axis=1))),
-        **{name: root(mean(parts[..., k].mean(axis=1))) for k, name in enumerate(names)},
     }

@@ -1,7 +1,6 @@
 """Evaluation of methods: all operating points on all scenarios, with the runs kept in files.
 
-Methods are compared by their operating curves, at equal false-track rates and at equal P_D. Tables
-are in Markdown, in CSV, and short for the terminal.
+Tables are in Markdown, in CSV, and short for the terminal.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ import csv
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -18,7 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.evaluation.intervals import RESAMPLES, TAILS, TAILS_90, Estimate
+from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.measures import (
     HEADINGS,
     Measures,
@@ -27,10 +26,9 @@ from tsepm_ros.tools.evaluation.measures import (
     summarise,
 )
 from tsepm_ros.tools.evaluation.result_files import RunFile, complete
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
-from tsepm_ros.tools.evaluation.workers import Workers
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, simulate
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.terminal import Progress, markdown_table, silent, text_table
+from tsepm_ros.tools.terminal import Progress, markdown_table, silent
 
 MIN_FALSE_STARTS = 0.5
 """Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
@@ -74,121 +72,6 @@ class Curve:
         return np.exp(np.interp(detection, self.detection, self.log_false, right=np.nan))
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Comparison of one method's point with another method's curve.
-
-    Attributes
-    ----------
-    method, label : str
-        The point.
-    other : str
-        The method of the curve.
-    false, detection : float
-        The point's false starts per run and P_D.
-    other_detection, detection_difference : Estimate
-        P_D of the curve at the point's rate of false starts, and the point's P_D less that.
-    detection_bounds : Estimate
-        The same difference with one-sided 95 % bounds.
-    other_false, false_ratio : Estimate
-        False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
-    """
-
-    method: str
-    label: str
-    other: str
-    false: float
-    detection: float
-    other_detection: Estimate
-    detection_difference: Estimate
-    detection_bounds: Estimate
-    other_false: Estimate
-    false_ratio: Estimate
-
-
-Points = Mapping[tuple[str, str], Sequence[RunSummary]]
-"""Summaries of the runs of each point, by method and label."""
-
-
-def compare(points: Points) -> list[Comparison]:
-    """Compare every point with every other method's curve.
-
-    The intervals are those of a percentile bootstrap over the runs. Run i is the same scene for all
-    points, so all points share each resample. Resamples in which the curve does not reach the point
-    are left out.
-
-    Parameters
-    ----------
-    points : mapping of (str, str) to sequence of RunSummary
-        The same runs for each point, by its method and label.
-    """
-    false, detection = _resampled(list(points.values()))
-    methods = np.array([method for method, _ in points])
-    curves = {  # through a method's points, in the sample and in its resamples
-        method: [Curve.of(*of_sample) for of_sample in zip(*pair, strict=True)]
-        for method in methods.tolist()
-        if (pair := [part[methods == method].T for part in (false, detection)])
-    }
-    return [
-        _compared(method, label, other, curves[other], false[row], detection[row])
-        for row, (method, label) in enumerate(points)
-        for other in curves
-        if other != method
-    ]
-
-
-def _compared(
-    method: str,
-    label: str,
-    other: str,
-    curves: list[Curve],
-    false: FloatArray,
-    detection: FloatArray,
-) -> Comparison:
-    """Compare a point with a curve, in the sample and in its resamples, (1 + b,) each."""
-    pairs = list(zip(curves, false[:, None], detection[:, None], strict=True))
-    other_detection = np.concatenate([curve.detection_at(rate) for curve, rate, _ in pairs])
-    other_false = np.concatenate([curve.false_at(share) for curve, _, share in pairs])
-    return Comparison(
-        method,
-        label,
-        other,
-        float(false[0]),
-        float(detection[0]),
-        other_detection=_interval(other_detection),
-        detection_difference=_interval(detection - other_detection),
-        detection_bounds=_interval(detection - other_detection, TAILS_90),
-        other_false=_interval(other_false),
-        false_ratio=_interval(other_false / false),
-    )
-
-
-def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> Estimate:
-    """The sample's value, (1 + b,) first, with the interval of its resamples."""
-    resamples = values[1:][np.isfinite(values[1:])]
-    if np.isnan(values[0]) or not len(resamples):
-        return Estimate.unknown()
-    low, high = np.quantile(resamples, tails)
-    return Estimate(float(values[0]), float(low), float(high))
-
-
-def _resampled(points: Sequence[Sequence[RunSummary]]) -> tuple[FloatArray, FloatArray]:
-    """False starts per run and P_D of each point, (n, 1 + b): of the sample and its resamples."""
-    counts = [
-        [(run.count(Outcome.TRUE), run.targets, run.wrong) for run in summaries]
-        for summaries in points
-    ]
-    true, targets, wrong = np.moveaxis(np.array(counts, float), -1, 0)
-    runs = true.shape[1]
-    resamples = np.random.default_rng(0).multinomial(runs, np.full(runs, 1.0 / runs), RESAMPLES)
-    weights = np.vstack([np.ones(runs), resamples]).T
-    false = np.maximum(wrong @ weights, MIN_FALSE_STARTS) / runs
-    return false, (true @ weights) / np.maximum(targets @ weights, 1.0)
-
-
-CHUNK = 4
-"""Runs per message to a worker, to reduce the cost of messages."""
-
 Job = tuple[Scenario, list[int], OperatingPoint]
 """A run: its scenario, its seed, and the operating point of the track starter."""
 
@@ -198,40 +81,8 @@ def run(job: Job) -> RunSummary:
     return summarise(simulate(*job))
 
 
-def runs_of(jobs: Sequence[Job], workers: Workers | None = None) -> Iterator[RunSummary]:
-    """Do runs in their order, in this process if no workers are given."""
-    return (workers or Workers()).mapped(run, jobs, CHUNK)
-
-
-def study(
-    scenario: Scenario,
-    point: OperatingPoint,
-    runs: Sequence[int],
-    seed: int,
-    workers: Workers | None = None,
-) -> Iterator[RunSummary]:
-    """Run a scenario many times.
-
-    Run i is seeded with (seed, i), so the results do not depend on the worker, and all methods get
-    the same scenes.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    point : OperatingPoint
-        The method and its options.
-    runs : sequence of int
-        Indices of the runs.
-    seed : int
-    workers : Workers, optional
-        This process if not given.
-
-    Yields
-    ------
-    RunSummary
-        In the order of `runs`.
-    """
-    return runs_of([(scenario, [seed, index], point) for index in runs], workers)
+def _record(job: Job) -> dict[str, Any]:
+    return run(job).as_json()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,48 +122,56 @@ class Plan:
                     f"{scenario.name}"
                 )
 
-    def horizons_of(self, scenario: Scenario) -> list[int]:
-        """Numbers of scans for which a scenario's measures are given, ascending."""
-        return sorted({*self.horizons, scenario.scans})
-
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Measures and comparisons of a scenario's points after a number of scans.
+    """Runs and measures of a scenario's points after a number of scans.
 
     Attributes
     ----------
     scenario : Scenario
     scans : int
     points : list of OperatingPoint
+    runs : list of list of RunSummary
+        Of each point.
     measures : list of Measures
         Of each point.
-    comparisons : list of Comparison
-        Of each point with the other methods' curves.
     """
 
     scenario: Scenario
     scans: int
     points: Sequence[OperatingPoint]
+    runs: Sequence[Sequence[RunSummary]]
     measures: list[Measures]
-    comparisons: list[Comparison]
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        scans: int,
+        points: Sequence[OperatingPoint],
+        runs: Sequence[Sequence[RunSummary]],
+    ) -> Evaluated:
+        """Measures of each point's runs, as they are after a number of scans."""
+        runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
+        measures = [measures_of(scenario, summaries, scans) for summaries in runs]
+        return cls(scenario, scans, points, runs, measures)
 
 
 def evaluate(
     plan: Plan,
     folder: Path,
-    workers: Workers | None = None,
+    processes: int = 1,
     progress: Progress = silent,
 ) -> list[Evaluated]:
-    """Do the runs missing in the folder's files, and compute measures and comparisons.
+    """Do the runs missing in the folder's files, and compute measures.
 
     Parameters
     ----------
     plan : Plan
     folder : Path
         Folder of the files of runs.
-    workers : Workers, optional
-        This process if not given.
+    processes : int, optional
     progress : callable, optional
         Shows the number of missing runs that are done.
 
@@ -332,19 +191,17 @@ def evaluate(
         point.make(scenario)
     files = [run_file(folder, *task, plan.seed) for task in tasks]
 
-    def results_of(missing: list[tuple[int, int]]) -> Iterator[dict[str, Any]]:
-        jobs = [(tasks[k][0], [plan.seed, index], tasks[k][1]) for k, index in missing]
-        return (summary.as_json() for summary in runs_of(jobs, workers))
+    def job_of(task: int, index: int) -> Job:
+        scenario, point = tasks[task]
+        return scenario, [plan.seed, index], point
 
-    complete(files, plan.runs, results_of, progress)
-    runs = [
-        [RunSummary.from_json(file.results[index]) for index in range(plan.runs)] for file in files
-    ]
+    stored = complete(files, plan.runs, _record, job_of, processes=processes, progress=progress)
+    runs = [[*map(RunSummary.from_json, records)] for records in stored]
     count = len(plan.points)
     return [
-        _evaluated(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
+        Evaluated.of(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
         for place, scenario in enumerate(plan.scenarios)
-        for scans in plan.horizons_of(scenario)
+        for scans in sorted({*plan.horizons, scenario.scans})
     ]
 
 
@@ -360,47 +217,6 @@ def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int)
     return RunFile(folder, (scenario.name, point.method, point.label), header)
 
 
-def _evaluated(
-    scenario: Scenario,
-    scans: int,
-    points: Sequence[OperatingPoint],
-    runs: Sequence[Sequence[RunSummary]],
-) -> Evaluated:
-    runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
-    names = [(point.method, point.label) for point in points]
-    return Evaluated(
-        scenario,
-        scans,
-        points,
-        [measures_of(scenario, summaries, scans) for summaries in runs],
-        compare(dict(zip(names, runs, strict=True))),
-    )
-
-
-TABLES = {
-    "Detection and false starts": (
-        "detection",
-        "detection_by_position",
-        "detection_corrected",
-        "corrections_per_run",
-        "false_per_run",
-        "false_density",
-        "false_per_hour",
-        "redundant_per_run",
-        "held",
-    ),
-    "Time to confirm": ("confirmation_time", "confirmation_median", "confirmation_95"),
-    "Pure starts": (
-        "pure_position_error",
-        "position_to_bound",
-        "pure_velocity_error",
-        "velocity_to_bound",
-        "pure_nees",
-    ),
-    "True starts": ("position_error", "velocity_error", "nees"),
-    "Held tracks": ("gospa_mean", "gospa", "gospa_localisation", "gospa_missed", "gospa_false"),
-}
-"""Measures of each table."""
 SHORT = {
     "detection": "P_D",
     "detection_by_position": "by position",
@@ -410,7 +226,6 @@ SHORT = {
     "confirmation_median": "median s",
     "pure_nees": "NEES pure",
     "nees": "NEES true",
-    "gospa_mean": "GOSPA m",
 }
 """Measures of the terminal's table, with their headings."""
 NOTES = """\
@@ -428,15 +243,6 @@ farther from it. *redundant*: another true start of a target.
 Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
 ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.
 - *NEES*: 4 is ideal; a larger value means an over-confident covariance.
-- *GOSPA* of the held tracks against the truth: p = 2, alpha = 2, c = 3 sigma of the measurement \
-error's larger axis, the mean over the targets; mean and root mean square over the scans and runs. \
-The squares of the three parts add up to that of the latter.
-"""
-EQUAL_RATE_NOTE = """\
-The curve passes through a method's best points, P_D linear in the logarithm of the false + \
-misplaced starts, and is constant beyond its right end. A dash marks a value that the curve does \
-not reach. A point without false starts counts half a start in all runs. Intervals: bootstrap over \
-the runs, common to all points.
 """
 
 
@@ -454,86 +260,15 @@ def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
         "# Evaluation of track initiation\n",
         f"```\n{command}\n```\n",
         f"{plan.runs} runs of each point on each scenario, seed {plan.seed}. {NOTES}",
-        _points_table(plan),
     ]
-    for scenario in plan.scenarios:
-        parts.append(f"## Scenario {scenario.name}\n\n```\n{_scene(scenario)}\n```\n")
-        parts += [_section(result) for result in evaluated if result.scenario is scenario]
-    return "\n".join(parts)
-
-
-def _scene(scenario: Scenario) -> str:
-    """Summary of a scenario, without the targets' states."""
-    sensor = scenario.sensor
-    drawn = sum(area.count for area in scenario.areas)
-    clutter = f"clutter {sensor.clutter_density:g} /m^2 over {scenario.area / 1e6:.4g} km^2"
-    range_error = f"range error {sensor.range_std:g} m and {100 * sensor.range_std_fraction:g} %"
-    azimuth_error = f"azimuth error {math.degrees(sensor.azimuth_std):.3g} degrees"
-    warm_up = f", after {scenario.warm_up} of clutter alone" if scenario.warm_up else ""
-    return (
-        f"{scenario.scans} scans{warm_up}, one in {scenario.period:g} s; {clutter}\n"
-        f"{range_error}, {azimuth_error}, detection probability {sensor.detection_probability:g}\n"
-        f"targets: {len(scenario.targets)} given, {drawn} drawn in every run; "
-        f"own ship {scenario.own_ship.speed:g} m/s"
-    )
-
-
-def _points_table(plan: Plan) -> str:
-    rows = [
-        [point.method, point.label, _given(point.options), point.version] for point in plan.points
-    ]
-    return "## Points\n\n" + markdown_table(["method", "point", "options", "version"], rows) + "\n"
-
-
-def _given(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name}:={value}" for name, value in options.items()) or "defaults"
-
-
-def _section(result: Evaluated) -> str:
-    after = f"after {result.scans} scans"
-    parts = []
-    for title, names in TABLES.items():
-        header = ["method", "point", *(HEADINGS[name] for name in names)]
+    for result in evaluated:
         rows = [
-            [point.method, point.label, *(measures.text(name) for name in names)]
+            [point.method, point.label, *(measures.text(name) for name in HEADINGS)]
             for point, measures in zip(result.points, result.measures, strict=True)
         ]
-        parts.append(f"### {title}, {after}\n\n{markdown_table(header, rows)}\n")
-    if result.comparisons:
-        table = _equal_rate_table(result)
-        parts.append(f"### At equal false-track rate or P_D, {after}\n\n{EQUAL_RATE_NOTE}\n{table}")
+        table = markdown_table(["method", "point", *HEADINGS.values()], rows)
+        parts.append(f"## {result.scenario.name}, {result.scans} scans\n\n{table}\n")
     return "\n".join(parts)
-
-
-def _equal_rate_table(result: Evaluated) -> str:
-    """The comparisons, rates per scan and km^2."""
-    unit = result.scans * result.scenario.area / 1e6
-    header = [
-        "method",
-        "point",
-        HEADINGS["false_density"],
-        "P_D",
-        "against",
-        "its P_D at that rate",
-        "difference in P_D",
-        "its rate at that P_D",
-        "ratio of rates",
-    ]
-    return markdown_table(header, [_equal_rate_row(row, unit) for row in result.comparisons]) + "\n"
-
-
-def _equal_rate_row(row: Comparison, unit: float) -> list[str]:
-    return [
-        row.method,
-        row.label,
-        f"{row.false / unit:.3g}",
-        f"{row.detection:.4f}",
-        row.other,
-        row.other_detection.text(".4f"),
-        row.detection_difference.text("+.4f"),
-        (row.other_false / unit).text(".3g"),
-        row.false_ratio.text(".3g"),
-    ]
 
 
 def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
@@ -575,29 +310,19 @@ def _values(estimate: Estimate) -> list[float | None]:
     return [None if math.isnan(value) else float(f"{value:.6g}") for value in values]
 
 
-def table_of(evaluated: Sequence[Evaluated]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of one table with the measures of the terminal's."""
+def table_of(
+    evaluated: Sequence[Evaluated], *, interval: bool = True
+) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of one table with the measures of `SHORT`."""
     header = ["scenario", "pings", "method", *SHORT.values()]
     rows = [
         [
             result.scenario.name,
             str(result.scans),
             f"{point.method} {point.label}",
-            *(measures.text(name) for name in SHORT),
+            *(measures.text(name, interval=interval) for name in SHORT),
         ]
         for result in evaluated
         for point, measures in zip(result.points, result.measures, strict=True)
     ]
     return header, rows
-
-
-def short_text(plan: Plan, result: Evaluated) -> str:
-    """A short table for the terminal."""
-    rows = [
-        [f"{point.method} {point.label}", *(measures.text(name, interval=False) for name in SHORT)]
-        for point, measures in zip(result.points, result.measures, strict=True)
-    ]
-    return (
-        f"scenario {result.scenario.name}, {result.scans} scans, {plan.runs} runs, "
-        f"seed {plan.seed}\n" + text_table(["method", *SHORT.values()], rows)
-    )

@@ -1,4 +1,4 @@
-"""Files of runs, with which an interrupted study continues, and of results; their digests.
+"""Runs in several processes, files of runs, with which an interrupted study continues, and results.
 
 A file of runs is JSON lines: a header with what its runs depend on, then a line per run. Its name
 has a digest of the header, so that other options, another seed or another version have other files.
@@ -11,18 +11,76 @@ import argparse
 import functools
 import hashlib
 import json
+import multiprocessing
+import os
 import platform
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 import tsepm_ros
+from tsepm_ros.ending_signals import signals_held
 from tsepm_ros.tools.terminal import Progress, silent
 from tsepm_ros.whole_files import write_text, written_whole
+
+Job = TypeVar("Job")
+Made = TypeVar("Made")
+
+WATCH_PERIOD = 0.5
+"""Time between a worker's checks of its parent, s."""
+
+
+def _attach_to_parent() -> None:
+    """Prepare a worker process, which ends with the process that started it.
+
+    An interrupt from the terminal reaches all processes; the starting process ends the others. If
+    it is killed, nobody does, so each worker watches it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with_parent(process: int) -> None:
+    """End this process once its parent, whose id is given, has ended."""
+    parent = multiprocessing.parent_process()
+    while os.getppid() == process and parent is not None and parent.is_alive():
+        time.sleep(WATCH_PERIOD)
+    os._exit(1)
+
+
+def mapped(
+    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1
+) -> Generator[Made, None, None]:
+    """Results of a function for each job, in their order; closed early, no more are done.
+
+    Parameters
+    ----------
+    function : callable
+        A function that can be imported by its name.
+    jobs : sequence
+    processes : int, optional
+        Number of processes on this machine; 1 means this process alone.
+    """
+    if processes == 1:
+        yield from map(function, jobs)
+        return
+    pool = ProcessPoolExecutor(processes, initializer=_attach_to_parent)
+    try:
+        with signals_held():  # the first job starts the processes
+            results = pool.map(function, jobs)
+        yield from results
+    finally:
+        pool.shutdown(cancel_futures=True)
+
 
 PACKAGE = Path(tsepm_ros.__file__).parent
 GOLDENS = PACKAGE.parent / "test" / "golden"
@@ -130,17 +188,23 @@ class RunFile:
 def complete(
     files: Sequence[RunFile],
     runs: int,
-    results_of: Callable[[list[tuple[int, int]]], Iterable[Any]],
+    function: Callable[[Job], Any],
+    job_of: Callable[[int, int], Job],
+    *,
+    processes: int = 1,
     progress: Progress = silent,
-) -> None:
-    """Do the missing runs of each file.
+) -> list[list[Any]]:
+    """Do the missing runs of each file, and return all, as JSON, by file.
 
     Parameters
     ----------
     files : sequence of RunFile
     runs : int
-    results_of : callable
-        Results of runs, in the order of the given pairs (index of the file, index of the run).
+    function : callable
+        Does a job and returns its result as JSON; importable by its name.
+    job_of : callable
+        The job of a file and a run, given by their indices.
+    processes : int, optional
     progress : callable, optional
         Shows the number of missing runs that are done.
     """
@@ -150,13 +214,13 @@ def complete(
         for index in range(runs)
         if index not in file.results
     ]
-    done = progress(results_of(missing), len(missing))
-    for (row, index), result in zip(missing, done, strict=True):
+    results = mapped(function, [job_of(*one) for one in missing], processes)
+    for (row, index), result in zip(missing, progress(results, len(missing)), strict=True):
         files[row].append(index, result)
+    return [[file.results[index] for index in range(runs)] for file in files]
 
 
 Row = Mapping[str, Any]
-Table = tuple[list[str], list[list[str]]]  # header and rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,32 +287,3 @@ def read_result(path: Path) -> Result:
         return Result(**json.loads(path.read_text(encoding="utf-8")))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} is not a result file: {error}") from None
-
-
-def printed(rows: Iterable[Sequence[str]]) -> Table:
-    """Print rows as a Markdown table, each at once, and return the header and the others."""
-    table = []
-    for index, cells in enumerate(rows):
-        print(f"| {' | '.join(cells)} |", flush=True)
-        if not index:
-            print("|---" * len(cells) + "|", flush=True)
-        table.append(list(cells))
-    return table[0], table[1:]
-
-
-def write_table(path: Path | None, command: str, table: Table, *, seed: int, runs: int) -> None:
-    """Write a printed table as a result file, if `add_result`'s option names the file.
-
-    Parameters
-    ----------
-    path : Path or None
-        None: nothing is written.
-    command : str
-        The command that repeats the table.
-    table : header and rows
-        As `printed` returns them.
-    seed, runs : int
-    """
-    if path:
-        header, rows = table
-        write_result(path, Result(command=command, seed=seed, runs=runs, header=header, rows=rows))

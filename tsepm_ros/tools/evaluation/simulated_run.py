@@ -87,44 +87,39 @@ def nees(error: FloatArray, covariance: FloatArray) -> float:
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def judge(
-    tracks: Sequence[ConfirmedTrack],
-    origins: Sequence[NDArray[np.int64]],
-    truth_at: Callable[[float], FloatArray],
-    sensor: SensorModel,
-    sensor_position_at: Callable[[float], FloatArray],
+def judge_starts(
+    simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
 ) -> list[Judged]:
-    """Judge the confirmed tracks of one run.
+    """Judge the confirmed tracks of a run on a simulator's scans.
 
     Parameters
     ----------
+    simulator : Simulator
+        With the scenario and the truth.
     tracks : sequence of ConfirmedTrack
         In the order of confirmation.
     origins : sequence of (n,) ndarray of int
-        Per scan, the target index of each detection, negative for clutter.
-    truth_at : callable
-        States (k, 4) of all targets at a stamp, s.
-    sensor : SensorModel
-        Measurement errors.
-    sensor_position_at : callable
-        Sensor position (2,) at a stamp, s.
+        Per processed scan, to which the tracks' hits refer, the target index of each detection,
+        negative for clutter.
 
     Returns
     -------
     list of Judged
         In the order of the tracks.
     """
+    scenario = simulator.scenario
     started: set[int] = set()
     judged = []
     for track in tracks:
         sources = np.array([origins[scan][index] for scan, index in track.hits])
         target = _majority(sources)
-        truths, sensor_position = truth_at(track.stamp), sensor_position_at(track.stamp)
+        truths = simulator.truth(track.stamp)
+        sensor_position = scenario.own_ship.pose(track.stamp)[:2]
         at = frozenset(
             index
             for index, truth in enumerate(truths)
             if _distance(track, truth)
-            <= SIGMAS * measurement_sigma(sensor, truth[0::2] - sensor_position)
+            <= SIGMAS * measurement_sigma(scenario.sensor, truth[0::2] - sensor_position)
         )
         if target == NO_TARGET:
             judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
@@ -262,23 +257,6 @@ def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
     ]
 
 
-def judge_starts(
-    simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
-) -> list[Judged]:
-    """Judge tracks that were started on a simulator's scans, see `judge`.
-
-    `origins` are those of the processed scans, to which the tracks' hits refer.
-    """
-    scenario = simulator.scenario
-    return judge(
-        tracks,
-        origins,
-        simulator.truth,
-        scenario.sensor,
-        lambda stamp: scenario.own_ship.pose(stamp)[:2],
-    )
-
-
 @dataclass
 class SimulatedScene:
     """The scans of a simulated run, and the origins of their detections.
@@ -310,12 +288,8 @@ class SimulatedScene:
         """The simulator's scenario."""
         return self.simulator.scenario
 
-    def sensor_position(self, stamp: float) -> FloatArray:
-        """Position of the sensor at a time (s), (2,)."""
-        return self.scenario.own_ship.pose(stamp)[:2]
-
     def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
-        """Judge tracks that were started on the scans, see the function `judge`."""
+        """Judge tracks that were started on the scans, see `judge_starts`."""
         return judge_starts(self.simulator, tracks, self.origins)
 
 
@@ -325,26 +299,21 @@ class SimulatedRun(SimulatedScene):
 
     Attributes
     ----------
-    starts : list of ConfirmedTrack
-    start_scans : list of int
-        Index of the scan that confirmed each start.
-    corrections : list of ConfirmedTrack
-        Later revisions of starts.
-    correction_scans : list of int
-        Index of the scan that brought each.
+    starts : list of (int, ConfirmedTrack)
+        With the index of the scan that confirmed each.
+    corrections : list of (int, ConfirmedTrack)
+        Later revisions of starts, with the index of the scan that brought each.
     held : list of (n, 2) ndarray or None
         Positions of the held tracks after each scan; None if the starter holds no tracks.
     """
 
-    starts: list[ConfirmedTrack] = field(default_factory=list)
-    start_scans: list[int] = field(default_factory=list)
-    corrections: list[ConfirmedTrack] = field(default_factory=list)
-    correction_scans: list[int] = field(default_factory=list)
+    starts: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
+    corrections: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
     held: list[FloatArray | None] = field(default_factory=list)
 
     def judged(self) -> list[Judged]:
         """Judge the starts, as first published: revision 0."""
-        return self.judge(self.starts)
+        return self.judge([track for _, track in self.starts])
 
 
 def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> SimulatedRun:
@@ -352,12 +321,8 @@ def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> Simu
     run = SimulatedRun.drawn(scenario, seed)
     starter = point.make(scenario)
     for index, scan in enumerate(run.scans):
-        started = list(starter.process(scan))
-        run.starts += started
-        run.start_scans += [index] * len(started)
-        corrected = list(getattr(starter, "revised", ()))
-        run.corrections += corrected
-        run.correction_scans += [index] * len(corrected)
+        run.starts += [(index, track) for track in starter.process(scan)]
+        run.corrections += [(index, track) for track in getattr(starter, "revised", ())]
         run.held.append(_held_positions(starter))
     return run
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.result import ScanResult, vessel_pose
-from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros.session.inputs import Arrival
+from tsepm_ros.session.session import ScanResult, vessel_pose
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel

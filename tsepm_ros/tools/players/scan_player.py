@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -39,17 +38,16 @@ from msg_adapters import (
     truth_markers,
     truth_tracks,
 )
-from tsepm_ros.nodes import quality_of_service
-from tsepm_ros.nodes.node_parameters import (
-    NodeParameters,
+from tsepm_ros.nodes.base_node import (
+    OVERRIDABLE,
     ParameterError,
     ParameterisedNode,
     refusing,
+    run,
 )
-from tsepm_ros.nodes.running import clock_time, run
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
-from tsepm_ros.settings.settings import SCAN_PLAYER, Groups, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
@@ -128,8 +126,6 @@ class PlayingNode(ParameterisedNode):
     Parameters
     ----------
     name : str
-    groups : Groups
-        Its parameters.
     make : callable
         Makes what is played of the node and its options.
 
@@ -142,26 +138,23 @@ class PlayingNode(ParameterisedNode):
     def __init__(
         self,
         name: str,
-        groups: Groups,
         make: Callable[[ParameterisedNode, Mapping[type, Any]], Played],
         **node_options: Any,
     ) -> None:
         super().__init__(name, **node_options)
-        options = NodeParameters(self, groups).options
         self.finished: Future = Future()
-        self._played = make(self, options)
-        self._pace: PlaybackOptions = options[PlaybackOptions]
+        self._played = make(self, self.options)
+        self._pace: PlaybackOptions = self.options[PlaybackOptions]
         self._clock_topic: Any = None
         if self._pace.publish_clock:
             self._clock_topic = self.create_publisher(
-                ClockMessage, "/clock", 10, qos_overriding_options=quality_of_service.PUBLISHER
+                ClockMessage, "/clock", 10, qos_overriding_options=OVERRIDABLE
             )
         self._events = self._played.events()
         self._next = next(self._events, None)
         self._begin: float | None = None
         self._published = 0
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(WAIT_PERIOD, self._step, clock=steady)
+        self._timer = self.steady_timer(WAIT_PERIOD, self._step)
         if self._pace.wait_for_subscribers:
             self.get_logger().info(
                 f"waiting for {self._pace.wait_for_subscribers} subscriber(s) of "
@@ -262,9 +255,7 @@ class PlayedTopics(Played):
     ) -> None:
         self._frames = fixed_frame, sensor_frame
         self._place, self._reach = np.zeros(2), 0.0  # of the own ship; largest range of a target
-        publisher = partial(
-            node.create_publisher, qos_overriding_options=quality_of_service.PUBLISHER
-        )
+        publisher = partial(node.create_publisher, qos_overriding_options=OVERRIDABLE)
         self.detections = publisher(detections_type, "detections", PUBLISHER_DEPTH)
         self._truth = publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
         self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)
@@ -399,9 +390,7 @@ class PlayedBag(Played):
                 f"recording: {topic} is of type {type_name}, whose package is not installed"
             ) from None
         qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
-        return self._node.create_publisher(
-            kind, name, qos, qos_overriding_options=quality_of_service.PUBLISHER
-        )
+        return self._node.create_publisher(kind, name, qos, qos_overriding_options=OVERRIDABLE)
 
     def _add_tf(self) -> None:
         for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, LATCHED)):
@@ -447,7 +436,7 @@ class PlayedRecording(PlayedTopics):
         self._from = first + options.start_offset
         self._shift = options.start_stamp
         if self._shift < 0:
-            self._shift = clock_time(node) - self._from
+            self._shift = 1e-9 * node.get_clock().now().nanoseconds - self._from
         if not 0 <= self._from + self._shift <= last + self._shift <= MAX_STAMP:
             raise ParameterError(
                 f"recording: with start_stamp its stamps go from {self._from + self._shift:g} to "
@@ -499,7 +488,7 @@ class ScanPlayer(PlayingNode):
     """Publishes the scans, the own ship and the truth of a CSV recording or a bag."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("scan_player", SCAN_PLAYER, _played, **node_options)
+        super().__init__("scan_player", _played, **node_options)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -11,11 +11,10 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from msg_adapters import make_header, message_class, write_detections
-from tsepm_ros.nodes.node_parameters import refusing
-from tsepm_ros.nodes.running import clock_time, run
+from tsepm_ros.nodes.base_node import refusing, run
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import SimulatorNodeOptions
-from tsepm_ros.settings.settings import SONAR_SIMULATOR, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.players.scan_player import Event, PlayedTopics, PlayingNode
 from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.tracker.scan import Scan
@@ -50,7 +49,11 @@ class PlayedScenario(PlayedTopics):
         with refusing("detections_type"):
             self._message(make_header(0, ""), Scan(0.0, np.zeros(0), np.zeros(0)))
             kind = message_class(options.detections_type)
-        self._start = options.start_stamp if options.start_stamp >= 0 else clock_time(node)
+        self._start = (
+            options.start_stamp
+            if options.start_stamp >= 0
+            else 1e-9 * node.get_clock().now().nanoseconds
+        )
         super().__init__(node, kind, options.fixed_frame, options.sensor_frame)
 
     def events(self) -> Iterator[Event]:
@@ -99,7 +102,7 @@ class SonarSimulator(PlayingNode):
 
     def __init__(self, **node_options: Any) -> None:
         make = lambda node, options: PlayedScenario(node, options[SimulatorNodeOptions])  # noqa: E731
-        super().__init__("sonar_simulator", SONAR_SIMULATOR, make, **node_options)
+        super().__init__("sonar_simulator", make, **node_options)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -12,14 +12,13 @@ import numpy as np
 from msg_adapters import MessageError, read_track_cloud, seconds_to_ns, time_to_ns
 from msg_adapters.message_input import MessageInput
 from msg_adapters.ping import ReadingOptions
-from msg_adapters.point_cloud_detections import detections_of_fields
+from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields
+from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import stated_axes
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
-from tsepm_ros.own_ship.registration import SensorScan, usable_echoes
-from tsepm_ros.session.result import ScanResult
-from tsepm_ros.session.session import Session
+from tsepm_ros.own_ship.registration import SensorScan, stated_axes, usable_echoes
+from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
 from tsepm_ros.tools.replay.recording import Recording
@@ -64,7 +63,7 @@ def recording_results(
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
         until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
-        last = session.own_ship_stamp
+        last = session.own_ship.poses.last_stamp
         while poses and (last is None or last < until):
             last = poses[0].stamp
             session.add_own_ship(replace(poses.popleft(), frame_id=session.fixed_frame or FRAME))
@@ -113,6 +112,7 @@ def bag_results(
         role = roles[message.topic]
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
+                _follow(session, images.coverage(ping))
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
@@ -126,6 +126,17 @@ def bag_results(
             given.take_tracked(content)
         yield from session.process(now)
     yield from session.process(last=True)
+
+
+def _follow(session: Session, coverage: ImageCoverage) -> None:
+    """Give the tracker the coverage of an image, as the node `sonar_detector` does."""
+    sensor = session.settings.sensor
+    if coverage.agrees([getattr(sensor, name) for name in COVERAGE]):
+        return
+    try:
+        session.configure(replace(session.settings, sensor=replace(sensor, **coverage.values)))
+    except ValueError as error:
+        session.drop("bad_image", f"the coverage of an image is not used: {error}")
 
 
 def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:

@@ -12,7 +12,7 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
   ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
 - optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
   ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
-  up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.attitude`, and ``scan``:
+  up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.registration`, and ``scan``:
   a scan that appears here and has no detections is then an empty scan;
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 
@@ -43,7 +43,7 @@ import yaml
 from numpy.typing import NDArray
 
 from tsepm_ros.detector.detector import Detector, make_detector
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
 from tsepm_ros.parameters import shown
@@ -587,13 +587,23 @@ def write_detections(
             yield detector, image, scan
 
 
-def detected(folder: Path, into: Path) -> Path:
-    """Path of the detections of a folder of images, in `into` with its own ship and truth."""
+def detected(folder: Path, into: Path) -> tuple[Path, dict[str, float]]:
+    """Write the detections of a folder of images into a recording, with its own ship and truth.
+
+    Returns
+    -------
+    path : Path
+        Of the detections, in the folder `into`.
+    coverage : dict of str to float
+        Coverage of the images, by its parameters.
+    """
+    coverage: dict[str, float] = {}
     for path in folder.glob("*.csv"):
         shutil.copy(path, into)
-    for _ in write_detections(folder, into / DETECTIONS_FILE):
-        pass
-    return into / DETECTIONS_FILE
+    for _, image, _ in write_detections(folder, into / DETECTIONS_FILE):
+        coverage = ImageCoverage(image.range, image.azimuth).values
+    values = {f"sensor.{name}": value for name, value in coverage.items()}
+    return into / DETECTIONS_FILE, values
 
 
 def _image_array(path: Path) -> Any:

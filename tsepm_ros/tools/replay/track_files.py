@@ -16,9 +16,9 @@ import numpy as np
 
 from msg_adapters.point_cloud import point_fields
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, check_seconds
-from msg_adapters.track_cloud import COVARIANCE_FIELDS, STATE_FIELDS, track_points
-from tsepm_ros.own_ship.attitude import east_north_up
-from tsepm_ros.session.result import ScanResult
+from msg_adapters.track_messages import COVARIANCE_FIELDS, STATE_FIELDS, track_points
+from tsepm_ros.own_ship.registration import east_north_up
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.replay.bag import POINTS, mcap_writer, message_types
 from tsepm_ros.tools.terminal import write_line

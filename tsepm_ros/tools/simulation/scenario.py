@@ -13,9 +13,9 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -328,6 +328,10 @@ class ClutterPatch:
     box: tuple[float, float, float, float]
     density: float
 
+    def __post_init__(self) -> None:
+        if self.density < 0.0:
+            raise ValueError(f"density must be at least 0; got {self.density!r}")
+
 
 @dataclass(frozen=True)
 class TargetArea:
@@ -358,6 +362,10 @@ class TargetArea:
     speed: float
     features: Features = field(default_factory=dict)
     strength: TargetStrength | None = None
+
+    def __post_init__(self) -> None:
+        if self.count < 0 or self.ranges[0] < 0:
+            raise ValueError("count and ranges must be at least 0")
 
     def draw(self, rng: np.random.Generator, duration: float) -> list[FloatArray]:
         """Draw the targets' states at time 0, (4,) each.
@@ -535,50 +543,37 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     ValueError
         If a key is unknown or a value is not allowed; the message names it.
     """
-    values = dict(_mapping(content, f"scenario {name!r}"))
-    sensor = _section(SensorModel, values.pop("sensor", {}), "sensor")
-    own_ship = _own_ship(_radians(values.pop("own_ship", {}), "own_ship"))
-    targets, areas, features, strengths = [], [], [], []
+    values = {"name": Path(name).stem, **_mapping(content, f"scenario {name!r}")}
+    targets, areas = [], []
     for where, entry in _entries(values.pop("targets", []), "targets"):
-        values_of = _radians(entry, where)
-        if "state" in values_of:
-            _known(values_of, ["state", "features", "strength"], where)
-            strengths.append(_strength(values_of, where))
-            features.append(_features(values_of.get("features", {}), f"{where}.features"))
-            targets.append(_numbers(values_of["state"], 4, f"{where}.state"))
+        if "state" in _mapping(entry, where):
+            targets.append(_read(entry, where, TARGET))
         else:
-            areas.append(_area(values_of, where))
-    if "clutter_box" in values:
-        values["clutter_box"] = _intervals(values["clutter_box"], 2, "clutter_box")
-    values["clutter_patches"] = _patches(values.get("clutter_patches", []))
-    values["clutter_features"] = _features(values.get("clutter_features", {}), "clutter_features")
-    values.setdefault("name", Path(name).stem)
-    of_targets = [*strengths, *(area.strength for area in areas)]
-    values["clutter_strength"] = _clutter_strength(values.get("clutter_strength"), of_targets)
-    for key in ("areas", "target_features", "target_strengths"):
-        if key in values:
-            raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
-    if not isinstance(values["name"], str) or not FILE_NAME.fullmatch(values["name"]):
+            areas.append(_section(TargetArea, {"count": 1, **entry}, where))
+    strengths = tuple(target.get("strength") for target in targets)
+    known = {key: kind for key, kind in _kinds(Scenario).items() if key not in OF_TARGETS}
+    scenario = Scenario(
+        **_read(values, "scenario", known),
+        targets=tuple(target["state"] for target in targets),
+        areas=tuple(areas),
+        target_features=tuple(target.get("features", {}) for target in targets),
+        target_strengths=strengths,
+    )
+    if not scenario.clutter_strength and any([*strengths, *(area.strength for area in areas)]):
+        raise ValueError("targets have a strength: clutter_strength must be given too")
+    if not isinstance(scenario.name, str) or not FILE_NAME.fullmatch(scenario.name):
         raise ValueError(
             "scenario.name must be a text without / and control characters, since files are named "
-            f"after it; got {shown(values['name'])}"
+            f"after it; got {shown(scenario.name)}"
         )
-    scenario = _section(Scenario, values, "scenario")
-    if not 1 <= scenario.scans <= MAX_SCANS:
-        raise ValueError(f"scenario.scans must be from 1 to {MAX_SCANS}; got {scenario.scans}")
-    if not 0 <= scenario.warm_up <= MAX_SCANS:
-        raise ValueError(f"scenario.warm_up must be from 0 to {MAX_SCANS}; got {scenario.warm_up}")
+    for key, least in (("scans", 1), ("warm_up", 0)):
+        if not least <= getattr(scenario, key) <= MAX_SCANS:
+            raise ValueError(
+                f"scenario.{key} must be from {least} to {MAX_SCANS}; got {getattr(scenario, key)}"
+            )
     if scenario.period <= 0 or scenario.sound_speed < 0:
         raise ValueError("scenario.period must be above 0 and scenario.sound_speed at least 0")
-    return dataclasses.replace(
-        scenario,
-        sensor=sensor,
-        own_ship=own_ship,
-        targets=tuple(targets),
-        areas=tuple(areas),
-        target_features=tuple(features),
-        target_strengths=tuple(strengths),
-    )
+    return scenario
 
 
 def _mapping(content: Any, where: str) -> dict[str, Any]:
@@ -587,31 +582,39 @@ def _mapping(content: Any, where: str) -> dict[str, Any]:
     return content
 
 
-def _entries(content: Any, where: str, of: str = "") -> list[tuple[str, Any]]:
+def _entries(content: Any, where: str) -> list[tuple[str, Any]]:
     """The entries of a list, each with its name."""
     if not isinstance(content, list):
-        raise ValueError(f"{where} must be a list{of}; got {shown(content)}")
+        raise ValueError(f"{where} must be a list; got {shown(content)}")
     return [(f"{where}[{index}]", entry) for index, entry in enumerate(content)]
 
 
-def _known(content: dict[str, Any], known: list[str], where: str) -> None:
-    unknown = sorted(str(key) for key in content if key not in known)
-    if unknown:
-        raise ValueError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(known)}")
+def _kinds(kind: type[Any]) -> dict[str, str]:
+    """Types of a dataclass's fields, as written."""
+    return {field.name: str(field.type) for field in dataclasses.fields(kind)}
 
 
 def _section(kind: type[Any], content: Any, where: str) -> Any:
-    """Make a dataclass from a mapping, its plain fields checked for their types."""
-    content = dict(_mapping(content, where))
-    fields = {field.name: field.type for field in dataclasses.fields(kind)}
-    _known(content, list(fields), where)
-    for key, value in content.items():
-        if fields[key] in ("int", "float"):
-            content[key] = _number(value, str(fields[key]), f"{where}.{key}")
+    """Make a dataclass from a mapping."""
+    values = _read(content, where, _kinds(kind))
     try:
-        return kind(**content)
+        return kind(**values)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{where}: {error}") from None
+
+
+def _read(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
+    """Values of a mapping with known keys: numbers checked, others read by `READERS`."""
+    values = _radians(content, where)
+    unknown = sorted(str(key) for key in values if key not in kinds)
+    if unknown:
+        raise ValueError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(kinds)}")
+    for key, value in values.items():
+        if key in READERS:
+            values[key] = READERS[key](value, f"{where}.{key}")
+        elif kinds[key] in ("int", "float"):
+            values[key] = _number(value, kinds[key], f"{where}.{key}")
+    return values
 
 
 def _number(value: Any, kind: str, where: str) -> float | int:
@@ -623,65 +626,31 @@ def _number(value: Any, kind: str, where: str) -> float | int:
     raise ValueError(f"{where} must be {expected}; got {shown(value)}")
 
 
-def _own_ship(values: dict[str, Any]) -> Any:
+def _own_ship(content: Any, where: str) -> Motion:
     """A platform, along waypoints if they are given."""
-    if "waypoints" in values:
-        points = _entries(values["waypoints"], "own_ship.waypoints", " of waypoints [x, y]")
-        values["waypoints"] = tuple(
-            tuple(_numbers(point, 2, where).tolist()) for where, point in points
-        )
-    kind = WaypointMotion if "waypoints" in values else OwnShipMotion
-    return _section(kind, values, "own_ship")
+    kind = WaypointMotion if "waypoints" in _mapping(content, where) else OwnShipMotion
+    motion: Motion = _section(kind, content, where)
+    return motion
 
 
-def _area(entry: dict[str, Any], where: str) -> Any:
-    values = {"count": 1, **entry}
-    for key in ("ranges", "azimuths"):
-        values[key] = _intervals(entry.get(key), 1, f"{where}.{key}")
-    values["features"] = _features(entry.get("features", {}), f"{where}.features")
-    values["strength"] = _strength(entry, where)
-    area = _section(TargetArea, values, where)
-    if area.count < 0 or area.ranges[0] < 0:
-        raise ValueError(f"{where}: count and ranges must be at least 0")
-    return area
-
-
-def _clutter_strength(content: Any, of_targets: list[Any]) -> Any:
-    """Law of the strength of clutter, if it is given."""
-    if content is None and any(of_targets):
-        raise ValueError("targets have a strength: clutter_strength must be given too")
-    where = "clutter_strength"
-    return content if content is None else _section(ClutterStrength, content, where)
-
-
-def _strength(entry: Mapping[str, Any], where: str) -> Any:
-    """Strength of a target's echoes, if it is given."""
-    content = entry.get("strength")
-    return content if content is None else _section(TargetStrength, content, f"{where}.strength")
+def _waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(_numbers(2, one, place).tolist()) for place, one in _entries(content, where))
 
 
 def _features(content: Any, where: str) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of each feature."""
-    content = _radians(content, where)
-    _known(content, list(NAMES), where)
+    values: dict[str, Any] = _read(content, where, dict.fromkeys(NAMES, ""))
     features = {}
-    for name, value in content.items():
-        mean, deviation = _numbers(value, 2, f"{where}.{name}").tolist()
+    for name, value in values.items():
+        mean, deviation = _numbers(2, value, f"{where}.{name}").tolist()
         if deviation < 0.0:
             raise ValueError(f"{where}.{name}: standard deviation must be at least 0")
         features[name] = (mean, deviation)
     return features
 
 
-def _patches(entries: Any) -> tuple[ClutterPatch, ...]:
-    patches = []
-    for where, entry in _entries(entries, "clutter_patches"):
-        box = _intervals(_mapping(entry, where).get("box"), 2, f"{where}.box")
-        patch = _section(ClutterPatch, {**entry, "box": box}, where)
-        if patch.density < 0.0:
-            raise ValueError(f"{where}.density must be at least 0; got {shown(patch.density)}")
-        patches.append(patch)
-    return tuple(patches)
+def _patches(content: Any, where: str) -> tuple[ClutterPatch, ...]:
+    return tuple(_section(ClutterPatch, one, place) for place, one in _entries(content, where))
 
 
 def _radians(content: Any, where: str) -> dict[str, Any]:
@@ -696,15 +665,15 @@ def _radians(content: Any, where: str) -> dict[str, Any]:
     return converted
 
 
-def _intervals(value: Any, count: int, where: str) -> tuple[float, ...]:
+def _intervals(count: int, value: Any, where: str) -> tuple[float, ...]:
     """Bounds of intervals, low and high of each."""
-    numbers = _numbers(value, 2 * count, where).tolist()
+    numbers = _numbers(2 * count, value, where).tolist()
     if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
         raise ValueError(f"{where} must go from low to high; got {shown(value)}")
     return tuple(numbers)
 
 
-def _numbers(value: Any, count: int, where: str) -> FloatArray:
+def _numbers(count: int, value: Any, where: str) -> FloatArray:
     try:
         array = np.array(value, float)
     except (TypeError, ValueError, OverflowError):
@@ -712,3 +681,25 @@ def _numbers(value: Any, count: int, where: str) -> FloatArray:
     if array.shape != (count,) or not np.isfinite(array).all():
         raise ValueError(f"{where} must be a list of {count} finite numbers; got {shown(value)}")
     return array
+
+
+TARGET = {"state": "", "features": "", "strength": ""}
+"""Keys of a target whose state is given."""
+OF_TARGETS = ("targets", "areas", "target_features", "target_strengths")
+"""Fields of a scenario that are given by its targets."""
+READERS: dict[str, Callable[[Any, str], Any]] = {
+    "sensor": partial(_section, SensorModel),
+    "own_ship": _own_ship,
+    "waypoints": _waypoints,
+    "state": partial(_numbers, 4),
+    "ranges": partial(_intervals, 1),
+    "azimuths": partial(_intervals, 1),
+    "box": partial(_intervals, 2),
+    "clutter_box": partial(_intervals, 2),
+    "features": _features,
+    "clutter_features": _features,
+    "strength": partial(_section, TargetStrength),
+    "clutter_strength": partial(_section, ClutterStrength),
+    "clutter_patches": _patches,
+}
+"""Readers of values that are no plain numbers, by key."""

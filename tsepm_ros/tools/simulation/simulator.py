@@ -68,15 +68,16 @@ class Simulator:
         # Separate streams: what else is measured does not change the positions of a seed.
         streams = np.random.SeedSequence(seed).spawn(3)
         self._rate_rng, self._feature_rng, strength_rng = map(np.random.default_rng, streams)
-        drawn_features = [area.features for area in scenario.areas for _ in range(area.count)]
+        areas = [area for area in scenario.areas for _ in range(area.count)]
         given = scenario.target_features or ({},) * len(scenario.targets)
-        self._features = [*given, *drawn_features, scenario.clutter_features]
+        self._features = [*given, *(area.features for area in areas), scenario.clutter_features]
         self._strengths: Strengths | None = None
         if scenario.clutter_strength is not None:
-            of_areas = [area.strength for area in scenario.areas for _ in range(area.count)]
             of_targets = scenario.target_strengths or (None,) * len(scenario.targets)
             self._strengths = Strengths(
-                scenario.clutter_strength, [*of_targets, *of_areas], strength_rng
+                scenario.clutter_strength,
+                [*of_targets, *(area.strength for area in areas)],
+                strength_rng,
             )
 
     def __iter__(self) -> Iterator[SimulatedScan]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +20,10 @@ from msg_adapters import (
     read_track_cloud,
     time_to_ns,
 )
-from msg_adapters.track_cloud import track_arrays
+from msg_adapters.track_messages import track_arrays
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.attitude import exchanged, stated_axes
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.registration import exchanged, stated_axes
 from tsepm_ros.tools.viewer.page_content import (
     Frame,
     make_frame,
@@ -32,10 +32,6 @@ from tsepm_ros.tools.viewer.page_content import (
     track_facts,
 )
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
-
-if TYPE_CHECKING:
-    pass
-
 
 DETECTIONS, NEW, TRACKS = "detections/placed", "tracks", "tracks/current"
 POTENTIAL, FIXED = "potential_tracks", "fixed_echoes"

@@ -23,7 +23,7 @@ field         meaning
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
-`track_facts`; or once, in the info of the source: see `geographic_origin` and `RecordedScene`.
+`track_facts`; or once, in the info of the source: see `geographic_terms` and `RecordedScene`.
 
 Health has the levels, tasks and sentences of the diagnostics.
 """
@@ -47,14 +47,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.track_markers import drawn_candidates, ellipses
+from msg_adapters.track_messages import drawn_candidates, ellipses
 from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
-from tsepm_ros.session.result import ScanResult, vessel_pose
-from tsepm_ros.session.scan_queue import Arrival
+from tsepm_ros.session.inputs import Arrival
+from tsepm_ros.session.session import ScanResult, vessel_pose
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
@@ -77,6 +77,13 @@ CENTIMETERS, MILLIMETERS, MILLIRADIANS, MILLISECONDS, PERCENT = 100.0, 1e3, 1e3,
 """Integers of a frame per m, m/s, rad, s and 1."""
 
 _ELLIPSE_UNITS = np.array([CENTIMETERS, CENTIMETERS, MILLIRADIANS])
+GEOGRAPHIC_ORDER = 5
+GEOGRAPHIC_REACH = 200e3
+"""Distance from the origin up to which the page has latitudes and longitudes, m."""
+GEOGRAPHIC_SHARE = 0.1
+"""The same as a share of the distance to the nearer pole: with both, errors are below 1 m."""
+_DEGREE = 111e3  # m, of latitude
+
 OWN_SHIP_SAMPLES = 100
 """Poses that are kept: some for each scan, so that they reach back over several."""
 
@@ -157,7 +164,7 @@ def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
     """Rows of potential tracks, the least likely first, so that the likely ones are drawn on top.
 
     The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
-    `msg_adapters.track_markers.drawn_candidates`.
+    `msg_adapters.track_messages.drawn_candidates`.
     """
     arrays = _finite(tracks)
     scored = bool(np.isfinite(arrays.score).any())
@@ -298,8 +305,8 @@ def own_ship_velocity(poses: PoseHistory, stamp: float) -> list[float]:
     return list(poses.rates(np.array([stamp]), stamp)[0, :2].tolist())
 
 
-def geographic_origin(origin: str) -> Frame:
-    """What the page is told of the fixed frame's place on the earth.
+def geographic_terms(origin: str) -> Frame:
+    """Latitude and longitude as polynomials in x and y, for the page, from geodesics.
 
     Parameters
     ----------
@@ -310,17 +317,36 @@ def geographic_origin(origin: str) -> Frame:
     Returns
     -------
     dict
-        ``north``: true; ``geographic``: latitude and longitude, degrees. Empty without an origin.
+        ``north``: true; ``geographic``: ``origin`` (degrees), ``reach`` R (m) and ``terms``, rows
+        of i, j, a, b: latitude and longitude exceed the origin's by the sums of
+        ``a (x / R)^i (y / R)^j`` and ``b (x / R)^i (y / R)^j``. Empty without an origin.
 
     Raises
     ------
     ValueError
-        If it is not a latitude and a longitude, or is near a pole.
+        If it is not a latitude and a longitude, is near a pole, or the library is missing.
     """
     if not origin:
         return {}
     reference = GeographicReference.read(origin)
-    return {"north": True, "geographic": [reference.latitude, reference.longitude]}
+    place = [reference.latitude, reference.longitude]
+    to_pole = _DEGREE * (90.0 - abs(reference.latitude))
+    reach = min(GEOGRAPHIC_REACH, GEOGRAPHIC_SHARE * to_pole)
+    nodes = np.polynomial.chebyshev.chebpts1(2 * GEOGRAPHIC_ORDER)
+    east, north = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
+    try:
+        degrees = reference.geographic(reach * np.stack([east, north], axis=1)) - place
+    except ImportError:
+        raise ValueError(
+            "origin needs the library pyproj: pip install pyproj, or the package python3-pyproj"
+        ) from None
+    degrees[:, 1] = (degrees[:, 1] + 180.0) % 360.0 - 180.0
+    orders = range(GEOGRAPHIC_ORDER + 1)
+    powers = [(i, j) for i in orders for j in orders if i + j <= GEOGRAPHIC_ORDER]
+    basis = np.stack([east**i * north**j for i, j in powers], axis=1)
+    factors = np.linalg.lstsq(basis, degrees, rcond=None)[0].tolist()
+    terms = [[*power, *pair] for power, pair in zip(powers, factors, strict=True)]
+    return {"north": True, "geographic": {"origin": place, "reach": reach, "terms": terms}}
 
 
 def health_of_message(message: Any) -> Frame | None:
@@ -417,11 +443,11 @@ class RecordedScene:
     truth : sequence of (m, 3) ndarray, optional
         Time (s), x and y (m) of each target.
     mounting_yaw : float or None, optional
-        As for `tsepm_ros.session.result.vessel_pose`.
+        As for `tsepm_ros.session.session.vessel_pose`.
     sensor : SensorModel, optional
         Whose sector is drawn.
     origin : str, optional
-        As for `geographic_origin`, which may raise ValueError.
+        As for `geographic_terms`, which may raise ValueError.
     """
 
     def __init__(
@@ -435,7 +461,7 @@ class RecordedScene:
     ) -> None:
         self.title = title
         self._info: Frame = {"kind": "recording", "title": title, "north": north}
-        self._info |= geographic_origin(origin)
+        self._info |= geographic_terms(origin)
         if sensor is not None:  # ranges, m, and the start and end of the azimuth from the bow
             yaw = mounting_yaw or 0.0
             azimuths = [sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]

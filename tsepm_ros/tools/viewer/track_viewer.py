@@ -10,26 +10,22 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.nodes.diagnostics_publisher import ThrottledWarnings
-from tsepm_ros.nodes.node_parameters import NodeParameters, ParameterisedNode, refusing
-from tsepm_ros.nodes.quality_of_service import QosWatch
-from tsepm_ros.nodes.running import run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription
+from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.session.drop_reasons import shortened
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.settings.settings import TRACK_VIEWER, help_text
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.viewer.live_frames import CLOUDS, FIXED, OWN_SHIP, TRACKS, LiveFrames
 from tsepm_ros.tools.viewer.page_content import (
     PageState,
     encode,
-    geographic_origin,
+    geographic_terms,
     health_of_message,
     image_frame,
     make_server,
@@ -65,12 +61,11 @@ class TrackViewer(ParameterisedNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_viewer", **node_options)
-        options: ViewerNodeOptions = NodeParameters(self, TRACK_VIEWER).options[ViewerNodeOptions]
+        options: ViewerNodeOptions = self.options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._odometry: bytes | None = None
         self._frames = LiveFrames(self._report)
-        self._warnings = ThrottledWarnings(self)
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
@@ -83,13 +78,12 @@ class TrackViewer(ParameterisedNode):
         self._subscribe_topics()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
         # A node without a timer might never notice that the context was shut down by a signal.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CHECK_PERIOD, self._check_publisher, clock=steady)
+        self.steady_timer(CHECK_PERIOD, self._check_publisher)
         self.refuse_unused_overrides()
         topic = self._given[TRACKS]
         info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic}
         with refusing():
-            info |= geographic_origin(options.origin)
+            info |= geographic_terms(options.origin)
             self._state = PageState(info, options.kept_scans)
             self._server = make_server(options, info["title"], self._state)
         self._server.start()  # the last: nobody would end it
@@ -130,11 +124,10 @@ class TrackViewer(ParameterisedNode):
         if len(nodes) == 1:
             [self._shown] = nodes
         elif nodes and self._shown not in nodes:
-            self._warnings.warn(
+            self.warn(
                 "nodes",
                 f"several nodes publish tracks: {', '.join(nodes)}; --ros-args -r __ns:=NAMESPACE "
                 "or -r tracks/current:=TOPIC chooses",
-                0,
             )
         asked = time.monotonic() - self._state.image_asked < IMAGE_TIME
         if asked and self._image is None:
@@ -220,7 +213,7 @@ class TrackViewer(ParameterisedNode):
 
     def _report(self, topic: str, error: MessageError) -> None:
         """Warn of a message that cannot be read."""
-        self._warnings.warn(topic, shortened(f"a message on {topic} cannot be shown: {error}"), 0)
+        self.warn(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -21,7 +21,7 @@ add up to 1 the centroid's error then has the variance::
 
 and the m detections scatter about their centroid with the variance ``f s^2 + v``. Along and across,
 s^2 differs and v does not, so that both f and v follow from the scatter
-(`tsepm_ros.tracker.clusters.multi_detection`).
+(`tsepm_ros.tracker.clusters.extended_targets`).
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.grouped import complete_linkage, largest_of
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, complete_linkage, largest_of
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -109,12 +108,6 @@ class ClusterExtent:
         """Distance across the line of sight at ranges (...), m."""
         return self.across + np.minimum(range * self.beam, self.widest)
 
-    def scaled(self, factor: float) -> ClusterExtent:
-        """The extent times a factor."""
-        return ClusterExtent(
-            self.along * factor, self.across * factor, self.beam * factor, self.widest * factor
-        )
-
 
 @dataclass(frozen=True)
 class ClusterErrors:
@@ -177,9 +170,6 @@ def pairs_within(
     distance : (p,) ndarray
         ``max(|dr| / along, r |da| / across(r))`` with the pair's mean range r, at most 1.
     """
-    none = np.zeros(0, np.int64)
-    if len(range) < 2:
-        return none, none, np.zeros(0)
     places, reach = _places(range, azimuth, extent)
     first, second = cKDTree(places).query_pairs(reach, output_type="ndarray").T
     middle = 0.5 * (range[first] + range[second])
@@ -198,7 +188,7 @@ def _places(
     """The detections' positions, and how far apart a pair may be at the most, m."""
     return (
         in_sensor_frame(range, azimuth),
-        math.hypot(extent.along, float(extent.across_at(range.max()))) * (1.0 + 1e-9),
+        math.hypot(extent.along, float(extent.across_at(range.max(initial=0.0)))) * (1.0 + 1e-9),
     )
 
 
@@ -290,7 +280,6 @@ def clusters_of(
     label: IntArray,
     errors: ClusterErrors,
     sensor: SensorModel,
-    wander: FloatArray | None = None,
 ) -> Clusters:
     """Make a plot of each group of a scan's detections.
 
@@ -307,9 +296,6 @@ def clusters_of(
     errors : ClusterErrors
     sensor : SensorModel
         Errors where the scan gives none of its own.
-    wander : (n, 2) ndarray, optional
-        Added to the errors' `extent_variance`, along and across the line of sight, m^2; a plot has
-        that of its first member.
 
     Returns
     -------
@@ -334,26 +320,20 @@ def clusters_of(
     best = np.lexsort((rank, group))[np.cumsum(size) - size]
     share = np.bincount(group, weight**2, minlength=n)
     own = sensor.range_variance(range_) if scan.range_std is None else mean(scan.range_std**2)
-    angle = np.full(n, sensor.azimuth_std**2)
-    if scan.azimuth_std is not None:
-        angle = mean(scan.azimuth_std**2)
+    given = scan.azimuth_std
+    angle = np.full(n, sensor.azimuth_std**2) if given is None else mean(given**2)
     factor = np.where(size > 1, 1.0 + errors.independent * (share - 1.0), 1.0)
-    extent_variance = np.full((n, 2), errors.extent_variance)
-    if wander is not None:
-        extent_variance = extent_variance + wander[first]
-    spread, spread_across = np.where(size > 1, share, 1.0) * extent_variance.T
-    changed = (size > 1) | (spread + spread_across > 0.0)
-    angle_error = angle * factor + spread_across / range_**2
-    width = _features(scan, best) | _widths(scan, group, turn, n)
+    spread = np.where(size > 1, share, 1.0) * errors.extent_variance
+    changed = (size > 1) | (spread > 0.0)
     return Clusters(
         scan=replace(
             scan,
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
             range_std=_std("range_std", np.where(changed, own * factor + spread, own)),
-            azimuth_std=_std("azimuth_std", angle_error),
+            azimuth_std=_std("azimuth_std", angle * factor + spread / range_**2),
             time_offset=None if scan.time_offset is None else scan.time_offset[best],
-            features=width,
+            features=_features(scan, best) | _widths(scan, group, turn, n),
             group=None,
             sensor_pose=_rows(scan.sensor_pose, best),
             sensor_velocity=_rows(scan.sensor_velocity, best),
@@ -365,21 +345,14 @@ def clusters_of(
 
 def chosen(scan: Scan, rows: IntArray) -> Scan:
     """Some detections of a scan."""
-
-    def of(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[rows]
-
     parts = {
-        "range": scan.range[rows],
-        "azimuth": scan.azimuth[rows],
-        "range_std": of(scan.range_std),
-        "azimuth_std": of(scan.azimuth_std),
-        "time_offset": of(scan.time_offset),
-        "features": _features(scan, rows),
-        "group": None if scan.group is None else scan.group[rows],
-        "sensor_pose": _rows(scan.sensor_pose, rows),
-        "sensor_velocity": _rows(scan.sensor_velocity, rows),
+        name: None if values is None else values[rows]
+        for name, values in vars(scan).items()
+        if name in ("range", "azimuth", "range_std", "azimuth_std", "time_offset", "group")
     }
+    parts["features"] = _features(scan, rows)
+    for name in ("sensor_pose", "sensor_velocity"):
+        parts[name] = _rows(getattr(scan, name), rows)
     return Scan.trusted(**(vars(scan) | parts))
 
 

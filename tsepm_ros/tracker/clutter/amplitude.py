@@ -4,7 +4,7 @@ What neighbouring clutter has in common beside the levels of its ping and place:
 
 Paths of clutter lie within a neighbourhood. Where its strengths are alike, a path of strong clutter
 is as likely as a single strong detection. The rank correlation of neighbours that cannot be one
-target's gives the N of `amplitude_likelihood`: those of one ping, and those of two pings that are
+target's gives the N of `amplitude_law`: those of one ping, and those of two pings that are
 too far apart. A target has no part in it, however strong.
 
 Levels of the strength of clutter: from ping to ping, and from place to place.
@@ -14,39 +14,136 @@ from long windows to short ones (Lepski, as in `density`), so that a level that 
 costs nothing, and ties stay ties. An unknown target may have a detection a ping: as many do not
 count in a rise.
 
+References: detections of the last pings, as rows of one array, so that a ping costs a few
+operations, whatever the number of pings.
+
 The strength of clutter, learned from scan to scan: exponents of detections.
 
 The exponent of a detection is u = -ln P(clutter is at least as strong), see `amplitude_law`: it is
 free of the unit. Strengths are compared after taking away the level of their ping and of their
 place (`ping_level`, `PlaceLevels`); what the levels leave in common to neighbours, a texture,
-counts as a doubt about the law (`amplitude_likelihood`). Detections of targets are weighed down by
+counts as a doubt about the law. Detections of targets are weighed down by
 the evidence of their positions alone: weighed by their strength, clutter would lose its tail.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import kolmogorov
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.tracker.clutter.amplitude_law import (
-    MAX_PER_PING,
-    MAX_PINGS,
-    MIN_REFERENCES,
-    REFERENCE,
-    AmplitudeLaw,
-    References,
-    keys_of,
-    of_one_law,
-    of_one_shape,
+from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
+from tsepm_ros.tracker.clutter.excess import BlockSums, Cells
+from tsepm_ros.tracker.measurement import NAMES
+
+INTENSITY = NAMES.index("intensity")
+MAX_PINGS = 64
+"""Pings in the reference, at most ..."""
+MAX_PER_PING = 64
+"""... and detections of each."""
+INDEX_BITS = 32
+"""Bits of a reference's key below those of its scan."""
+
+REFERENCE = np.dtype(
+    [
+        ("key", np.int64),  # of its scan and index there, see `keys_of`
+        ("at", np.int64),  # place in the levels of places
+        ("raw", np.float64),  # logarithm less the level of the place
+        ("value", np.float64),  # less the level of the ping too
+        ("by_range", np.float64),  # level of the range, part of that of the place
+        ("place", np.float64),  # as the levels of places learned it, or nan
+        ("weight", np.float64),  # probability to be of clutter
+        ("position", np.complex128),  # x + i y, m
+        ("strength", np.float64),  # as measured
+    ]
 )
-from tsepm_ros.tracker.clutter.excess import Cells
+
+
+def keys_of(scan: IntArray | int, index: IntArray) -> IntArray:
+    """Keys of detections (n,), which ascend with the scan and with the index in it."""
+    return np.asarray((np.asarray(scan, np.int64) << INDEX_BITS) + index)
+
+
+class References:
+    """The detections of the last pings, at most `MAX_PINGS`, as rows in one array.
+
+    Attributes
+    ----------
+    levels : deque of float
+        Level of each ping.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = np.zeros(2 * MAX_PINGS * MAX_PER_PING, REFERENCE)
+        self._ends: deque[int] = deque([0])
+        self.levels: deque[float] = deque()
+
+    def __len__(self) -> int:
+        """Number of pings."""
+        return len(self.levels)
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """All references, by ping and index, (n,) of REFERENCE; changes of them are kept."""
+        return self._buffer[self._ends[0] : self._ends[-1]]
+
+    def last(self, pings: int) -> NDArray[np.void]:
+        """References of the last pings, as `rows`."""
+        return self._buffer[self._ends[-1 - min(pings, len(self))] : self._ends[-1]]
+
+    def begins(self, pings: int) -> list[int]:
+        """Places among `last` at which each of the last pings begins, in order."""
+        ends = self._ends
+        first = len(ends) - 1 - min(pings, len(self))
+        return [ends[ping] - ends[first] for ping in range(first, len(ends) - 1)]
+
+    def ages(self, places: IntArray) -> IntArray:
+        """Pings after that of references at places among `rows`, (n,)."""
+        ends = np.array(self._ends) - self._ends[0]
+        return np.asarray(len(self) - np.searchsorted(ends, places, side="right"))
+
+    def append(self, rows: NDArray[np.void], level: float) -> None:
+        """Add a ping's references, of ascending keys; the oldest ping goes if there are too many.
+
+        Parameters
+        ----------
+        rows : (n,) ndarray of REFERENCE
+            From 1 to `MAX_PER_PING`.
+        level : float
+            Level of the ping.
+        """
+        if len(self) == MAX_PINGS:
+            self.drop(1)
+        if self._ends[-1] + len(rows) > len(self._buffer):
+            first, kept = self._ends[0], self.rows.copy()
+            self._buffer[: len(kept)] = kept
+            self._ends = deque(end - first for end in self._ends)
+        end = self._ends[-1] + len(rows)
+        self._buffer[self._ends[-1] : end] = rows
+        self._ends.append(end)
+        self.levels.append(level)
+
+    def drop(self, pings: int) -> None:
+        """Drop the oldest pings."""
+        for _ in range(pings):
+            self._ends.popleft()
+            self.levels.popleft()
+
+    def relevel(self, before: float, level: float) -> None:
+        """Give another level to the pings that have the level `before`."""
+        for ping, (begin, end) in enumerate(pairwise(self._ends)):
+            if self.levels[ping] == before:
+                self.levels[ping] = level
+                part = self._buffer[begin:end]
+                part["value"] = part["raw"] - level
+
 
 LAGS = 3
 """Pings before whose detections are neighbours too."""
@@ -112,15 +209,10 @@ class Texture:
         weight = rows["weight"]
         pairs = weight[own:][one] * weight[two]
         pairs[two >= own] *= 0.5  # each pair of the last ping is there twice
-        rank = _uniform(law, rows["value"])
+        share = law.at_least[np.searchsorted(law.values, rows["value"])] / law.count
+        rank = math.sqrt(12.0) * (0.5 - share)  # of mean 0 and variance 1
         self._products = keep * self._products + float(pairs @ (rank[own:][one] * rank[two]))
         self._count = keep * self._count + float(pairs.sum())
-
-
-def _uniform(law: AmplitudeLaw, value: FloatArray) -> FloatArray:
-    """Ranks of values (n,), scaled to mean 0 and variance 1."""
-    share = law.at_least[np.searchsorted(law.values, value)] / law.count
-    return np.asarray(math.sqrt(12.0) * (0.5 - share))
 
 
 PING_WINDOWS = (16, 4, 1)
@@ -143,10 +235,6 @@ RINGS = 4
 """Rings in a cell of a clutter map; a step with range is placed between two rings."""
 RINGS_TOGETHER = CELLS_TOGETHER * RINGS
 """Rings in a cell here."""
-MIN_WINDOW_CELLS = 2
-"""Cells along a side of the smallest window; each larger window is twice as wide."""
-LEAST_UNIT = 1e-6
-"""Unit of the learned sums below which they are rescaled to a unit of 1, before they overflow."""
 MAX_TARGET_COUNT = 16.0
 """Detections in a window that may be of a target: at most this, or two and one a ping."""
 
@@ -223,8 +311,7 @@ def level_by_range(
     below = np.cumsum(count)[:-1]
     above = np.maximum(everything - below, 0.0)
     squares = np.append(below * above / everything, square)
-    reach = np.append(np.ones(len(below)), farthest)
-    doubt = RANGE_TARGET_COUNT * top * reach
+    doubt = RANGE_TARGET_COUNT * top * np.append(np.ones(len(below)), farthest)
     doubt += RANGE_DEVIATIONS * deviation * np.sqrt(squares)
     for _ in range(MAX_RANGE_CHANGES):
         # Of a step, the sum below it; of the power, the sum over its rings.
@@ -260,15 +347,16 @@ class PlaceLevels:
         rows, columns = self.shape
         self.shape = -(-rows // CELLS_TOGETHER), max(columns // CELLS_TOGETHER, 1)
         rings = self.shape[0] * RINGS_TOGETHER
-        # Weights, and sums of the weighted values, by ring and column, in units that fade: a ping
-        # costs what its detections cost, not what all places would.
+        # Weights, and sums of the weighted values, by ring and column.
         self._learned = np.zeros((2, rings * self.shape[1]))
-        self._unit = 1.0
         self._pings = 0.0
         self._deviation = self._top = self._centre = 0.0
         self._by_range = np.zeros(rings)
-        # Of weights, and of what the levels by range leave, before each row and column.
-        self._sums = np.zeros((2, (self.shape[0] + 1) * (self.shape[1] + 1)))
+        # Of weights, and of what the levels by range leave.
+        self._sums = [BlockSums(np.zeros(self.shape), self.wraps)] * 2
+        # Sides of windows, cells: each half as wide as the one before, down to two.
+        side = max(self.shape)
+        self._sides = np.array([side >> k for k in range(side.bit_length() - 1)], np.int64)[:, None]
 
     def places_of(self, ring: IntArray, column: IntArray) -> IntArray:
         """Places (n,) in rings and columns of the clutter map, as numbers."""
@@ -296,11 +384,7 @@ class PlaceLevels:
             The bound above the level of the place, and the standard deviation around that.
         """
         keep = 1.0 - 1.0 / PLACE_MEMORY
-        self._unit *= keep
-        if self._unit < LEAST_UNIT:
-            self._learned *= self._unit
-            self._unit = 1.0
-        weight = weight / self._unit
+        self._learned *= keep
         self._pings = keep * self._pings + 1.0
         np.add.at(self._learned[0], places, weight)
         np.add.at(self._learned[1], places, weight * values)
@@ -314,7 +398,7 @@ class PlaceLevels:
         What has faded since is gone already: without it, a place would keep a sum without a weight,
         and a level without bounds.
         """
-        weight = weight * (1.0 - 1.0 / PLACE_MEMORY) ** age / self._unit
+        weight = weight * (1.0 - 1.0 / PLACE_MEMORY) ** age
         np.subtract.at(self._learned[0], places, weight)
         np.subtract.at(self._learned[1], places, weight * values)
         self._learned[0, places] = np.maximum(self._learned[0, places], 0.0)
@@ -323,87 +407,44 @@ class PlaceLevels:
         """Level at places (n,), 0 where no window contradicts: by range, and then by cell."""
         if not self._pings or not self._deviation or not len(places):
             return np.zeros(len(places))
-        columns = self.shape[1]
-        cells = places // (RINGS_TOGETHER * columns) * columns + places % columns
-        # Of weights and sums, for each cell and each side of a window, (2, n, s).
-        around = self._sums.take(self._corners[cells], axis=1)
-        right, left = around[:, :, 0] - around[:, :, 1], around[:, :, 2] - around[:, :, 3]
-        behind = around[:, :, 4] - around[:, :, 5]
-        count, total = right - left + behind
-        return self.by_range(places) + self._level(count.T, total.T)
-
-    def renew(self) -> None:
-        """Take the levels from what was learned so far; those by range first."""
-        left = self._unit * self._learned.reshape(2, -1, self.shape[1])
-        count, total = left.sum(axis=2)
-        self._centre = float(total.sum() / max(count.sum(), 1e-9))
-        total -= self._centre * count
-        self._by_range = level_by_range(count, total, self._top, self._deviation)
-        left[1] -= (self._centre + self._by_range)[:, None] * left[0]
-        left = left.reshape(2, -1, RINGS_TOGETHER, self.shape[1]).sum(axis=2)
-        sums = np.zeros((2, self.shape[0] + 1, self.shape[1] + 1))
-        np.cumsum(np.cumsum(left, axis=1), axis=2, out=sums[:, 1:, 1:])
-        self._sums = sums.reshape(2, -1)
-
-    def by_range(self, places: IntArray) -> FloatArray:
-        """Level by range at places (n,), as of the last `renew`."""
-        return np.asarray(self._by_range[places // self.shape[1]])
-
-    def _level(self, count: FloatArray, total: FloatArray) -> FloatArray:
-        """Level (n,) that windows do not contradict, by their counts and sums (s, n).
-
-        They go from wide to narrow. As many detections as a target may have do not count in a rise.
-        """
+        rows, columns = self.shape
+        row, column, side = places // (RINGS_TOGETHER * columns), places % columns, self._sides
+        bottom, left = row - side // 2, column - side // 2
+        bottom = np.clip(bottom, 0, np.maximum(rows - side, 0))
+        if not self.wraps:
+            left = np.clip(left, 0, np.maximum(columns - side, 0))
+        top = np.minimum(bottom + side, rows)
+        count, total = (sums.of(bottom, top, left, side) for sums in self._sums)
+        # As many detections as a target may have do not count in a rise.
         target = min(self._pings + 2.0, MAX_TARGET_COUNT)
         spread = PLACE_DEVIATIONS * self._deviation
         some, without = np.maximum(count, 1e-9), np.maximum(count - target, 1e-9)
         mean = total / some
         high = mean + spread / np.sqrt(some)
         low = mean - target * self._top / without - spread / np.sqrt(without)
-        np.maximum(high, low, out=high)
-        level = np.zeros(count.shape[1])
-        for least, most in zip(low, high, strict=True):
+        level = np.zeros(len(places))
+        for least, most in zip(low, np.maximum(high, low), strict=True):
             level = np.minimum(np.maximum(level, least), most)
-        return level
+        return self.by_range(places) + level
 
-    @cached_property
-    def _corners(self) -> IntArray:
-        """Corners of the windows around each cell, (c, 6, s), from the widest window on.
+    def renew(self) -> None:
+        """Take the levels from what was learned so far; those by range first."""
+        left = self._learned.reshape(2, -1, self.shape[1]).copy()
+        count, total = left.sum(axis=2)
+        self._centre = float(total.sum() / max(count.sum(), 1e-9))
+        total -= self._centre * count
+        self._by_range = level_by_range(count, total, self._top, self._deviation)
+        left[1] -= (self._centre + self._by_range)[:, None] * left[0]
+        left = left.reshape(2, -1, RINGS_TOGETHER, self.shape[1]).sum(axis=2)
+        self._sums = [BlockSums(values, self.wraps) for values in left]
 
-        They are places in the sums over all rows and columns before each: the upper and the bottom
-        end of the right side, of the left side, and of the last column where the window goes on
-        behind the first.
-        """
-        rows, columns = self.shape
-        row, column = np.divmod(np.arange(rows * columns), columns)
-        corners = []
-        side = max(self.shape)
-        while side >= MIN_WINDOW_CELLS:
-            bottom = np.clip(row - side // 2, 0, max(rows - side, 0))
-            upper = np.minimum(bottom + side, rows)
-            if side >= columns:
-                left, right = np.zeros_like(bottom), np.full_like(bottom, columns)
-            elif self.wraps:
-                left = (column - side // 2) % columns
-                right = left + side
-            else:
-                left = np.clip(column - side // 2, 0, columns - side)
-                right = left + side
-            inside = np.minimum(right, columns)
-            ends = [
-                end * (columns + 1) + edge
-                for edge in (inside, left, right - inside)
-                for end in (upper, bottom)
-            ]
-            corners.append(ends)
-            side //= 2
-        by_side = np.array(corners, np.int64).reshape(-1, 6, rows * columns)
-        # By cell: the corners of a cell's windows are beside each other.
-        return np.ascontiguousarray(by_side.transpose(2, 1, 0))
+    def by_range(self, places: IntArray) -> FloatArray:
+        """Level by range at places (n,), as of the last `renew`."""
+        return np.asarray(self._by_range[places // self.shape[1]])
 
 
 TAIL_SAMPLES = 2.0
-"""Samples of the tail for which each of its detections stands, in N; see `amplitude_likelihood`."""
+"""Samples of the tail for which each of its detections stands, in N; see `amplitude_law`."""
 MAX_SAME_SHARE = 0.9
 """Share of one value from which on strengths say nothing: they are constant."""
 RENEWAL = 0.1
@@ -416,29 +457,10 @@ LEAST_CHANGE = 0.05
 """Sum of the changes of weights of a ping's references that is worth the while."""
 SATURATED = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
-MEMORY_QUANTILES = 256
-"""Quantiles of the reference that outlive a restart."""
+SMALLEST_P_VALUE = 0.001
+"""Probability (Kolmogorov-Smirnov) below which two references are not of one law."""
 
 
-class Judged(NamedTuple):
-    """What the strengths of a scan say.
-
-    Attributes
-    ----------
-    exponent : (d,) ndarray
-        u of each detection; nan where its strength is not known.
-    extrapolated : (d,) ndarray
-        The same without an end, for a figure in dB.
-    samples : float
-        N: samples of clutter that determine the scale of the exponents of one path.
-    """
-
-    exponent: FloatArray
-    extrapolated: FloatArray
-    samples: float
-
-
-@dataclass
 class ClutterAmplitudes:
     """Learns the law of the strengths of clutter.
 
@@ -451,71 +473,68 @@ class ClutterAmplitudes:
 
     Attributes
     ----------
-    unsaid : str
-        Why strengths do not count as of the last scan; empty where they do.
+    use : str
+        Whether strengths count as of the last scan, in words.
+    texture : Texture
     """
 
-    shape: tuple[int, int]
-    wraps: bool
-    unsaid: str = field(default="no strengths", init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, shape: tuple[int, int], wraps: bool) -> None:
+        self._shape, self._wraps = shape, wraps
+        self.use = "not used: no strengths"
         self._forget()
 
     def _forget(self) -> None:
         self._references = References()
-        self._places = PlaceLevels(self.shape, self.wraps)
+        self._places = PlaceLevels(self._shape, self._wraps)
         self._law: AmplitudeLaw | None = None
         self._top = math.inf, 1.0
         self._bounds = 0.0, 0.0, 0.0
-        self._learned_from = 0.0
-        self._new = math.inf
+        self._new = 0.0
         self._level = 0.0
         self._decibels = False
-        self._texture = Texture()
+        self.texture = Texture()
         self._next: tuple[NDArray[np.void], IntArray, float] | None = None
-        self._remembered: tuple[FloatArray, float] | None = None
 
     def judge(
         self,
-        strength: FloatArray,
+        detections: NDArray[np.void],
         scan: int,
-        index: IntArray,
+        most_hits: int,
         rings: Callable[[], Cells],
-        position: FloatArray,
-    ) -> Judged | None:
-        """Exponents of a scan's detections, by the scans before it.
+    ) -> ScanAmplitudes | None:
+        """What the strengths of a scan's detections say, by the scans before.
+
+        Their exponents without an end become the field `strength` of the detections.
 
         Parameters
         ----------
-        strength : (d,) ndarray
-            In any unit; nan where it is not measured.
+        detections : (d,) ndarray of DETECTION
+            Strengths in any unit; nan where they are not measured.
         scan : int
             Its index.
-        index : (d,) ndarray of int
-            Index of each detection in the scan.
+        most_hits : int
+            Hits that a path may have.
         rings : callable
             Cells of the clutter map, its rows divided into `RINGS`; called only if there are
             strengths.
-        position : (d, 2) ndarray
-            In the fixed frame, m.
 
         Returns
         -------
-        Judged or None
-            None where strengths say nothing; `unsaid` says why.
+        ScanAmplitudes or None
+            None where strengths say nothing; `use` says why.
         """
         self._next = None
+        strength = detections["features"][:, INTENSITY]
         row = np.flatnonzero(np.isfinite(strength))
         if not len(row):
-            self.unsaid = "no strengths"
+            self.use = "not used: no strengths"
             return None
         if not self._decibels and (strength[row] < 0.0).any():
             self._forget()
             self._decibels = True
         raw = strength[row] if self._decibels else np.log(np.maximum(strength[row], 1e-30))
         one = np.empty(len(row), REFERENCE)
-        one["key"] = keys_of(scan, index[row])
+        one["key"] = keys_of(scan, detections["index"][row])
         cells = rings()
         one["at"] = self._places.places_of(cells.row[row], cells.column[row])
         place = self._places.at(one["at"])
@@ -523,26 +542,28 @@ class ClutterAmplitudes:
         level = self._level_with(raw)
         value = raw - level
         one["raw"], one["value"], one["place"] = raw, value, place
-        one["position"] = position[row, 0] + 1j * position[row, 1]
+        one["position"] = detections["position"][row] @ (1.0, 1j)
         one["strength"] = strength[row]
         one["by_range"] = self._places.by_range(one["at"])
         self._next = one, row, level
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
-            self.unsaid = "too few strengths so far"
+            self.use = "not used: too few strengths so far"
             return None
         if law.constant_share > MAX_SAME_SHARE:
-            self.unsaid = "constant strengths"
+            self.use = "not used: constant strengths"
             return None
-        self.unsaid = ""
+        doubt = self.texture.doubt
+        alike = "; neighbouring clutter is alike" if doubt > 0.0 else ""
+        self.use = f"used: compared with {law.count:.0f} of clutter{alike}"
         exponent, extrapolated = np.full((2, len(strength)), np.nan)
         exponent[row], extrapolated[row] = law.exponents(value)
         top, share = self._top
-        if top < math.inf:
-            at_top = strength >= top
-            exponent[at_top] = np.minimum(exponent[at_top], -math.log(share))
+        at_top = strength >= top
+        exponent[at_top] = np.minimum(exponent[at_top], -math.log(share))
+        detections["strength"] = extrapolated
         count = TAIL_SAMPLES * law.tail_count
-        return Judged(exponent, extrapolated, 1.0 / (1.0 / count + self.texture))
+        return ScanAmplitudes.of(exponent, 1.0 / (1.0 / count + doubt), most_hits)
 
     def _level_with(self, raw: FloatArray) -> float:
         """The level of a ping of logarithms (n,); the first has its median."""
@@ -553,22 +574,8 @@ class ClutterAmplitudes:
         rows = references.last(before)
         likely = rows["weight"] > 0.5
         sizes = np.add.reduceat(likely, references.begins(before), dtype=np.int64).tolist()
-        values = np.concatenate([rows["raw"][likely], raw])
-        return ping_level(self._level, values, [*sizes, len(raw)])
-
-    @property
-    def use(self) -> str:
-        """Whether strengths count as of the last scan, in words."""
-        if self.unsaid:
-            return f"not used: {self.unsaid}"
-        count = 0.0 if self._law is None else self._law.count
-        alike = "; neighbouring clutter is alike" if self.texture > 0.0 else ""
-        return f"used: compared with {count:.0f} of clutter{alike}"
-
-    @property
-    def texture(self) -> float:
-        """1 / N of what neighbouring clutter has in common: 0 for independent strengths."""
-        return self._texture.doubt
+        raws = np.concatenate([rows["raw"][likely], raw])
+        return ping_level(self._level, raws, [*sizes, len(raw)])
 
     def update(self, weight: FloatArray, near: float, reach: FloatArray) -> None:
         """Learn from the scan that was judged last.
@@ -598,9 +605,9 @@ class ClutterAmplitudes:
             ping["place"] = np.nan
         self._references.append(ping, level)
         if law is not None:
-            self._texture.update(law, self._references, near, reach)
+            self.texture.update(law, self._references, near, reach)
         self._new += float(ping["weight"].sum())
-        if self._new > RENEWAL * self._learned_from:
+        if self._law is None or self._new > RENEWAL * self._law.count:
             self._learn_law()
 
     def discount(self, scan: IntArray, index: IntArray, probability: FloatArray) -> None:
@@ -619,10 +626,8 @@ class ClutterAmplitudes:
         key = keys_of(scan, index)
         place = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
         known = np.flatnonzero(rows["key"][place] == key)
-        place, before = place[known], rows["weight"][place[known]]
-        gone = before - np.minimum(before, 1.0 - probability[known])
-        if gone.sum() < LEAST_CHANGE:
-            return
+        place = place[known]
+        gone = np.maximum(rows["weight"][place] - (1.0 - probability[known]), 0.0)
         _, ping = np.unique(scan[known], return_inverse=True)
         changed = np.flatnonzero(np.bincount(ping, gone)[ping] >= LEAST_CHANGE)
         if not len(changed):
@@ -636,79 +641,53 @@ class ClutterAmplitudes:
         self._places.withdraw(at, values, gone, self._references.ages(place))
 
     def _learn_law(self) -> None:
-        self._drop_other_laws()
-        rows = self._references.rows
+        if self._law is not None:
+            self._drop_other_laws(self._law)
+        references, before = self._references, self._level
+        rows = references.rows
         self._places.renew()
         by_range = self._places.by_range(rows["at"])
         change = by_range - rows["by_range"]
-        if change.any():
-            rows["raw"] -= change
-            rows["value"] -= change
-            rows["by_range"] = by_range
-        self._learn_level()
-        values, weight = rows["value"], rows["weight"].copy()
-        self._top = _top(rows["strength"], weight)
-        if self._remembered is not None and weight.sum() >= MIN_REFERENCES:
-            remembered, of_remembered = self._before_restart()
-            values, weight = np.append(values, remembered), np.append(weight, of_remembered)
-        law = self._law = AmplitudeLaw.of(values, weight)
-        self._learned_from, self._new = law.count, 0.0
-        lowest, highest = map(law.quantile, WINSORISED)
-        spread = np.minimum(np.maximum(law.values, lowest), highest).std()
-        self._bounds = lowest, highest, float(spread)
-
-    def _learn_level(self) -> None:
-        """Learn the level as a rule; the pings that have it go with it."""
-        before, references = self._level, self._references
-        rows = references.rows
+        rows["raw"] -= change
+        rows["value"] -= change
+        rows["by_range"] = by_range
+        # The level as a rule; the pings that have it go with it.
         likely = rows["raw"][rows["weight"] > 0.5]
         self._level = window_level(before, likely, len(references))
         if self._level != before:
             references.relevel(before, self._level)
+        self._top = _top(rows["strength"], rows["weight"])
+        law = self._law = AmplitudeLaw.of(rows["value"], rows["weight"])
+        self._new = 0.0
+        lowest, highest = map(law.quantile, WINSORISED)
+        self._bounds = lowest, highest, float(np.clip(law.values, lowest, highest).std())
 
-    def _before_restart(self) -> tuple[FloatArray, FloatArray]:
-        """What was remembered and is of the same law as the pings, with its fading weight."""
-        none = np.zeros(0)
-        if self._remembered is None:
-            return none, none
-        raw, total = self._remembered
-        left = 1.0 - len(self._references) / MAX_PINGS
-        other = not of_one_law(raw, self._references.rows["raw"])
-        if other or left <= 0.0:
-            self._remembered = None
-            return none, none
-        return raw - self._level, np.full(len(raw), left * total / len(raw))
-
-    @property
-    def memory(self) -> tuple[FloatArray, float, bool]:
-        """Quantiles of the reference, its weight, and whether it is of decibels."""
-        if self._law is None:
-            return *(self._remembered or (np.zeros(0), 0.0)), self._decibels
-        shares = (np.arange(MEMORY_QUANTILES) + 0.5) / MEMORY_QUANTILES
-        raw = np.quantile(self._references.rows["raw"], shares)
-        return raw, self._law.count, self._decibels
-
-    def remember(self, raw: FloatArray, weight: float, decibels: bool) -> None:
-        """Begin with the memory of another run; it counts if the first pings are of its law."""
-        if len(raw) and weight > 0.0:
-            self._remembered, self._decibels = (raw, weight), decibels
-
-    def _drop_other_laws(self) -> None:
+    def _drop_other_laws(self, law: AmplitudeLaw) -> None:
         """Drop the pings before a change of level that has changed the law too, as of the unit."""
-        if self._law is None:
-            return
-        width = self._law.quantile(0.75) - self._law.quantile(0.25)
-        references = self._references
+        references, width = self._references, law.quantile(0.75) - law.quantile(0.25)
         levels = np.array(references.levels)
         far = np.flatnonzero(np.abs(levels - levels[-1]) > width)
-        since = int(far[-1]) + 1 if len(far) else 0
-        if not 0 < since < len(levels):
+        if not len(far):
             return
+        since = int(far[-1]) + 1
         new = references.last(len(levels) - since)["value"]
-        old = references.rows["value"][: len(references.rows) - len(new)]
+        old = references.rows["value"][: -len(new)]
         if min(len(old), len(new)) >= MIN_REFERENCES and not of_one_shape(old, new):
             self._level = float(levels[-1])
             references.drop(since)
+
+
+def of_one_shape(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two samples may be of one law but for their levels.
+
+    By the test of Kolmogorov and Smirnov (asymptotic).
+    """
+    samples = one - np.median(one), other - np.median(other)
+    both = np.concatenate(samples)
+    shares = [np.searchsorted(np.sort(each), both, side="right") / len(each) for each in samples]
+    distance = np.abs(shares[0] - shares[1]).max()
+    root = math.sqrt(len(one) * len(other) / len(both))
+    return bool(kolmogorov(root * distance) >= SMALLEST_P_VALUE)
 
 
 def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:
@@ -716,5 +695,4 @@ def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:
     at_top = strength == strength.max()
     if at_top.sum() < SATURATED:
         return math.inf, 1.0
-    share = (1.0 + weight[at_top].sum()) / (1.0 + weight.sum())
-    return float(strength.max()), float(share)
+    return float(strength.max()), float((1.0 + weight[at_top].sum()) / (1.0 + weight.sum()))

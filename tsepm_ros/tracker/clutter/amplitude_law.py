@@ -1,4 +1,4 @@
-"""The law of clutter's amplitude, and the reference that it is learned from.
+"""The law of clutter's amplitude, and what it makes of the echoes of a target.
 
 The law of the strength of clutter, learned from a reference of it.
 
@@ -17,25 +17,36 @@ integrated over: a with the prior 1 / a, which gives a closed form, b over a gri
 
 Decibels are logarithms already: the family is the same for them.
 
-References of the strength of clutter: detections of the last pings, and whether they are alike.
+What the strengths of a target's echoes say: the likelihood ratio along a path.
 
-They are rows of one array, so that a ping costs a few operations, whatever the number of pings.
+For clutter u = -ln P(clutter is at least as strong) is exponential of mean 1, whatever the unit and
+the law. A fluctuating target (Swerling I) with the signal-to-clutter ratio r is
+exponential of mean 1 + r. The ratio is unknown, and the same along a path, so that the number n of
+a path's hits and the sum S of their u are sufficient::
+
+    L(n, S) = sum_k w_k (1 + r_k)^-n exp(S r_k / (1 + r_k))
+
+with the prior w_k. The law of clutter is learned, and an error of it is common to the hits of a
+path. It counts as an unknown scale of the u, which as many samples of clutter as N determine: with
+the predictive density of all hits together (Lomax, of which the copula is Clayton's) ::
+
+    v = N (exp(u / N) - 1),  V = sum v
+    L(n, V) = sum_k w_k (1 + r_k)^-n ((1 + V / N) / (1 + V / (N (1 + r_k))))^(N + n)
+
+which is the above for N to infinity. Its expectation in clutter is 1, over the scale too: that of
+the product of the ratios of single hits would be larger. A level that is common to the clutter of a
+neighbourhood (texture) acts as a smaller N.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
-from typing import NamedTuple
+from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import kolmogorov
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 MIN_REFERENCES = 20
 """Clutter detections without which nothing is said of a strength."""
@@ -51,22 +62,6 @@ REACH = 2.0
 """The exponent is at most ln(1 + n) and this."""
 RANK_DEVIATIONS = 2.0
 """The tail is no thinner than the ranks allow, with so many standard deviations of their count."""
-
-
-class Exponents(NamedTuple):
-    """Exponents of values, (m,) each.
-
-    Attributes
-    ----------
-    told : ndarray
-        ``u = -ln P(z)``, at least 0, up to the law's reach.
-    extrapolated : ndarray
-        Mean of u over the tails, without an end: for a figure in dB. It is not the exponent of the
-        mean exceedance, which evidence needs.
-    """
-
-    told: FloatArray
-    extrapolated: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,18 +137,25 @@ class AmplitudeLaw:
 
     def quantile(self, share: float) -> float:
         """Value of the reference below which a share of it is, whatever the weights."""
-        place = share * (len(self.values) - 1)
-        left = min(int(place), len(self.values) - 2)
-        low, high = self.values[max(left, 0)], self.values[left + 1]
-        return float(low + (place - left) * (high - low))
+        last = len(self.values) - 1
+        return float(np.interp(share * last, np.arange(last + 1), self.values))
 
     @property
     def reach(self) -> float:
         """The largest exponent that is told: all that is stronger counts as censored there."""
         return math.log1p(self.count) + REACH
 
-    def exponents(self, values: FloatArray) -> Exponents:
-        """Exponents of values (m,)."""
+    def exponents(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Exponents of values (m,).
+
+        Returns
+        -------
+        told : (m,) ndarray
+            ``u = -ln P(z)``, at least 0, up to the law's reach.
+        extrapolated : (m,) ndarray
+            Mean of u over the tails, without an end: for a figure in dB. It is not the exponent of
+            the mean exceedance, which evidence needs.
+        """
         rank = self.at_least[np.searchsorted(self.values, values)]
         share = (1.0 + rank) / (1.0 + self.count)
         rows = np.flatnonzero(values > self.begin) if len(self.curvature) else np.zeros(0, np.int64)
@@ -165,11 +167,11 @@ class AmplitudeLaw:
             share[rows] = np.maximum(thinned, least) / (1.0 + self.count)
         told = np.minimum(np.maximum(-np.log(np.maximum(share, 1e-300)), 0.0), self.reach)
         if not len(rows):
-            return Exponents(told, told)
+            return told, told
         extrapolated = told.copy()
         begin = -math.log((1.0 + self.tail_count) / (1.0 + self.count))
         extrapolated[rows] = np.maximum(told[rows], begin + self.share @ tails)
-        return Exponents(told, extrapolated)
+        return told, extrapolated
 
     def _tail_exponents(self, values: FloatArray) -> FloatArray:
         """Exponent over that of the tail's begin of values beyond it (m,), for each b, (b, m)."""
@@ -185,121 +187,154 @@ def _hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
     return np.asarray(np.where(flat, excess, np.expm1(some * excess) / some))
 
 
-SMALLEST_P_VALUE = 0.001
-"""Probability (Kolmogorov-Smirnov) below which two references are not of one law."""
-MAX_PINGS = 64
-"""Pings in the reference, at most ..."""
-MAX_PER_PING = 64
-"""... and detections of each."""
-INDEX_BITS = 32
-"""Bits of a reference's key below those of its scan."""
+RATIOS_DB = np.arange(-5.0, 12.6, 2.5)
+"""Signal-to-clutter ratios of the prior, which is uniform over them, dB.
 
-REFERENCE = np.dtype(
-    [
-        ("key", np.int64),  # of its scan and index there, see `keys_of`
-        ("at", np.int64),  # place in the levels of places
-        ("raw", np.float64),  # logarithm less the level of the place
-        ("value", np.float64),  # less the level of the ping too
-        ("by_range", np.float64),  # level of the range, part of that of the place
-        ("place", np.float64),  # as the levels of places learned it, or nan
-        ("weight", np.float64),  # probability to be of clutter
-        ("position", np.complex128),  # x + i y, m
-        ("strength", np.float64),  # as measured
-    ]
-)
+The exponents of stronger targets end where those of the strongest do: the law is not known there.
+"""
+SAYS_NOTHING = 0.4
+"""Prior probability that the target is no stronger than clutter, r = 0."""
+COUNT_STEP = 0.1
+"""N goes in steps of this part, so that similar scans share a table."""
+FIGURES_DB = np.arange(-5.0, 40.1, 1.0)
+"""Ratios that may be published, dB."""
+_ONE_MORE = 1.0 + 10.0 ** (FIGURES_DB[:, None] / 10.0)
+_LOG_ONE_MORE, _OF_ONE_MORE = np.log(_ONE_MORE), 1.0 / _ONE_MORE
+LAW_KNOWN = 1e6
+"""N with which the law of clutter is as good as known."""
+GRID_END, GRID_POINTS = 4000.0, 320
+"""End of the table's grid of V, and its points."""
 
 
-def keys_of(scan: IntArray | int, index: IntArray) -> IntArray:
-    """Keys of detections (n,), which ascend with the scan and with the index in it."""
-    return np.asarray((np.asarray(scan, np.int64) << INDEX_BITS) + index)
+def ratio_prior() -> tuple[FloatArray, FloatArray]:
+    """Ratios r_k, linear, and their prior probabilities w_k; the first is 0."""
+    ratios = np.append(0.0, 10.0 ** (RATIOS_DB / 10.0))
+    weights = np.full(len(ratios), (1.0 - SAYS_NOTHING) / len(RATIOS_DB))
+    weights[0] = SAYS_NOTHING
+    return ratios, weights
 
 
-class References:
-    """The detections of the last pings, at most `MAX_PINGS`, as rows in one array.
+def scaled(exponent: FloatArray, count: float) -> FloatArray:
+    """The v of each u, (n,): the exponent in units of a scale that N samples determine."""
+    return np.asarray(count * np.expm1(np.minimum(exponent / count, 50.0)))
+
+
+def log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
+    """``ln w_k`` + log-likelihood ratio of each ratio r_k, (k, ...).
+
+    Parameters
+    ----------
+    hits, total : (...) ndarray
+        n and V.
+    count : float
+        N.
+    """
+    ratios, weights = ratio_prior()
+    shape = (-1, *[1] * np.ndim(total))
+    one_more, log_weights = 1.0 + ratios.reshape(shape), np.log(weights).reshape(shape)
+    power = np.log1p(total / count) - np.log1p(total / (count * one_more))
+    return np.asarray(log_weights - hits * np.log(one_more) + (count + hits) * power)
+
+
+def log_ratio(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
+    """``ln L(n, V)``, (...); see `log_terms`."""
+    return np.asarray(np.logaddexp.reduce(log_terms(hits, total, count), axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class PathRatio:
+    """``ln L(n, V)`` as a table over V, for the many paths of a scan.
 
     Attributes
     ----------
-    levels : deque of float
-        Level of each ping.
+    count : float
+        N.
+    table : (n, g) ndarray
+        By the number of hits, and over the grid of V, which is uniform in ln(1 + V).
     """
 
-    def __init__(self) -> None:
-        self._buffer = np.zeros(2 * MAX_PINGS * MAX_PER_PING, REFERENCE)
-        self._ends: deque[int] = deque([0])
-        self.levels: deque[float] = deque()
+    count: float
+    table: FloatArray
 
-    def __len__(self) -> int:
-        """Number of pings."""
-        return len(self.levels)
+    @classmethod
+    def of(cls, count: float, most_hits: int) -> PathRatio:
+        """The table for N, in steps of `COUNT_STEP`, and up to a number of hits."""
+        step = math.floor(math.log(max(count, 0.1)) / COUNT_STEP)
+        return _path_ratio(step, most_hits)
 
-    @property
-    def rows(self) -> NDArray[np.void]:
-        """All references, by ping and index, (n,) of REFERENCE; changes of them are kept."""
-        return self._buffer[self._ends[0] : self._ends[-1]]
-
-    def last(self, pings: int) -> NDArray[np.void]:
-        """References of the last pings, as `rows`."""
-        return self._buffer[self._ends[-1 - min(pings, len(self))] : self._ends[-1]]
-
-    def begins(self, pings: int) -> list[int]:
-        """Places among `last` at which each of the last pings begins, in order."""
-        ends = self._ends
-        first = len(ends) - 1 - min(pings, len(self))
-        return [ends[ping] - ends[first] for ping in range(first, len(ends) - 1)]
-
-    def ages(self, places: IntArray) -> IntArray:
-        """Pings after that of references at places among `rows`, (n,)."""
-        ends = np.array(self._ends) - self._ends[0]
-        return np.asarray(len(self) - np.searchsorted(ends, places, side="right"))
-
-    def append(self, rows: NDArray[np.void], level: float) -> None:
-        """Add a ping's references, of ascending keys; the oldest ping goes if there are too many.
+    def at(self, hits: IntArray, total: FloatArray) -> FloatArray:
+        """``ln L(n, V)`` of paths, (p,) or of any shape: exactly 0 without a hit.
 
         Parameters
         ----------
-        rows : (n,) ndarray of REFERENCE
-            From 1 to `MAX_PER_PING`.
-        level : float
-            Level of the ping.
+        hits : ndarray of int
+            n, up to the table's.
+        total : ndarray
+            V, of the same shape.
         """
-        if len(self) == MAX_PINGS:
-            self.drop(1)
-        if self._ends[-1] + len(rows) > len(self._buffer):
-            first, kept = self._ends[0], self.rows.copy()
-            self._buffer[: len(kept)] = kept
-            self._ends = deque(end - first for end in self._ends)
-        end = self._ends[-1] + len(rows)
-        self._buffer[self._ends[-1] : end] = rows
-        self._ends.append(end)
-        self.levels.append(level)
-
-    def drop(self, pings: int) -> None:
-        """Drop the oldest pings."""
-        for _ in range(pings):
-            self._ends.popleft()
-            self.levels.popleft()
-
-    def relevel(self, before: float, level: float) -> None:
-        """Give another level to the pings that have the level `before`."""
-        for ping, (begin, end) in enumerate(pairwise(self._ends)):
-            if self.levels[ping] == before:
-                self.levels[ping] = level
-                part = self._buffer[begin:end]
-                part["value"] = part["raw"] - level
+        place = np.log1p(total) * ((GRID_POINTS - 1) / math.log1p(GRID_END))
+        left = np.minimum(place.astype(np.int64), GRID_POINTS - 2)
+        flat = self.table.ravel()
+        index = hits * GRID_POINTS + left
+        low = flat[index]
+        return np.asarray(low + (place - left) * (flat[index + 1] - low))
 
 
-def of_one_law(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two samples may be of one law, by the test of Kolmogorov and Smirnov (asymptotic)."""
-    both = np.concatenate([one, other])
-    shares = [
-        np.searchsorted(np.sort(sample), both, side="right") / len(sample)
-        for sample in (one, other)
-    ]
-    distance = np.abs(shares[0] - shares[1]).max()
-    size = len(one) * len(other) / len(both)
-    return bool(kolmogorov(np.sqrt(size) * distance) >= SMALLEST_P_VALUE)
+@lru_cache(maxsize=64)
+def _path_ratio(step: int, most_hits: int) -> PathRatio:
+    count = math.exp(COUNT_STEP * step)
+    grid = np.expm1(np.linspace(0.0, math.log1p(GRID_END), GRID_POINTS))
+    hits = np.arange(most_hits + 1.0)[:, None]
+    table = log_ratio(np.broadcast_to(hits, (most_hits + 1, GRID_POINTS)), grid[None, :], count)
+    table[0, 0] = 0.0
+    return PathRatio(count, table)
 
 
-def of_one_shape(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two samples may be of one law but for their levels."""
-    return of_one_law(one - np.median(one), other - np.median(other))
+@dataclass(frozen=True, eq=False)
+class ScanAmplitudes:
+    """What the strengths of a scan's detections say.
+
+    Attributes
+    ----------
+    told : (d,) ndarray of bool
+        Whether the strength of each counts.
+    scaled : (d,) ndarray
+        v of each; 0 where it does not count.
+    ratio : PathRatio
+    """
+
+    told: BoolArray
+    scaled: FloatArray
+    ratio: PathRatio
+
+    @classmethod
+    def of(cls, exponent: FloatArray, count: float, most_hits: int) -> ScanAmplitudes:
+        """The strengths of exponents u (d,), nan where they do not count.
+
+        Parameters
+        ----------
+        exponent : (d,) ndarray
+        count : float
+            N.
+        most_hits : int
+            Hits that a path may have.
+        """
+        ratio = PathRatio.of(count, most_hits)
+        told = np.isfinite(exponent)
+        return cls(told, scaled(np.where(told, exponent, 0.0), ratio.count), ratio)
+
+
+def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
+    """Posterior mean of the signal-to-clutter ratio of targets, (n,), dB; nan without hits.
+
+    Parameters
+    ----------
+    hits, total : (n,) ndarray
+        n, not necessarily whole numbers of hits, and S of exponents without an end.
+    """
+    if not (hits > 0.0).any():
+        return np.full(len(hits), np.nan)
+    terms = -hits * _LOG_ONE_MORE - total * _OF_ONE_MORE
+    share = np.exp(terms - terms.max(axis=0))
+    mean = FIGURES_DB @ share / share.sum(axis=0)
+    return np.asarray(np.where(hits > 0.0, mean, np.nan))

@@ -1,4 +1,6 @@
-"""Clutter density, estimated in windows of several sizes and learned from scan to scan.
+"""Clutter density, and where clutter is seen, learned from scan to scan.
+
+The density is estimated in windows of several sizes.
 
 Detections are counted on a polar grid, as in Environment 2018's clutter zones; its rings widen with
 range, as the errors of a sonar do. From coarse to fine, the density of a cell changes only as far
@@ -14,18 +16,30 @@ every second cell. Reverberation of the sea floor, of a layer or of side lobes l
 are thinner than any square. Each dense ring of cells has such bounds too, of the whole ring and
 then of ever shorter arcs of it, so that a zone of clutter raises no other part of its rings. The
 density of a cell is the larger one of both.
+
+The part of the coverage in which clutter is seen: ranges and sector.
+
+A sensor may see less than its coverage as given: nobody set it, or the operator chose a shorter
+range. Clutter that is uniform over an interval of unknown ends, seen n times, spans
+``(n - 1) / (n + 1)`` of it on average. So does each dimension here, the squared range and the
+azimuth, and the estimate makes up for it. The area is that of the convex hull of the n detections,
+over ``1 - v / n`` with its v vertices (Efron, "The convex hull of a random set of points",
+Biometrika 52, 1965), where that is smaller.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.tracker.clusters.grouping import in_sensor_frame
 from tsepm_ros.tracker.clutter.excess import (
     MAX_DEVIATIONS,
     MEMORY,
@@ -35,8 +49,207 @@ from tsepm_ros.tracker.clutter.excess import (
     PolarGrid,
     poisson_bound,
 )
-from tsepm_ros.tracker.clutter.seen import Extent, Region
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
+
+MAX_DETECTIONS = 500
+"""Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
+MIN_CLUTTER_PROBABILITY = 0.5
+"""A detection less probably clutter does not count."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Ranges and a sector.
+
+    Attributes
+    ----------
+    min_range, max_range : float
+        m.
+    azimuth_min, azimuth_max : float
+        rad, the second above the first by at most 2 pi.
+    """
+
+    min_range: float
+    max_range: float
+    azimuth_min: float
+    azimuth_max: float
+
+    @classmethod
+    def of(cls, sensor: SensorModel) -> Extent:
+        """A sensor's coverage as given."""
+        begin, width = sensor.azimuth_min, sensor.sector_width
+        return cls(sensor.min_range, sensor.max_range, begin, begin + width)
+
+    @property
+    def all_round(self) -> bool:
+        """Whether it has every azimuth."""
+        return self.azimuth_max - self.azimuth_min >= 2.0 * math.pi - 1e-9
+
+    @property
+    def area(self) -> float:
+        """m^2."""
+        width = self.azimuth_max - self.azimuth_min
+        return 0.5 * width * (self.max_range**2 - self.min_range**2)
+
+
+EVERYWHERE = Extent(0.0, MAX_MAGNITUDE["range"], -math.pi, math.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A convex part of an extent.
+
+    Attributes
+    ----------
+    extent : Extent
+    edges : (e, 3) ndarray
+        ``edges @ (x, y, 1) <= 0`` inside, in the sensor's frame, m; without rows the whole extent.
+    area : float
+        m^2.
+    """
+
+    extent: Extent
+    edges: FloatArray
+    area: float
+
+    @classmethod
+    def whole(cls, extent: Extent) -> Region:
+        """A whole extent."""
+        return cls(extent, np.zeros((0, 3)), extent.area)
+
+    def contains(self, range: FloatArray, azimuth: FloatArray) -> BoolArray:
+        """Whether positions (...) in the sensor's frame are inside."""
+        extent = self.extent
+        turn = np.remainder(azimuth - extent.azimuth_min, 2.0 * np.pi)
+        inside = (
+            (turn <= extent.azimuth_max - extent.azimuth_min)
+            & (range >= extent.min_range)
+            & (range <= extent.max_range)
+        )
+        if len(self.edges):
+            nearest, farthest = self._ranges(azimuth)
+            inside &= (range >= nearest) & (range <= farthest)
+        return np.asarray(inside)
+
+    def _ranges(self, azimuth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nearest and farthest range between the edges along azimuths (...).
+
+        Where nothing is, the nearest is infinite.
+        """
+        along_x, along_y, offset = self.edges.reshape(-1, 3, *([1] * azimuth.ndim)).swapaxes(0, 1)
+        along = along_x * np.cos(azimuth) + along_y * np.sin(azimuth)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -offset / along
+        farthest = np.where(along > 0.0, crossing, np.inf).min(axis=0)
+        nearest = np.where(along < 0.0, crossing, -np.inf)
+        nearest = np.where((along == 0.0) & (offset > 0.0), np.inf, nearest).max(axis=0)
+        return nearest, farthest
+
+
+class SeenExtent:
+    """Estimates the extent of what a sensor sees from the places of clutter.
+
+    Parameters
+    ----------
+    limit : Extent
+        The estimate does not exceed it.
+
+    Attributes
+    ----------
+    detections : int
+        Number of detections that count.
+    """
+
+    def __init__(self, limit: Extent) -> None:
+        self._limit = limit
+        self._scans: deque[FloatArray] = deque([np.zeros((2, 0))])
+        self.detections = 0
+        self._region: Region | None = Region.whole(limit)
+
+    def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
+        """Update with a scan's detections; see `ClutterMap.update`."""
+        clutter = np.flatnonzero(weight > MIN_CLUTTER_PROBABILITY)
+        if not len(clutter):
+            return
+        # In an order of their own, and evenly from all of a large scan: the order in the message
+        # does not matter.
+        clutter = clutter[np.lexsort((range[clutter], azimuth[clutter]))]
+        clutter = clutter[:: math.ceil(len(clutter) / MAX_DETECTIONS)]
+        self.take(np.array([range[clutter], wrap(azimuth[clutter])]))
+
+    def take(self, places: FloatArray) -> None:
+        """Take the newest of places (2, n): of a scan, or the `places` of another estimate."""
+        self._scans.append(places[:, -MAX_DETECTIONS:])  # else each restart had more
+        self.detections += self._scans[-1].shape[1]
+        while self.detections - self._scans[0].shape[1] >= MAX_DETECTIONS:
+            self.detections -= self._scans.popleft().shape[1]
+        if self.detections >= 3:
+            self._region = None
+
+    @property
+    def places(self) -> FloatArray:
+        """Range (m) and azimuth (rad) of the detections that count, (2, n)."""
+        return np.concatenate(self._scans, axis=1)
+
+    @property
+    def region(self) -> Region:
+        """Where clutter is seen; the limit before the third detection. Estimated when asked for."""
+        if self._region is None:
+            self._region = self._convex(*self.places)
+        return self._region
+
+    def _estimated(self, range: FloatArray, azimuth: FloatArray) -> Extent:
+        given, n = self._limit, len(range)
+        low, high = _widened(float(range.min()) ** 2, float(range.max()) ** 2, n)
+        ordered = np.sort(azimuth)
+        gaps = np.append(np.diff(ordered), ordered[0] + 2.0 * np.pi - ordered[-1])
+        widest = int(np.argmax(gaps))  # the sector begins behind it
+        start = float(ordered[(widest + 1) % n])
+        start, end = _widened(start, start + 2.0 * np.pi - float(gaps[widest]), n)
+        width = given.azimuth_max - given.azimuth_min
+        if end - start >= width:
+            start, end = given.azimuth_min, given.azimuth_max
+        elif not given.all_round:
+            # From the beginning of the sector on; behind its end is what it leaves out, and then
+            # its beginning again: an arc over all of that is not cut.
+            first = (start - given.azimuth_min) % (2.0 * np.pi)
+            last = first + end - start
+            if first > width:
+                first, last = 0.0, max(last - 2.0 * np.pi, 0.0)
+            elif last < 2.0 * np.pi:
+                last = min(last, width)
+            start, end = given.azimuth_min + first, given.azimuth_min + last
+        return Extent(
+            math.sqrt(max(low, given.min_range**2)),
+            math.sqrt(min(high, given.max_range**2)),
+            start,
+            end,
+        )
+
+    def _convex(self, range: FloatArray, azimuth: FloatArray) -> Region:
+        """The convex hull of the detections, as much larger as it is too small on average."""
+        extent, places = self._estimated(range, azimuth), in_sensor_frame(range, azimuth)
+        try:
+            hull = ConvexHull(places)
+        except QhullError:  # too few, or in a line
+            return Region.whole(extent)
+        missing = len(hull.vertices) / len(range)
+        area = hull.volume / (1.0 - missing) if missing < 1.0 else math.inf
+        if area >= extent.area:
+            return Region.whole(extent)
+        edges = hull.equations.copy()
+        # Every edge is moved away from the middle, by the same factor.
+        at_middle = edges @ np.append(places[hull.vertices].mean(axis=0), 1.0)
+        edges[:, 2] += (math.sqrt(area / hull.volume) - 1.0) * at_middle
+        return Region(extent, edges, float(area))
+
+
+def _widened(low: float, high: float, number: int) -> tuple[float, float]:
+    """Ends of an interval, from the least and the largest of uniform values in it."""
+    beyond = (high - low) / (number - 1)
+    return low - beyond, high + beyond
+
 
 DATA_SHEET_COUNT = 0.5
 """Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
@@ -65,11 +278,12 @@ def squares(rows: int, columns: int) -> list[tuple[int, int]]:
     return [(min(side, rows), min(side, columns)) for side in sides]
 
 
-class Along(NamedTuple):
-    """Windows of one length along an axis, `PER_SIDE` to their length, or fewer.
+@lru_cache(maxsize=64)
+def along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, IntArray]:
+    """The windows of a length along an axis of so many cells, `PER_SIDE` to it, or fewer.
 
-    Attributes
-    ----------
+    Returns
+    -------
     begin : (w,) ndarray of int
         Their first cells.
     held : (p, b) ndarray of int
@@ -77,15 +291,6 @@ class Along(NamedTuple):
     block : (c,) ndarray of int
         Of each cell.
     """
-
-    begin: IntArray
-    held: IntArray
-    block: IntArray
-
-
-@lru_cache(maxsize=64)
-def along(cells: int, length: int, wraps: bool) -> Along:
-    """The windows of a length along an axis of so many cells."""
     step = min(max(length // PER_SIDE, MIN_STEP), length)
     back = np.arange(length // step)[:, None]
     if wraps and length < cells:
@@ -95,7 +300,7 @@ def along(cells: int, length: int, wraps: bool) -> Along:
         begin = np.unique(np.append(0, np.arange(cells - length, -1, -step)))
         edges = np.append(begin, np.arange(cells - length + step, cells, step))
         held = np.clip(np.arange(len(edges)) - back, 0, len(begin) - 1)
-    return Along(begin, held, np.searchsorted(edges, np.arange(cells), side="right") - 1)
+    return begin, held, np.searchsorted(edges, np.arange(cells), side="right") - 1
 
 
 class Bounds:
@@ -154,22 +359,19 @@ class Bounds:
                 density = np.minimum(density, self._largest(high, *shape))
         return density
 
-    def _windows(self, height: int, width: int) -> tuple[Along, Along]:
-        """The windows of a shape, along both axes."""
-        rows, columns = self._cells
-        return along(rows, height, False), along(columns, width, self._wraps)
-
     def _of(self, sums: BlockSums, height: int, width: int) -> FloatArray:
         """Sums of the windows of a shape, (i, j)."""
-        rows, columns = self._windows(height, width)
-        return sums.windows(rows.begin, height, columns.begin, width)
+        row, *_ = along(self._cells[0], height, False)
+        column, *_ = along(self._cells[1], width, self._wraps)
+        return sums.windows(row, height, column, width)
 
     def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
-        rows, columns = self._windows(height, width)
-        values = np.maximum.reduce([values[one] for one in rows.held])
-        values = np.maximum.reduce([values[:, one] for one in columns.held])
-        return np.asarray(values[rows.block][:, columns.block])
+        _, held, row = along(self._cells[0], height, False)
+        values = np.maximum.reduce([values[one] for one in held])
+        _, held, column = along(self._cells[1], width, self._wraps)
+        values = np.maximum.reduce([values[:, one] for one in held])
+        return np.asarray(values[row][:, column])
 
 
 def counted_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatArray:
@@ -180,7 +382,7 @@ def counted_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatA
     return np.minimum(np.maximum(widening * seen, MIN_SEEN_SHARE * whole), whole)
 
 
-class _Seen:
+class SeenCells:
     """The area of each cell in which clutter is seen.
 
     Where clutter is seen in less than the area of one target, its parts count as larger.
@@ -226,7 +428,7 @@ class _Estimate:
     ----------
     counts : (r, c) ndarray
     scans : float
-    cells : _Seen
+    cells : SeenCells
     grid : PolarGrid
     prior : float
         Density of the data sheet, 1/m^2.
@@ -238,7 +440,7 @@ class _Estimate:
     """
 
     def __init__(
-        self, counts: FloatArray, scans: float, cells: _Seen, grid: PolarGrid, prior: float
+        self, counts: FloatArray, scans: float, cells: SeenCells, grid: PolarGrid, prior: float
     ) -> None:
         self._counts, self._scans, self._cells, self._prior = counts, scans, cells, prior
         self._grid = grid
@@ -306,6 +508,8 @@ class ClutterMap:
     ----------
     grid : PolarGrid
         Its cells.
+    seen : SeenCells
+        Where clutter is seen, as of the last estimate.
     """
 
     def __init__(self, sensor: SensorModel) -> None:
@@ -315,13 +519,8 @@ class ClutterMap:
         self._scans = np.zeros(self.grid.shape[1])  # that looked at each column
         self._level = 1.0
         region, shares = Region.whole(Extent.of(sensor)), np.ones(len(self._scans))
-        self._cells = _Seen(self.grid, region, sensor.coverage_area, shares)
+        self.seen = SeenCells(self.grid, region, sensor.coverage_area, shares)
         self._renew(region)
-
-    def fits(self, sensor: SensorModel) -> bool:
-        """Whether the map has a sensor's coverage and initial density."""
-        names = ("min_range", "max_range", "azimuth_min", "azimuth_max", "clutter_density")
-        return all(getattr(sensor, name) == getattr(self._sensor, name) for name in names)
 
     def at(self, cells: Cells) -> FloatArray:
         """Density in cells (n,), 1/m^2; see `PolarGrid.cells`."""
@@ -331,21 +530,6 @@ class ClutterMap:
     def mean(self) -> float:
         """Mean density where clutter is seen, 1/m^2."""
         return self._level * self._estimate.mean
-
-    @property
-    def seen(self) -> Region:
-        """Where clutter is seen, as of the last estimate."""
-        return self._cells.region
-
-    @property
-    def area(self) -> float:
-        """Area in which clutter is seen, m^2."""
-        return self._cells.area
-
-    @property
-    def counted_area(self) -> FloatArray:
-        """Area in each cell in which clutter is expected, (r, c), m^2."""
-        return self._cells.counted
 
     @property
     def expected(self) -> BlockSums:
@@ -393,8 +577,9 @@ class ClutterMap:
         np.add.at(self._counts, cells, weight)
         self._new += np.array([np.mean(looks), weight.sum()])
         enough = RENEWAL * self._scans.mean(), RENEWAL * self._counts.sum()
-        if (self._new > enough).any() or self._area_of(self.seen, min_area) != self.area:
-            self._renew(seen() if seen else self.seen, min_area)
+        before = self.seen
+        if (self._new > enough).any() or self._area_of(before.region, min_area) != before.area:
+            self._renew(seen() if seen else before.region, min_area)
 
     def take_level(self, number: float, share: float = 1.0) -> None:
         """Take the level of a scan: by which factor clutter is denser than on average, at least 1.
@@ -420,12 +605,12 @@ class ClutterMap:
         """Estimate the density anew."""
         area, scans = self._area_of(seen, min_area), float(self._scans.max())
         shares = self._scans / scans if scans else np.ones(len(self._scans))
-        known = seen is self.seen and area == self.area
-        if not (known and np.array_equal(shares, self._cells.shares)):
-            self._cells = _Seen(self.grid, seen, area, shares)
+        same = seen is self.seen.region and area == self.seen.area
+        if not (same and np.array_equal(shares, self.seen.shares)):
+            self.seen = SeenCells(self.grid, seen, area, shares)
         self._new = np.zeros(2)
         prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        self._estimate = _Estimate(self._counts.copy(), scans, self._cells, self.grid, prior)
+        self._estimate = _Estimate(self._counts.copy(), scans, self.seen, self.grid, prior)
 
     @property
     def young(self) -> bool:

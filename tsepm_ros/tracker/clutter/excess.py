@@ -96,8 +96,8 @@ class Excess:
         return self._ratio(poisson_bound(self.counted, MAX_DEVIATIONS), math.inf)
 
     def _ratio(self, bound: FloatArray, unknown: float) -> FloatArray:
-        known = self.expected > 0.0
-        return np.divide(bound, self.expected, out=np.full_like(bound, unknown), where=known)
+        result = np.full_like(bound, unknown)
+        return np.divide(bound, self.expected, out=result, where=self.expected > 0.0)
 
     def mean(self, variance: FloatArray | float) -> FloatArray:
         """Mean of the ratio, which has a gamma distribution of mean 1 and this variance."""
@@ -110,8 +110,7 @@ def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
     """
     half = deviations**2 / 2.0
-    bound: FloatArray = count + half + deviations * np.sqrt(count + half / 2.0)
-    return bound
+    return np.asarray(count + half + deviations * np.sqrt(count + half / 2.0))
 
 
 CELL = 1.0 / 24.0
@@ -185,9 +184,8 @@ class PolarGrid:
         rows, columns = self.shape
         row = np.searchsorted(self.edges, range, side="right") - 1
         row = np.minimum(np.maximum(row, 0), rows - 1)
-        from_start = np.remainder(azimuth - self._start, 2.0 * np.pi)
-        column = np.minimum((from_start / self.width).astype(np.int64), columns - 1)
-        return Cells(row, column)
+        column = np.remainder(azimuth - self._start, 2.0 * np.pi) / self.width
+        return Cells(row, np.minimum(column.astype(np.int64), columns - 1))
 
     def divided(self, cells: Cells, range: FloatArray, parts: int) -> Cells:
         """Cells of ranges (n,) where each row is divided into parts of equal depth."""
@@ -218,7 +216,6 @@ class BlockSums:
     Parameters
     ----------
     values : (r, c) ndarray
-        Not negative.
     wraps : bool
         Whether the last column is next to the first; else 0 is beyond the last.
     """
@@ -248,9 +245,8 @@ class BlockSums:
         else:
             left = np.maximum(column, 0)
             right = np.minimum(column + width, self._columns)
-        sums = self._sums[end, right] - self._sums[end, left]
-        sums = sums - (self._sums[row, right] - self._sums[row, left])
-        return np.maximum(sums, 0.0)  # rounding errors
+        upper = self._sums[end, right] - self._sums[end, left]
+        return np.asarray(upper - (self._sums[row, right] - self._sums[row, left]))
 
     def windows(self, row: IntArray, height: int, column: IntArray, width: int) -> FloatArray:
         """Sums of the windows of a size that begin in rows (i,) and columns (j,), (i, j)."""
@@ -380,11 +376,8 @@ class PredictiveDensity(NamedTuple):
         parent, row : (p,) ndarray of int
             Path and detection of each child.
         """
-        if not math.isfinite(self.shape):
-            return np.zeros(len(parent))
-        around = np.maximum(self.around[row], hits[parent])
-        ratio = Excess(around, self.expected[row]).mean(1.0 / self.shape)
-        return np.minimum(-np.log(ratio), 0.0)
+        found = Excess(np.maximum(self.around[row], hits[parent]), self.expected[row])
+        return np.minimum(-np.log(found.mean(1.0 / self.shape)), 0.0)
 
 
 class Overdispersion:
@@ -403,7 +396,8 @@ class Overdispersion:
         self._around = np.zeros(grid.shape)
         # Number of scans in N, by columns, fading; the same with squared weights; and all.
         self._scans, self._squares, self._number = np.zeros(grid.shape[1]), 0.0, 0.0
-        self._last: _Taken | None = None
+        # Of the batch before: cells, weights, N and M there, and looks.
+        self._last: tuple[Cells, list[FloatArray], Excess, FloatArray] | None = None
         # Of the detections: their number, N, M, N^2 / M, N / M, and the variance of N over M.
         self._sums = np.zeros(6)
 
@@ -446,31 +440,31 @@ class Overdispersion:
     def update(self, batch: Batch, area: FloatArray) -> None:
         """Learn from the batch before, and take the next; for the area see `around`."""
         if self._last is not None:
-            self._learn(self._last)
-        cells, density = batch.cells, np.concatenate(batch.densities)
-        around, looks = self.around(cells, density, area), batch.looks
-        self._last = _Taken(cells, batch.weights, around, looks)
+            self._learn(*self._last)
+        cells = batch.cells
+        around = self.around(cells, np.concatenate(batch.densities), area)
+        self._last = cells, batch.weights, around, batch.looks
 
-    def _learn(self, taken: _Taken) -> None:
-        weight, scans = np.concatenate(taken.weights), float(taken.looks.mean())
+    def _learn(
+        self, cells: Cells, weights: list[FloatArray], around: Excess, looks: FloatArray
+    ) -> None:
+        weight, scans = np.concatenate(weights), float(looks.mean())
         if self._number >= RECENT:
-            self._learn_scatter(weight, taken.around, scans)
+            # Detections of clutter count in N by their age: their variance is less than their
+            # number.
+            counted, expected = around.counted, np.maximum(around.expected, MIN_EXPECTED)
+            noise = self._squares / max(self._scans.mean(), 1e-9)
+            ratio = counted / expected
+            of_each = 1.0, counted, expected, counted * ratio, noise * ratio, noise
+            self._sums *= (1.0 - 1.0 / MEMORY) ** scans
+            self._sums += [float(np.sum(each * weight)) for each in of_each]
         self._number += scans
         keep = (1.0 - 1.0 / RECENT) ** scans
-        self._scans = keep * self._scans + taken.looks
+        self._scans = keep * self._scans + looks
         self._squares = keep**2 * self._squares + scans
         self._around *= keep
-        row, column, inside = self._neighbours(taken.cells)
+        row, column, inside = self._neighbours(cells)
         np.add.at(self._around, (row, column), weight[:, None] * inside)
-
-    def _learn_scatter(self, weight: FloatArray, of: Excess, scans: float) -> None:
-        """Learn from N and M at detections of these weights (n,)."""
-        around, expected = of.counted, np.maximum(of.expected, MIN_EXPECTED)
-        # Detections of clutter count in N by their age: their variance is less than their number.
-        noise = self._squares / max(self._scans.mean(), 1e-9)
-        of_each = 1.0, around, expected, around**2 / expected, noise * around / expected, noise
-        self._sums *= (1.0 - 1.0 / MEMORY) ** scans
-        self._sums += [float(np.sum(each * weight)) for each in of_each]
 
     def _neighbours(self, cells: Cells) -> tuple[IntArray, IntArray, BoolArray]:
         """Cells around detections, (n, 5) each, and whether they are cells of the map.
@@ -484,15 +478,6 @@ class Overdispersion:
             column %= columns
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         return row % rows, column % columns, inside
-
-
-class _Taken(NamedTuple):
-    """The detections of a batch, and N and M there."""
-
-    cells: Cells
-    weights: list[FloatArray]
-    around: Excess
-    looks: FloatArray
 
 
 HALF_WIDTHS = 1, 2, 4, 8
@@ -550,13 +535,12 @@ class _Strips:
         away = np.abs(cells.column - self.middle)
         if self._grid.wraps:
             away = np.minimum(away, self._grid.shape[1] - away)
-        near = away <= _WIDTHS
-        return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
+        return np.asarray((away <= _WIDTHS)[:, :, None] & (cells.row >= self.start[..., None]))
 
     def sums(self, values: BlockSums) -> FloatArray:
         """Sums of the cells in each strip, (n, widths, 2)."""
-        end = np.array(values.rows)
-        return values.of(self.start, end, self.middle - _WIDTHS, 2 * _WIDTHS + 1)
+        end, left = np.array(values.rows), self.middle - _WIDTHS
+        return np.maximum(values.of(self.start, end, left, 2 * _WIDTHS + 1), 0.0)
 
 
 class SecondaryEchoes:
@@ -602,12 +586,11 @@ class SecondaryEchoes:
         expected : BlockSums
             Of the numbers that the map expects in a scan.
         """
-        correlation = self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS)
-        variance = np.maximum(correlation - 1.0, 0.0)[:, None]
-        if not variance.any() or not len(weight):
+        correlation = self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS)[:, None]
+        if not (correlation > 1.0).any() or not len(weight):
             return np.ones(len(weight))
-        before = self._before(cells, weight, expected)
-        return np.maximum(before.mean(variance), 1.0).max(axis=0)
+        level = self._before(cells, weight, expected).mean(np.maximum(correlation - 1.0, 0.0))
+        return np.maximum(level, 1.0).max(axis=0)
 
     def update(self, targets: HeldTargets, batch: Batch, expected: BlockSums) -> None:
         """Learn from a batch: pairs of its last scan, and what is behind targets in all.
@@ -636,8 +619,9 @@ class SecondaryEchoes:
         counts = np.zeros(self._grid.shape)
         np.add.at(counts, cells, weight)
         first, left, width = np.array(0), cells.column - _WIDTHS, 2 * _WIDTHS + 1
-        counted = BlockSums(counts, self._grid.wraps).of(first, cells.row, left, width)
-        return Excess(counted, expected.of(first, cells.row, left, width))
+        both = BlockSums(counts, self._grid.wraps), expected
+        strips = [sums.of(first, cells.row, left, width) for sums in both]
+        return Excess(*np.maximum(strips, 0.0))  # rounding errors
 
     def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:
         """Ids of targets (n,), scans since they are known, and what is behind them."""

@@ -1,8 +1,10 @@
-"""Cells of the fixed frame in which clutter stays.
+"""Places of the fixed frame: land of a chart, and cells in which clutter stays.
 
-A quay, a row of piles or a field of kelp has echoes at random places,
-ping for ping, within the same outline. It may be thinner than any window of the clutter map, which
-also moves and turns with the sensor. Detections are counted by periods, also those of held tracks
+No detection on land is a target's.
+
+A quay, a row of piles or a field of kelp has echoes at random places, ping for ping, within the
+same outline. It may be thinner than any window of the clutter map, which also moves and turns with
+the sensor. Detections are counted by periods, also those of held tracks
 that do not move: tracks that clutter started would otherwise hide it. Clutter differs from a target
 that stands still in that it lies on both sides, more than the errors of a detection away. Let N_0
 be the count in a cell, and N_1 and N_2 those in two cells that are `DIRECTIONS` away on opposite
@@ -25,10 +27,95 @@ from collections import Counter, deque
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.sensor import SensorModel, View
+
+MAX_CELLS = 100_000_000
+"""Largest number of cells: 12.5 MB are kept of them."""
+MIN_RESOLUTION, MAX_RESOLUTION = 1e-3, 1e6
+"""Smallest and largest side of a cell, m."""
+MAX_DISTANCE = 1e9
+"""Largest coordinate of a chart, m."""
+
+
+class LandMask:
+    """Land on a grid in the fixed frame.
+
+    Parameters
+    ----------
+    occupied : (rows, columns) array_like of bool
+        Which cells are land; columns go along the grid's x axis, rows along its y axis.
+    resolution : float
+        Side of a cell, m.
+    origin : tuple of float, optional
+        Corner of the first cell, x and y, m, and direction of the grid's x axis, rad, in the fixed
+        frame.
+
+    Attributes
+    ----------
+    cells : int
+        Number of cells that are land.
+    resolution : float
+        m.
+    origin : tuple of float
+        m, m, rad.
+
+    Raises
+    ------
+    ValueError
+        If the array does not have two axes and at most `MAX_CELLS` cells, or a number is not finite
+        or too large; the message names it.
+    """
+
+    def __init__(
+        self,
+        occupied: ArrayLike,
+        resolution: float,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        land = np.asarray(occupied)
+        if land.ndim != 2 or land.size > MAX_CELLS:
+            raise ValueError(
+                f"occupied must have two axes and at most {MAX_CELLS} cells; got {land.shape}"
+            )
+        if not MIN_RESOLUTION <= resolution <= MAX_RESOLUTION:  # nan, too
+            raise ValueError(
+                f"resolution must be from {MIN_RESOLUTION:g} to {MAX_RESOLUTION:g} m; got "
+                f"{resolution}"
+            )
+        size = resolution * max(land.shape, default=0)
+        if not (len(origin) == 3 and all(math.isfinite(value) for value in origin)):
+            raise ValueError(f"origin must be three finite numbers; got {origin}")
+        if max(abs(origin[0]), abs(origin[1])) + size > MAX_DISTANCE:
+            raise ValueError(f"origin and size must be at most {MAX_DISTANCE:g} m; got {origin}")
+        self.resolution = float(resolution)
+        self.origin = float(origin[0]), float(origin[1]), float(origin[2])
+        self._rows, self._columns = land.shape
+        land = land.astype(bool, copy=False)
+        self.cells = int(np.count_nonzero(land))
+        self._bits = np.packbits(land, axis=None)
+
+    @property
+    def area(self) -> float:
+        """Area of the land, m^2."""
+        return self.cells * self.resolution**2
+
+    def covers(self, positions: FloatArray) -> BoolArray:
+        """Whether positions (n, 2) in the fixed frame, m, are on land; beyond the grid none is."""
+        x, y, yaw = self.origin
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        east, north = positions[:, 0] - x, positions[:, 1] - y
+        column = np.floor((cosine * east + sine * north) / self.resolution)
+        row = np.floor((cosine * north - sine * east) / self.resolution)
+        inside = (column >= 0) & (column < self._columns) & (row >= 0) & (row < self._rows)
+        place = row[inside].astype(np.int64) * self._columns + column[inside].astype(np.int64)
+        on_land = np.zeros(len(positions), bool)
+        on_land[inside] = (self._bits[place >> 3] >> (7 - (place & 7)).astype(np.uint8)) & 1
+        return on_land
+
 
 SIDE = 2.0
 """Sides of the smaller cells in standard deviations of a detection, about."""
@@ -51,7 +138,6 @@ VIEWS = 16
 """Different views of a period, at most, that show which cells were seen: of more, random ones."""
 RISE = 2.0
 """Factor above the map's density from which on that of a cell is used."""
-THREE = np.array(3.0)
 _BITS = 28
 """Of the number of a cell, for its place on each axis."""
 _MASK = (1 << _BITS) - 1
@@ -122,8 +208,7 @@ class FixedPlaces:
     def density(self, cells: CellNumbers) -> FloatArray:
         """Density where clutter stays, 0 elsewhere, at detections, (n,), 1/m^2."""
         row, known = _found(cells.nearest, self._cells)
-        density: FloatArray = np.where(known, self._densities[row], 0.0).max(axis=1)
-        return density
+        return np.asarray(np.where(known, self._densities[row], 0.0).max(axis=1))
 
     def update(self, stamp: float, view: View, cells: CellNumbers, moving: IntArray) -> None:
         """Take a scan's detections; they count when the period ends.
@@ -228,7 +313,7 @@ def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
             row, known = _found(_beside(cells[between], sign * x, sign * y), cells)
             between, count = between[known], counts[row[known]]
             least, total = np.minimum(least[known], count), total[known] + count
-        number = np.minimum(Excess(total, THREE).lower(), 2.0 * least)
+        number = np.minimum(Excess(total, np.array(3.0)).lower(), 2.0 * least)
         staying[between] = np.maximum(staying[between], number)
     return staying
 

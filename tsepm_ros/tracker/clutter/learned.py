@@ -1,15 +1,14 @@
-"""Everything that is learned, and its memory over a restart.
+"""Everything that is learned: its use in a scan, and its memory over a restart.
 
-The width of the distribution of clutter's range rates, learned from the scans.
+Models of the surroundings, independent of the method, with the interval between scans and the width
+of the distribution of clutter's range rates.
 
-The interval between scans, from their stamps.
-
-Models of the surroundings, independent of the method.
+Clutter where the detections of one scan are: as known before, and as learned from them.
 
 What was learned, as a text that outlives a restart.
 
-The text has the clutter map, where clutter is seen, its strengths and the detection probability,
-with the sensor and the time. What was learned fades with its age: after `HALF_LIFE` it counts as if
+The text has the clutter map, where clutter is seen and the detection probability, with the sensor
+and the time. What was learned fades with its age: after `HALF_LIFE` it counts as if
 half as many scans had been seen. A text is used whole or refused: every number has bounds, and
 numbers that contradict each other were not written by a run.
 """
@@ -18,8 +17,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import statistics
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -27,23 +28,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.parameters import shown
-from tsepm_ros.tracker.clutter.amplitude import MEMORY_QUANTILES, ClutterAmplitudes
-from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.clutter.detection_probability import MAX_GAP, DetectionProbability
+from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterMap, Extent, SeenExtent
 from tsepm_ros.tracker.clutter.excess import (
     MEMORY,
     Batch,
+    HeldTargets,
     Overdispersion,
+    PredictiveDensity,
     SecondaryEchoes,
 )
-from tsepm_ros.tracker.clutter.fixed_places import FixedPlaces
-from tsepm_ros.tracker.clutter.measurement_errors import MeasurementErrors
-from tsepm_ros.tracker.clutter.seen import EVERYWHERE, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.fixed_places import RISE, CellNumbers, FixedPlaces
+from tsepm_ros.tracker.clutter.sensor_performance import (
+    MAX_GAP,
+    DetectionProbability,
+    MeasurementErrors,
+)
 from tsepm_ros.tracker.maintenance.features import Surroundings
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.range_rates import measured, over_ground
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import SensorModel, View
 
 MIN_RATE_COUNT = 20
 """Smallest number of range rates for an estimate: below, the given width is used."""
@@ -103,6 +110,8 @@ class ScanInterval:
 
 ERRORS = "range_std", "range_std_fraction", "azimuth_std"
 """Fields of a sensor that innovations are compared with."""
+COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
+"""Fields of a sensor of which the cells of the clutter map are."""
 
 
 @dataclass(frozen=True)
@@ -166,21 +175,18 @@ class Learned:
             Batch(grid.shape[1]),
         )
 
-    def learn_map(self, min_area: float) -> None:
-        """Learn the density from the batch; see `ClutterMap.update`."""
-        batch, seen = self.batch, self.seen_extent
-        seen.update(*batch.polar, batch.weight)
-        places = batch.cells, batch.weight
-        self.clutter_map.update(*places, lambda: seen.region, min_area, batch.looks)
-
     def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
         """The models for a sensor in place of the one before.
 
-        The clutter map is kept only for the same coverage, innovations only for the same errors.
+        The clutter map is kept only for the same coverage and initial density, innovations only for
+        the same errors.
         """
-        same_errors = all(getattr(sensor, name) == getattr(before, name) for name in ERRORS)
-        kept = self if same_errors else replace(self, errors=MeasurementErrors())
-        if self.clutter_map.fits(sensor):
+
+        def same(*names: str) -> bool:
+            return all(getattr(sensor, name) == getattr(before, name) for name in names)
+
+        kept = self if same(*ERRORS) else replace(self, errors=MeasurementErrors())
+        if same(*COVERAGE, "clutter_density"):
             return kept
         fresh = Learned.initial(sensor)
         return replace(
@@ -194,6 +200,186 @@ class Learned:
         )
 
 
+MIN_SHARE = 1e-3
+"""Share of the coverage that a scan looked at, at least."""
+
+
+class ScanClutter:
+    """The models of clutter at the places of one scan's detections.
+
+    Parameters
+    ----------
+    learned : Learned
+    common : CommonOptions
+    sensor : SensorModel
+        As given.
+    counts_echoes : bool
+        Whether clutter behind targets counts, which the held tracks must be for it.
+    range, azimuth : (d,) ndarray
+        Of the detections or plots, m and rad.
+    detections : (d,) ndarray of DETECTION, optional
+        Converted; without them clutter that stays is left out.
+
+    Attributes
+    ----------
+    predictive : PredictiveDensity or None
+        What makes the density uncertain; None where it is given, and until `learn`.
+    strengths : ClutterAmplitudes or None
+        The law of strengths, where the method learns it.
+    polar : tuple of ndarray
+        Range and azimuth, as given.
+    cells : Cells
+        Of the clutter map.
+    weight : (d,) ndarray
+        Probability that each detection is clutter; 0 until `learn`.
+    """
+
+    def __init__(
+        self,
+        learned: Learned,
+        common: CommonOptions,
+        sensor: SensorModel,
+        counts_echoes: bool,
+        range: FloatArray,
+        azimuth: FloatArray,
+        detections: NDArray[np.void] | None = None,
+    ) -> None:
+        self._learned = learned
+        self._estimated = common.clutter_density == "estimated"
+        self._echoes = self._estimated and counts_echoes
+        self._given = sensor.clutter_density
+        self.polar = range, azimuth
+        self._places: CellNumbers | None = None
+        self._staying = np.zeros(len(range))
+        if self._echoes and detections is not None:
+            self._places = learned.persistent.cells(
+                detections["position"], detections["major_sigma"]
+            )
+            if learned.persistent.found:
+                self._staying = learned.persistent.density(self._places)
+        self.cells = learned.clutter_map.grid.cells(range, azimuth)
+        self.weight = np.zeros(len(range))
+        self.predictive: PredictiveDensity | None = None
+        self.strengths = learned.strengths if common.intensity == "auto" and counts_echoes else None
+
+    @property
+    def in_zone(self) -> BoolArray:
+        """Whether each detection is in a clutter zone, (d,)."""
+        return self._learned.clutter_map.in_zone(self.cells)
+
+    def before(self, targets: Callable[[], HeldTargets]) -> FloatArray:
+        """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
+        density = self.density()
+        if self._echoes:
+            density *= self._learned.secondary_echoes.behind_targets(targets(), self.cells)
+        return self._raised(density)
+
+    def learn(
+        self,
+        stamp: float,
+        view: View,
+        weight: FloatArray,
+        min_area: float,
+        targets: Callable[[], HeldTargets],
+        moving: Callable[[], IntArray],
+    ) -> FloatArray:
+        """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
+
+        Parameters
+        ----------
+        stamp : float
+            Of the scan, s.
+        view : View
+            What the scan looked at.
+        weight : (d,) ndarray
+            Probability that each detection is clutter.
+        min_area : float
+            See `ClutterMap.update`.
+        targets : callable
+            The held targets as of this scan.
+        moving : callable
+            Rows of detections that are probably of held tracks that move.
+        """
+        learned, self.weight = self._learned, weight
+        clutter_map, batch, echoes = learned.clutter_map, learned.batch, learned.secondary_echoes
+        looked = clutter_map.grid.looked(view.swept)
+        batch.take(self.cells, self.polar, weight, looked)
+        whole = batch.is_whole(stamp) or clutter_map.young
+        if whole:
+            seen, places = learned.seen_extent, (batch.cells, batch.weight)
+            seen.update(*batch.polar, batch.weight)
+            clutter_map.update(*places, lambda: seen.region, min_area, batch.looks)
+        clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
+        density, area = self.density(), clutter_map.seen.counted
+        if self._echoes:
+            held = targets()
+            if whole:
+                echoes.update(held, batch, clutter_map.expected)
+            density *= echoes.among(self.cells, weight, clutter_map.expected)
+            density *= echoes.behind_targets(held, self.cells)
+            batch.densities.append(density)
+            if whole:
+                learned.clumps.update(batch, area)
+            self.predictive = learned.clumps.predictive(self.cells, density, area)
+        if whole:
+            batch.end(stamp)
+        if self._places is not None:
+            learned.persistent.update(stamp, view, self._places, moving())
+        return self._raised(density)
+
+    def judge_strengths(
+        self, detections: NDArray[np.void], scan_index: int, most_hits: int
+    ) -> ScanAmplitudes | None:
+        """What the strengths of a scan's detections say; see `ClutterAmplitudes.judge`."""
+        if self.strengths is None:
+            return None
+        grid = self._learned.clutter_map.grid
+        return self.strengths.judge(
+            detections,
+            scan_index,
+            most_hits,
+            lambda: grid.divided(self.cells, self.polar[0], RINGS),
+        )
+
+    def learn_strengths(self, detections: NDArray[np.void], moved: float) -> None:
+        """Learn the law of the strengths of clutter from the scan that was judged.
+
+        Parameters
+        ----------
+        detections : (d,) ndarray of DETECTION
+        moved : float
+            Distance that a target moves at most from scan to scan, m.
+        """
+        if self.strengths is None:
+            return
+        sigma = detections["major_sigma"]
+        error = 3.0 * float(np.median(sigma)) if len(sigma) else 0.0
+        reach = moved * np.arange(LAGS + 1.0) + math.sqrt(2.0) * error
+        self.strengths.update(self.weight, (LAGS + 1.0) * moved + error, reach)
+
+    def withdraw(self, share: FloatArray) -> None:
+        """Take back a share of each detection (d,): that of a target after all."""
+        taken = self.weight * share
+        self.weight -= taken  # in place, also in the batch
+        if not self._learned.batch.weights:  # else it is learned from with its batch
+            self._learned.clutter_map.withdraw(self.cells, taken)
+
+    @property
+    def is_persistent(self) -> BoolArray:
+        """Whether each detection is where clutter stays and the map does not show it, (d,)."""
+        return np.asarray(self._staying > RISE * self.density())
+
+    def _raised(self, density: FloatArray) -> FloatArray:
+        """Density (d,), raised where clutter stays."""
+        return np.where(self._staying > RISE * density, self._staying, density)
+
+    def density(self) -> FloatArray:
+        """Density of the map, (d,), 1/m^2."""
+        if not self._estimated:
+            return np.full(len(self.weight), self._given)
+        return self._learned.clutter_map.at(self.cells)
+
+
 FORMAT = 1
 """Version of the text."""
 HALF_LIFE = 6.0 * 3600.0
@@ -201,23 +387,6 @@ HALF_LIFE = 6.0 * 3600.0
 MAX_HALF_LIVES = 40.0
 """What is older counts as if of this age: smaller shares vanish in products."""
 UNLEARNED = "its content is not that of a learned state"
-COVERAGE = ("min_range", "max_range", "azimuth_min", "azimuth_max")
-"""Fields of the sensor that must be the same."""
-
-
-@dataclass(frozen=True)
-class Remembered:
-    """What was learned before.
-
-    Attributes
-    ----------
-    learned : Learned
-    age : float
-        s.
-    """
-
-    learned: Learned
-    age: float
 
 
 def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -> str:
@@ -245,7 +414,6 @@ def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -
     """
     counts, scans = learned.clutter_map.memory
     range_, azimuth = learned.seen_extent.places
-    strengths, references, decibels = learned.strengths.memory
     detected, covered = learned.detection_probability.memory
     return json.dumps(
         {
@@ -259,15 +427,14 @@ def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -
             "seen_azimuth": np.round(azimuth, 6).tolist(),
             "detected": detected,
             "covered": covered,
-            "strengths": np.round(strengths, 6).tolist(),
-            "strengths_count": references,
-            "strengths_in_decibels": decibels,
         },
         allow_nan=False,
     )
 
 
-def read(text: str, sensor: SensorModel, frame_id: str, time: float, max_age: float) -> Remembered:
+def read(
+    text: str, sensor: SensorModel, frame_id: str, time: float, max_age: float
+) -> tuple[Learned, float]:
     """Read what was learned before.
 
     Parameters
@@ -285,7 +452,9 @@ def read(text: str, sensor: SensorModel, frame_id: str, time: float, max_age: fl
 
     Returns
     -------
-    Remembered
+    learned : Learned
+    age : float
+        s.
 
     Raises
     ------
@@ -313,23 +482,21 @@ def read(text: str, sensor: SensorModel, frame_id: str, time: float, max_age: fl
         )
     fresh = Learned.initial(sensor)
     numbers = {name: _numbers(content, name, *row) for name, row in _bounds(sensor).items()}
-    for fault, found in _contradictions(content, numbers, fresh.clutter_map.grid.shape).items():
+    for fault, found in _contradictions(numbers, fresh.clutter_map.grid.shape).items():
         if found:
             raise ValueError(f"{UNLEARNED}: {fault}")
     share = 0.5 ** min(age / HALF_LIFE, MAX_HALF_LIVES)
-    scans, detected, covered, references = (
-        share * float(numbers[name])
-        for name in ("clutter_scans", "detected", "covered", "strengths_count")
+    scans, detected, covered = (
+        share * float(numbers[name]) for name in ("clutter_scans", "detected", "covered")
     )
-    fresh.seen_extent.remember(numbers["seen_range"], numbers["seen_azimuth"])
+    fresh.seen_extent.take(np.array([numbers["seen_range"], numbers["seen_azimuth"]]))
     fresh.clutter_map.remember(share * numbers["clutter_counts"], scans, fresh.seen_extent.region)
-    fresh.strengths.remember(numbers["strengths"], references, content["strengths_in_decibels"])
     fresh.detection_probability.remember(detected, covered)
-    return Remembered(fresh, age)
+    return fresh, age
 
 
 def _content(text: str) -> dict[str, Any]:
-    """The content of a text; texts of earlier versions have no strengths."""
+    """The content of a text."""
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
@@ -338,7 +505,7 @@ def _content(text: str) -> dict[str, Any]:
         raise ValueError(f"it is not a learned state of format {FORMAT}")
     if not isinstance(content.get("frame_id"), str) or not isinstance(content.get("sensor"), dict):
         raise ValueError("it names no sensor")
-    return {"strengths": [], "strengths_count": 0.0, "strengths_in_decibels": False} | content
+    return content
 
 
 def _bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
@@ -351,8 +518,6 @@ def _bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
         "seen_azimuth": (1, -3.1416, 3.1416),
         "detected": (0, 0.0, 1e6),
         "covered": (0, 0.0, 1e6),
-        "strengths": (1, -1e10, 1e10),
-        "strengths_count": (0, 0.0, 1e4),
     }
 
 
@@ -371,9 +536,7 @@ def _numbers(
     )
 
 
-def _contradictions(
-    content: dict[str, Any], numbers: dict[str, FloatArray], shape: tuple[int, int]
-) -> dict[str, bool]:
+def _contradictions(numbers: dict[str, FloatArray], shape: tuple[int, int]) -> dict[str, bool]:
     """Faults of numbers that are within their bounds, and whether the content has them.
 
     A detection of a target covers one scan at least, and `MAX_GAP` at most.
@@ -390,12 +553,5 @@ def _contradictions(
         ),
         f"covered must be from detected to {MAX_GAP:g} times detected": not (
             0.98 * numbers["detected"] <= numbers["covered"] <= 1.02 * MAX_GAP * numbers["detected"]
-        ),
-        f"strengths must be {MEMORY_QUANTILES} in ascending order, or none": bool(
-            len(numbers["strengths"]) not in (0, MEMORY_QUANTILES)
-            or (np.diff(numbers["strengths"]) < 0.0).any()
-        ),
-        "strengths_in_decibels must be true or false": not isinstance(
-            content["strengths_in_decibels"], bool
         ),
     }

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance import data_association, stationary
-from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
+from tsepm_ros.tracker.maintenance.data_association import (
+    GATE_PROBABILITY,
+    SCANS_OF_FADING,
+    SCANS_TO_FADE,
+    SCANS_TO_VANISH,
+)
 from tsepm_ros.tracker.maintenance.external_tracker import LISTED
 from tsepm_ros.tracker.maintenance.stationary import Status, StraightFits
 from tsepm_ros.tracker.measurement import Histories, major_sigma
@@ -29,24 +33,6 @@ PROVING = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
 DETECTED = 0.5
 """Probability of a detection from which a target counts as detected in a scan."""
-
-
-class CoveredTracks(NamedTuple):
-    """Samples of the detection probability: a row for each track that a scan covered.
-
-    Attributes
-    ----------
-    detected : (k,) ndarray
-        Probability that the target exists, by the scans since its start alone, and was detected.
-    scans : (k,) ndarray
-        Scans that covered the target since its last detection, this scan included.
-    """
-
-    detected: FloatArray
-    scans: FloatArray
-
-
-NO_COVERED_TRACKS = CoveredTracks(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +162,22 @@ class ConfirmedTracks(Rows):
         )
 
     def existing(self, covered: BoolArray, counts: BoolArray) -> ConfirmedTracks:
-        """The rows with the probabilities of their targets before a scan.
+        """The rows with the probabilities r, that of the proof, and s of targets before a scan.
 
-        See `data_association.predicted`.
+        ``r <- (1 - 1 / SCANS_TO_VANISH) r``,
+        ``s <- (1 - 1 / SCANS_TO_FADE) s + (1 - s) / SCANS_OF_FADING``. A target outside the
+        coverage (not `covered`) is as one that has faded, ``r <- (1 - 1 / SCANS_OF_FADING) r``: it
+        stays away or comes back. A scan that does not count for a target changes nothing.
         """
-        existence, proven, visible = data_association.predicted(
-            self.existence, self.proven, self.visible, covered, counts
+        stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
+        stays = np.where(counts, stays, 1.0)
+        still = (1.0 - 1.0 / SCANS_TO_FADE) * self.visible + (1.0 - self.visible) / SCANS_OF_FADING
+        return changed(
+            self,
+            existence=self.existence * stays,
+            proven=self.proven * stays,
+            visible=np.where(counts, still, self.visible),
         )
-        return changed(self, existence=existence, proven=proven, visible=visible)
 
     def updated(
         self,
@@ -193,7 +187,7 @@ class ConfirmedTracks(Rows):
         empty: FloatArray,
         covered: BoolArray,
         max_speed: FloatArray,
-    ) -> tuple[ConfirmedTracks, CoveredTracks]:
+    ) -> tuple[ConfirmedTracks, FloatArray, FloatArray]:
         """The predicted rows after a scan, and its samples of the detection probability.
 
         The probabilities of the filter's modes become ``mu_im Lambda_im / Lambda_i`` with
@@ -212,6 +206,15 @@ class ConfirmedTracks(Rows):
             Which targets could be detected at all.
         max_speed : (n,) ndarray
             v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed`.
+
+        Returns
+        -------
+        held : ConfirmedTracks
+        detected : (k,) ndarray
+            Of the tracks that the scan covered: probability that the target exists, by the scans
+            since its start alone, and was detected.
+        scans : (k,) ndarray
+            Scans that covered it since its last detection, this scan included.
         """
         # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
         of_filter = state[:, :-1], covariance[:, :-1]
@@ -248,7 +251,7 @@ class ConfirmedTracks(Rows):
             covered_scans=scans * (1.0 - detected),
             last_detected=np.where(detected >= DETECTED, self.tracks.stamp, self.last_detected),
         )
-        return held, CoveredTracks((of_target * proven)[covered], scans[covered])
+        return held, (of_target * proven)[covered], scans[covered]
 
     def revised(
         self, corrected: TrackArrays, existence: FloatArray | None = None

@@ -32,15 +32,13 @@ Symbols, of track i, detection j and mode m::
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.discs import squared_distances
-from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
@@ -126,74 +124,35 @@ def gate(
         square = squared_distances(centre.reshape(-1, 2), detections["position"])
         row = square.argsort(axis=1)[:, :number].reshape(*centre.shape[:2], number)
     of_modes = row[:, SEEKER]
-    rated = range_rates.measured(detections)
-    range_rate_gate = range_rates.gate_square(GATE_PROBABILITY) if rated.any() else 0.0
-    near = taken(detections, of_modes if range_rate_gate else of_modes[..., :1])
+    rated = range_rates.measured(detections).any()
+    near = taken(detections, of_modes if rated else of_modes[..., :1])
     time = near["time"] - stamp
     spread = motion.position_covariance_after(covariance[:, :, None], time)
     spread = spread + covariance_at(near, motion.position_after(state[:, :, None], time), sensor)
     expected = motion.position_after(state[:, :, None], after[of_modes])
     innovation = detections["position"][of_modes] - expected
-    density, distance = log_density(innovation, spread)
-    edge: FloatArray | float = gate_factor(GATE_PROBABILITY) ** 2
-    if range_rate_gate:
-        edge = np.where(rated[of_modes], range_rate_gate, edge)
-    pairs = (distance <= edge).nonzero()
-    own = (*pairs[:2], pairs[2] if range_rate_gate else 0)
-    time, state, covariance = time[own], state[pairs[:2]], covariance[pairs[:2]]
-    updated = motion.update(state, covariance, time, innovation[pairs], spread[own])
-    density = density[pairs]
-    if range_rate_gate:
-        of_pairs = of_modes[pairs]
-        found, has_rate = taken(detections, of_pairs), rated[of_pairs]
-        error, variance, _ = range_rates.innovations(*updated, time, found)
-        density += np.where(has_rate, range_rates.log_density(error, variance), 0.0)
-        inside = ~has_rate | (distance[pairs] + error**2 / variance <= range_rate_gate)
-        state, covariance = range_rates.update(*updated, time, found)
-        updated, density = (state[inside], covariance[inside]), density[inside]
-        pairs = tuple(part[inside] for part in pairs)
+    density = motion.log_likelihood(
+        state.reshape(-1, 4),
+        covariance.reshape(-1, 4, 4),
+        np.broadcast_to(np.arange(3 * len(mean)).reshape(-1, 3, 1), of_modes.shape),
+        stamp,
+        innovation,
+        spread,
+        detections,
+        of_modes,
+        GATE_PROBABILITY,
+    )
+    pairs = (density > -np.inf).nonzero()
+    own = (*pairs[:2], pairs[2] if rated else 0)
+    updated = motion.update(
+        state[pairs[:2]], covariance[pairs[:2]], time[own], innovation[pairs], spread[own]
+    )
+    if rated:
+        updated = range_rates.update(*updated, time[own], taken(detections, of_modes[pairs]))
     number = int(pairs[2].max(initial=0)) + 1
     likelihood = np.zeros((*of_modes.shape[:2], number))
-    likelihood[pairs] = np.exp(density)
+    likelihood[pairs] = np.exp(density[pairs])
     return GatedDetections(row[..., :number], likelihood, pairs, updated)
-
-
-def predicted(
-    existence: FloatArray,
-    proven: FloatArray,
-    visible: FloatArray,
-    covered: BoolArray,
-    counts: BoolArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Probabilities r, that of the proof, and s (n,) of targets before a scan.
-
-    ``r <- (1 - 1 / SCANS_TO_VANISH) r``,
-    ``s <- (1 - 1 / SCANS_TO_FADE) s + (1 - s) / SCANS_OF_FADING``. A target outside the coverage
-    (not `covered`) is as one that has faded, ``r <- (1 - 1 / SCANS_OF_FADING) r``: it stays away or
-    comes back. A scan that does not count for a target changes nothing.
-    """
-    stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
-    stays = np.where(counts, stays, 1.0)
-    still = (1.0 - 1.0 / SCANS_TO_FADE) * visible + (1.0 - visible) / SCANS_OF_FADING
-    return existence * stays, proven * stays, np.where(counts, still, visible)
-
-
-class Association(NamedTuple):
-    """Association probabilities of detections and targets.
-
-    Attributes
-    ----------
-    ratio : (n, 3, k) ndarray
-        L_ijm of each pair in each mode; detections of other targets count as clutter.
-    probability : (n, 2, k) ndarray
-        beta_ij = L_ij / Lambda_i: that detection j is target i's, if the target exists.
-    held_density : (d,) ndarray
-        Density of detections of held targets at each detection, 1/m^2.
-    """
-
-    ratio: FloatArray
-    probability: FloatArray
-    held_density: FloatArray
 
 
 def associate(
@@ -203,7 +162,7 @@ def associate(
     ratios: FloatArray,
     row: IntArray,
     clutter: FloatArray,
-) -> Association:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Association probabilities of targets that compete for detections.
 
     The scan is less likely by the factor f_ij if detection j is not there for target i::
@@ -229,6 +188,15 @@ def associate(
         j of each pair.
     clutter : (d,) ndarray
         lambda_j, 1/m^2.
+
+    Returns
+    -------
+    ratio : (n, 3, k) ndarray
+        L_ijm of each pair in each mode; detections of other targets count as clutter.
+    probability : (n, 2, k) ndarray
+        beta_ij = L_ij / Lambda_i: that detection j is target i's, if the target exists.
+    held_density : (d,) ndarray
+        Density of detections of held targets at each detection, 1/m^2.
     """
     ratio, r, b = over_modes(mode_probability, ratios), existence[:, None], empty[:, None]
 
@@ -245,10 +213,10 @@ def associate(
     competing = left * ratio
     factor = log_factor(competing)[:, 0]
     explained = np.bincount(row[:, 0].ravel(), factor.ravel(), minlength=len(clutter))
-    return Association(
-        ratio=left[:, SEEKER] * ratios,
-        probability=competing / (b[..., None] + competing.sum(axis=-1, keepdims=True)),
-        held_density=clutter * np.expm1(np.minimum(explained, MAX_LOG_FACTOR)),
+    return (
+        left[:, SEEKER] * ratios,
+        competing / (b[..., None] + competing.sum(axis=-1, keepdims=True)),
+        clutter * np.expm1(np.minimum(explained, MAX_LOG_FACTOR)),
     )
 
 
@@ -297,45 +265,6 @@ def updated_existence(existence: FloatArray, ratio: FloatArray) -> FloatArray:
     return np.asarray(ratio * existence / (1.0 - (1.0 - ratio) * existence))
 
 
-class HeldAssociation(NamedTuple):
-    """Detections of a scan that may be held tracks'.
-
-    Attributes
-    ----------
-    row : (p,) ndarray of int
-        Detection of each pair.
-    probability : (p,) ndarray
-        That the track's target exists and the detection is its: ``r_i beta_ij``.
-    """
-
-    row: IntArray
-    probability: FloatArray
-
-    def joined(self, further: FloatArray, clutter: FloatArray) -> HeldAssociation:
-        """With detections that tracks may have beside their own.
-
-        Parameters
-        ----------
-        further, clutter : (d,) ndarray
-            Density of these, and of clutter, at each detection, 1/m^2.
-        """
-        rows = np.flatnonzero(further)
-        share = further[rows] / (further[rows] + clutter[rows])
-        return HeldAssociation(np.append(self.row, rows), np.append(self.probability, share))
-
-
-class OwnDetections(NamedTuple):
-    """Detections of a scan that are held tracks', with more than some probability.
-
-    Attributes
-    ----------
-    track_id, row : (k,) ndarray of int
-        Id of the track, and detection.
-    """
-
-    track_id: IntArray
-    row: IntArray
-
-
-NO_OWN_DETECTIONS = OwnDetections(np.zeros(0, np.int64), np.zeros(0, np.int64))
-NO_ASSOCIATION = HeldAssociation(np.zeros(0, np.int64), np.zeros(0))
+OwnDetections = tuple[IntArray, IntArray]
+"""Detections of a scan that are held tracks', with more than some probability: id of the track, and
+detection, (k,) each."""

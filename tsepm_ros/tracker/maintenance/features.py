@@ -41,7 +41,7 @@ Plot features and strengths of held tracks: factors of likelihood ratios, the ow
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,12 +51,17 @@ from scipy.spatial import cKDTree
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.assignment import Pairs, nearest_first
+from tsepm_ros.tracker.assignment import Pairs, exclusive
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
-from tsepm_ros.tracker.measurement import MAX_PLOT_COUNT, NAMES, Histories, major_sigma
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.measurement import (
+    MAX_PLOT_COUNT,
+    NAMES,
+    DetectionWindow,
+    Histories,
+    major_sigma,
+)
 
 
 def closest_approach(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -84,8 +89,7 @@ def closest_approach(first: FloatArray, second: FloatArray) -> tuple[FloatArray,
 
 def distance_at(first: FloatArray, second: FloatArray, time: FloatArray) -> FloatArray:
     """Distance of two targets (..., 4) after a time (...), s, on straight courses (Eq. 7); m."""
-    relative = second - first
-    position = relative[..., 0::2] + time[..., None] * relative[..., 1::2]
+    position = motion.position_after(second - first, time)
     return np.asarray(np.hypot(position[..., 0], position[..., 1]))
 
 
@@ -138,8 +142,6 @@ def meeting(
 
 MAX_CLUTTER_PLOTS = 200
 """Number of latest clutter plots whose features are kept."""
-MEMORY = 64
-"""Number of latest scans whose plots may be hits of a new track."""
 
 
 @dataclass(frozen=True)
@@ -159,15 +161,6 @@ class Environment:
     in_zone: BoolArray
     clutter: FloatArray
     encounter_time: float
-
-    def meeting(
-        self, state: FloatArray, covariance: FloatArray, error: FloatArray, gate: float
-    ) -> BoolArray:
-        """Which pairs of targets meet, (n, n); see `meeting`."""
-        first, second = meeting(state, covariance, error, gate, self.encounter_time)
-        meets = np.zeros((len(state), len(state)), bool)
-        meets[first, second] = meets[second, first] = True
-        return meets
 
     def factors(
         self,
@@ -198,8 +191,6 @@ class Environment:
         factors = np.ones(len(pairs))
         in_encounter: BoolArray = np.asarray(meets.any(axis=1))
         rows = np.flatnonzero(self.in_zone[pairs.row] | in_encounter[pairs.parent])
-        if not len(rows):
-            return factors
         tested = pairs[rows]
         tracks, plots = histories[tested.parent], features[tested.row]
         alike = tracks.resembled_by(plots)
@@ -207,10 +198,8 @@ class Environment:
         rivals = np.flatnonzero(alike & np.isfinite(tested.cost) & ~self.in_zone[tested.row])
         rivals = rivals[_contested(tested[rivals], meets)]
         cost = tested.cost[rivals] + tracks[rivals].dissimilarity(plots[rivals])
-        candidates = Pairs(tested.parent[rivals], tested.row[rivals], cost)
-        assigned = _pair_ids(nearest_first(candidates), len(features))
-        lost = ~np.isin(_pair_ids(candidates, len(features)), assigned)
-        factors[rows[rivals[lost]]] = 0.0
+        assigned = exclusive(tested[rivals], cost)
+        factors[rows[np.delete(rivals, assigned)]] = 0.0
         return factors
 
     def _clutter_fraction(self, histories: Histories, parent: IntArray) -> FloatArray:
@@ -221,11 +210,6 @@ class Environment:
         alike = repeated.resembled_by(np.tile(self.clutter, (len(tracks), 1)))
         fraction = (1.0 + alike.reshape(len(tracks), m).sum(axis=1)) / (1.0 + m)
         return np.asarray(fraction[track.ravel()])
-
-
-def _pair_ids(pairs: Pairs, detections: int) -> IntArray:
-    """A unique number for each pair."""
-    return np.asarray(pairs.parent * detections + pairs.row)
 
 
 def _contested(pairs: Pairs, meets: BoolArray) -> BoolArray:
@@ -239,53 +223,28 @@ def _contested(pairs: Pairs, meets: BoolArray) -> BoolArray:
 
 
 class Surroundings:
-    """Features of the plots of recent scans, and of clutter."""
+    """Features of the latest plots that were probably clutter.
+
+    Attributes
+    ----------
+    clutter : (m, 3) ndarray
+    """
 
     def __init__(self) -> None:
-        self._first_scan = 0
-        self._features: deque[FloatArray] = deque(maxlen=MEMORY)  # by index in the whole scan
-        self._clutter = np.zeros((0, len(NAMES)))
+        self.clutter = np.zeros((0, len(NAMES)))
 
-    def at(self, in_zone: BoolArray, encounter_time: float) -> Environment:
-        """The environment of a scan whose detections (d,) are partly in a clutter zone."""
-        return Environment(in_zone, self._clutter, encounter_time)
-
-    def observe(
-        self, scan_index: int, index: IntArray, features: FloatArray, clutter: BoolArray
-    ) -> None:
-        """Store the features of a scan, after its association.
-
-        Scans are consecutive; a gap clears the stored scans.
-
-        Parameters
-        ----------
-        scan_index : int
-        index : (d,) ndarray of int
-            Index in the whole scan of each detection in the coverage, as in tracks' hits.
-        features : (d, 3) ndarray
-        clutter : (d,) ndarray of bool
-            Which detections are probably clutter.
-        """
-        if scan_index != self._first_scan + len(self._features):
-            self._features.clear()
-        whole = np.full((int(index.max(initial=-1)) + 1, len(NAMES)), np.nan)
-        whole[index] = features
-        self._features.append(whole)
-        self._first_scan = scan_index + 1 - len(self._features)
+    def observe(self, features: FloatArray, clutter: BoolArray) -> None:
+        """Take those of a scan (d, 3), after its association: of what is probably clutter (d,)."""
         has = np.isfinite(features).any(axis=1)
-        known = np.concatenate([self._clutter, features[clutter & has]])
-        self._clutter = known[-MAX_CLUTTER_PLOTS:]
+        self.clutter = np.concatenate([self.clutter, features[clutter & has]])[-MAX_CLUTTER_PLOTS:]
 
-    def histories(self, tracks: TrackArrays) -> Histories:
-        """Features of the hits of tracks, as far as their scans are stored."""
-        max_hits = max((len(hits) for hits in tracks.hits), default=0)
-        features = np.full((len(tracks), max_hits, len(NAMES)), np.nan)
-        for row, hits in enumerate(tracks.hits):
-            for place, (scan, index) in enumerate(hits):
-                stored = scan - self._first_scan
-                if 0 <= stored < len(self._features):
-                    features[row, place] = self._features[stored][index]
-        return Histories.of(features)
+
+def histories_of(window: DetectionWindow, hits: Sequence[Sequence[tuple[int, int]]]) -> Histories:
+    """Features of the hits (scan, index) of tracks, as far as they are in the window."""
+    features = np.full((len(hits), max(map(len, hits), default=0), len(NAMES)), np.nan)
+    for row, ids in enumerate(map(window.find, hits)):
+        features[row, : len(ids)] = window[ids]["features"]
+    return Histories.of(features)
 
 
 OWN_PROBABILITY = 0.5
@@ -319,7 +278,11 @@ def likelihood_factors(
         return factors
     error = detections["major_sigma"][row[:, 0, 0]]
     state, covariance = held.tracks.state, held.tracks.covariance
-    meets = environment.meeting(state, covariance, error, gate_factor(GATE_PROBABILITY))
+    first, second = meeting(
+        state, covariance, error, gate_factor(GATE_PROBABILITY), environment.encounter_time
+    )
+    meets = np.zeros((len(held), len(held)), bool)
+    meets[first, second] = meets[second, first] = True
     for seeker in (0, 1):
         track, place = inside = likelihood[:, seeker].nonzero()
         cost = -2.0 * np.log(likelihood[:, seeker][inside])

@@ -47,8 +47,9 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, cha
 from tsepm_ros.numerics.discs import disc_probability
 from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.amplitude_likelihood import ratio_db
+from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
 from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
 if TYPE_CHECKING:
@@ -97,71 +98,56 @@ class Status(IntEnum):
     FIXED = 2
 
 
-@dataclass(frozen=True)
-class SpeedPrior:
-    """What is known of speeds before any detection.
+def stationary_probability(
+    options: CommonOptions,
+    state: FloatArray,
+    covariance: FloatArray,
+    share: FloatArray | float,
+) -> FloatArray:
+    """Probability that targets stand still or are slower than `min_speed`, (n,).
 
-    Attributes
+    Where a velocity is certain (`CERTAIN_DEVIATIONS`) it is 0, without the integrals.
+
+    Parameters
     ----------
-    min_speed : float
-        Speed below which a target counts as standing still, m/s.
-    max_speed : float
-        v_max, m/s.
+    options : CommonOptions
+        With `min_speed` and `max_speed`.
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        Fitted without any knowledge of the velocity but the detections.
+    share : (n,) ndarray or float
+        Prior share of targets that stand still.
     """
+    velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    # The trace is at least the variance along any axis; not a number is not certain.
+    deviation = np.sqrt(np.maximum(spread[:, 0, 0] + spread[:, 1, 1], 0.0))
+    moves = speed - options.min_speed > CERTAIN_DEVIATIONS * deviation
+    moves &= (deviation > 0.0) & (speed <= options.max_speed)
+    probability = np.zeros(len(velocity))
+    doubtful = np.flatnonzero(~moves)
+    if len(doubtful):
+        share = np.broadcast_to(share, len(velocity))[doubtful]
+        probability[doubtful] = _integrated(options, velocity[doubtful], spread[doubtful], share)
+    return probability
 
-    min_speed: float = 0.0
-    max_speed: float = 10.0
 
-    def stationary_probability(
-        self, state: FloatArray, covariance: FloatArray, share: FloatArray | float
-    ) -> FloatArray:
-        """Probability that targets stand still or are slower than `min_speed`, (n,).
-
-        Where a velocity is certain (`CERTAIN_DEVIATIONS`) it is 0, without the integrals.
-
-        Parameters
-        ----------
-        state, covariance : (n, 4), (n, 4, 4) ndarray
-            Fitted without any knowledge of the velocity but the detections.
-        share : (n,) ndarray or float
-            Prior share of targets that stand still.
-        """
-        velocity, spread = state[:, 1::2], covariance[:, 1::2, 1::2]
-        probability = np.zeros(len(velocity))
-        doubtful = np.flatnonzero(~self._certain_to_move(velocity, spread))
-        if len(doubtful):
-            share = np.broadcast_to(share, len(velocity))[doubtful]
-            probability[doubtful] = self._integrated(velocity[doubtful], spread[doubtful], share)
-        return probability
-
-    def _certain_to_move(self, velocity: FloatArray, spread: FloatArray) -> BoolArray:
-        """Whether velocities (n, 2) are certain to be above `min_speed`, (n,)."""
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        # The trace is at least the variance along any axis; not a number is not certain.
-        deviation = np.sqrt(np.maximum(spread[:, 0, 0] + spread[:, 1, 1], 0.0))
-        far = speed - self.min_speed > CERTAIN_DEVIATIONS * deviation
-        return np.asarray(far & (deviation > 0.0) & (speed <= self.max_speed))
-
-    def _integrated(
-        self, velocity: FloatArray, spread: FloatArray, share: FloatArray
-    ) -> FloatArray:
-        """`stationary_probability` of velocities (n, 2) with covariances (n, 2, 2)."""
-        usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
-        if not usable.all():
-            velocity = np.where(usable[:, None], velocity, 0.0)
-            spread = np.where(usable[:, None, None], spread, np.eye(2) * self.max_speed**2)
-        still = np.exp(log_density(velocity, spread)[0])
-        shares, limits = _speed_limits(self.min_speed, self.max_speed)
-        slow, *inside = disc_probability(velocity, spread, np.append(self.min_speed, limits))
-        fast = np.zeros(len(velocity))
-        rings = math.pi * (limits**2 - self.min_speed**2)
-        for density, slower in zip(shares / rings, inside, strict=True):
-            fast += density * np.maximum(slower - slow, 0.0)
-        if self.min_speed:
-            still = 0.5 * (still + slow / (math.pi * self.min_speed**2))
-        still = share * still
-        fast = np.maximum((1.0 - share) * fast, np.finfo(float).tiny)
-        return np.asarray(still / (still + fast))
+def _integrated(
+    options: CommonOptions, velocity: FloatArray, spread: FloatArray, share: FloatArray
+) -> FloatArray:
+    """`stationary_probability` of velocities (n, 2) with covariances (n, 2, 2)."""
+    usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
+    velocity = np.where(usable[:, None], velocity, 0.0)
+    spread = np.where(usable[:, None, None], spread, np.eye(2) * options.max_speed**2)
+    still, min_speed = np.exp(log_density(velocity, spread)[0]), options.min_speed
+    shares, limits = _speed_limits(min_speed, options.max_speed)
+    slow, *inside = disc_probability(velocity, spread, np.append(min_speed, limits))
+    density = shares / (math.pi * (limits**2 - min_speed**2))
+    fast = density @ np.maximum(np.array(inside) - slow, 0.0)
+    if min_speed:
+        still = 0.5 * (still + slow / (math.pi * min_speed**2))
+    still = share * still
+    fast = np.maximum((1.0 - share) * fast, np.finfo(float).tiny)
+    return np.asarray(still / (still + fast))
 
 
 @lru_cache
@@ -211,7 +197,7 @@ class StraightFits(Rows):
         """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
         return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
 
-    def stationary_probability(self, prior: SpeedPrior, existence: FloatArray) -> FloatArray:
+    def stationary_probability(self, options: CommonOptions, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).
 
         How many stand still depends on the place. The prior share of those whose motion has not
@@ -221,7 +207,7 @@ class StraightFits(Rows):
 
         Those whose r_i is not known (nan) do not count.
         """
-        even = prior.stationary_probability(self.state, self.covariance, 0.5)
+        even = stationary_probability(options, self.state, self.covariance, 0.5)
         new = self.share == STATIONARY_SHARE
         share, weight = self.share, np.where(new & (existence > 0.0), existence, 0.0)
         for _ in range(SHARE_PASSES):
@@ -257,58 +243,51 @@ def change_odds(odds: FloatArray, of_filter: FloatArray, of_fit: FloatArray) -> 
     return np.asarray(odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter))
 
 
-def begun_again(fits: StraightFits, state: FloatArray, covariance: FloatArray) -> StraightFits:
-    """The fits, with those whose motion has changed replaced by states (n, 4) of the filter."""
-    changed = fits.change_odds >= MAX_CHANGE_ODDS
-    if not changed.any():
-        return fits
-    fresh = StraightFits.of(state[changed], covariance[changed], CHANGED_SHARE)
-    return with_rows(fits, changed.nonzero()[0], **fresh.__dict__)
-
-
-def judged(held: ConfirmedTracks, prior: SpeedPrior) -> ConfirmedTracks:
+def judged(held: ConfirmedTracks, options: CommonOptions) -> ConfirmedTracks:
     """The rows after an update, with the figures of their tracks that only maintenance knows.
 
     A fit begins again with the filter's state where the motion has changed. Where the probability
     to stand still decides nothing, it is left to `stated`.
     """
-    fits = begun_again(held.fits, held.tracks.state, held.tracks.covariance)
+    fits, tracks = held.fits, held.tracks
+    over = np.flatnonzero(fits.change_odds >= MAX_CHANGE_ODDS)
+    if len(over):
+        fresh = StraightFits.of(tracks.state[over], tracks.covariance[over], CHANGED_SHARE)
+        fits = with_rows(fits, over, **fresh.__dict__)
     probability = np.full_like(held.existence, np.nan)
-    if prior.min_speed:
-        probability = fits.stationary_probability(prior, held.existence)
+    if options.min_speed:
+        probability = fits.stationary_probability(options, held.existence)
     tracks = changed(
-        held.tracks,
+        tracks,
         stationary_probability=probability,
         signal_to_clutter_db=ratio_db(held.strength_hits, held.strength_total),
         existence_probability=held.existence,
-        time_since_hit=held.tracks.stamp - held.last_detected,
+        time_since_hit=tracks.stamp - held.last_detected,
     )
     return changed(held, fits=fits, tracks=tracks)
 
 
-def stated(held: ConfirmedTracks, prior: SpeedPrior) -> ConfirmedTracks:
+def stated(held: ConfirmedTracks, options: CommonOptions) -> ConfirmedTracks:
     """The rows with the probability to stand still of all."""
     if not np.isnan(held.tracks.stationary_probability).any():
         return held
-    probability = held.fits.stationary_probability(prior, held.existence)
+    probability = held.fits.stationary_probability(options, held.existence)
     return changed(held, tracks=changed(held.tracks, stationary_probability=probability))
 
 
-def stands_still(held: ConfirmedTracks, prior: SpeedPrior) -> BoolArray:
+def stands_still(held: ConfirmedTracks, options: CommonOptions) -> BoolArray:
     """Which tracks (n,) are fixed echoes; none without a `min_speed`.
 
     A start as soon as it more probably stands still than moves; a track that was published only
     when it is `SURE` to.
     """
-    if not prior.min_speed:
+    if not options.min_speed:
         return np.zeros_like(held.announced)
     limit = np.where(held.announced, SURE, STANDS_STILL)
     return np.asarray(held.tracks.stationary_probability > limit)
 
 
-def statuses(
-    held: ConfirmedTracks, prior: SpeedPrior, target_extent: float, max_range: float
-) -> IntArray:
+def statuses(held: ConfirmedTracks, options: CommonOptions, max_range: float) -> IntArray:
     """The `Status` of each track, (n,).
 
     It is located while the standard deviation of its position, along the major axis, is at most
@@ -316,11 +295,11 @@ def statuses(
     `SHARE_OF_RANGE` of `max_range` (m).
     """
     sigma = major_sigma(held.tracks.covariance[:, 0::2, 0::2])
-    limit = np.maximum(RECOGNISED * held.hit_sigma, target_extent)
+    limit = np.maximum(RECOGNISED * held.hit_sigma, options.target_extent)
     located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
     exists = held.existence >= np.where(held.status == Status.WITHHELD, SURE, EXISTS)
     status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)
-    return np.where(stands_still(held, prior), Status.FIXED, status)
+    return np.where(stands_still(held, options), Status.FIXED, status)
 
 
 def fixed_echoes(held: ConfirmedTracks) -> TrackArrays:

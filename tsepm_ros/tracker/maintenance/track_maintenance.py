@@ -26,13 +26,9 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.maintenance import data_association, features, stationary
-from tsepm_ros.tracker.maintenance.confirmed_tracks import NO_COVERED_TRACKS, ConfirmedTracks
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
-    NO_ASSOCIATION,
-    NO_OWN_DETECTIONS,
-    HeldAssociation,
-    OwnDetections,
 )
 from tsepm_ros.tracker.maintenance.external_tracker import (
     LISTED,
@@ -40,8 +36,9 @@ from tsepm_ros.tracker.maintenance.external_tracker import (
     ExternalTracker,
 )
 from tsepm_ros.tracker.maintenance.features import Environment
-from tsepm_ros.tracker.maintenance.stationary import SpeedPrior, Status
+from tsepm_ros.tracker.maintenance.stationary import Status
 from tsepm_ros.tracker.measurement import Histories
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -82,64 +79,50 @@ class TrackMaintenance:
 
     Parameters
     ----------
-    hold_time : float
-        Time, s, for which a track is held without a detection of its own; it ends at the first scan
-        after that, or sooner, where its target was missed so often that it probably exists no more,
-        or where it repeats an older track. 0: the time of `HOLD_SCANS` scans
-        of the whole coverage.
-    tracked_timeout : float, optional
-        Time, s, after which a downstream tracker without a report is silent, and for which it may
-        leave a track unlisted before that counts as declined.
-    speed_prior : SpeedPrior, optional
-        With a `min_speed` tracks are published while they move faster; until then they are held all
-        the same.
-    target_extent : float, optional
-        m, 0 if not known: a position error below it still says where a target is.
+    options : CommonOptions, optional
+        With `hold_time`, `tracked_timeout`, `min_speed`, `max_speed` and `target_extent`.
 
     Attributes
     ----------
     held : ConfirmedTracks
         Every track held, published or not, with all that is known of it.
+    tracker : DownstreamTracker
+        Whether a downstream tracker was heard since the last clearing, and still is.
     ended : dict
         Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
-    held_association : HeldAssociation
-        Detections of the last scan that may be the tracks'.
+    held_association : tuple of (p,) ndarray
+        Detections of the last scan that may be the tracks', and the probability ``r_i beta_ij`` of
+        each that the target exists and the detection is its.
     own_detections : OwnDetections
         Those that almost certainly are.
     probable_detections : OwnDetections
         Those that more probably are than not: at most one of each track.
     nearest_detections : OwnDetections
         The detection nearest to each track that was more probably detected than not.
-    covered : CoveredTracks
-        Tracks that the last scan covered: an estimate of the detection probability learns from
-        them.
+    covered : tuple of (k,) ndarray
+        Samples of the detection probability, see `ConfirmedTracks.updated`.
     released : TrackArrays
         Tracks that were published by the last step, after they had been held back.
     """
 
-    def __init__(
-        self,
-        hold_time: float = 0.0,
-        tracked_timeout: float = 60.0,
-        speed_prior: SpeedPrior | None = None,
-        target_extent: float = 0.0,
-    ) -> None:
-        self.hold_time = hold_time
-        self.tracked_timeout = tracked_timeout
-        self.speed_prior = speed_prior or SpeedPrior()
-        self.target_extent = target_extent
+    def __init__(self, options: CommonOptions | None = None) -> None:
+        self.options = options or CommonOptions()
         self.ended: dict[int, str] = {}
         self._cleared: dict[int, str] = {}
         self._forget()
 
     def _forget(self) -> None:
         self.held = ConfirmedTracks.none()
-        self._tracker = DownstreamTracker()
+        self.tracker = DownstreamTracker()
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
-        self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
-        self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
-        self.nearest_detections = NO_OWN_DETECTIONS
+        self._forget_scan()
+
+    def _forget_scan(self) -> None:
+        """Forget what the last step found."""
+        none = np.zeros(0, np.int64)
+        self.held_association, self.covered = (none, np.zeros(0)), (np.zeros(0), np.zeros(0))
+        self.own_detections = self.probable_detections = self.nearest_detections = none, none
         self.released = NO_TRACKS
 
     @property
@@ -150,7 +133,7 @@ class TrackMaintenance:
 
     def _state(self) -> ConfirmedTracks:
         """Every track held, with its probability to stand still."""
-        self.held = stationary.stated(self.held, self.speed_prior)
+        self.held = stationary.stated(self.held, self.options)
         return self.held
 
     @property
@@ -158,18 +141,10 @@ class TrackMaintenance:
         """Held tracks that exist and stand still, at their places."""
         return stationary.fixed_echoes(self._state())
 
-    @property
-    def tracker(self) -> ExternalTracker:
-        """Whether a downstream tracker was heard since the last clearing, and still is."""
-        return self._tracker.status
-
     def detections_of_moving(self) -> IntArray:
         """Rows of the last scan's detections that are probably of held tracks that move, (k,)."""
         ids, rows = self.probable_detections
-        if not len(ids):
-            return rows
-        moving = np.sort(self.held.tracks.track_id[self.held.fits.moves])
-        return rows[np.searchsorted(moving, ids, "right") > np.searchsorted(moving, ids)]
+        return rows[np.isin(ids, self.held.tracks.track_id[self.held.fits.moves])]
 
     def step(
         self,
@@ -235,34 +210,35 @@ class TrackMaintenance:
             mean = data_association.over_modes(held.models.probability, gated.likelihood)
             scale *= features.likelihood_factors(environment, held, row, mean, detections)
         ratios = gated.likelihood * scale[:, data_association.SEEKER]
-        found = data_association.associate(
+        ratio, share, held_density = data_association.associate(
             held.existence, empty, held.models.probability, ratios, row, clutter
         )
         # Update.
-        mode_ratios = empty[:, None] + found.ratio.sum(axis=-1)
+        mode_ratios = empty[:, None] + ratio.sum(axis=-1)
         state, covariance = data_association.updated_states(
-            state, covariance, gated, found.ratio / mode_ratios[..., None]
+            state, covariance, gated, ratio / mode_ratios[..., None]
         )
         # A downstream tracker has a speed limit of its own.
-        limit = np.where(self._tracker.keeps(held.unlisted_since), np.inf, max_speed)
-        row, shares = row[:, 0], found.probability[:, 0]
+        limit = np.where(self.tracker.keeps(held.unlisted_since), np.inf, max_speed)
+        row, shares = row[:, 0], share[:, 0]
         held, plots = features.with_plots(held, row, shares, detections, environment)
-        held, self.covered = held.updated(state, covariance, mode_ratios, empty, covered, limit)
+        held, detected, scans = held.updated(state, covariance, mode_ratios, empty, covered, limit)
+        self.covered = detected, scans
         of_target = shares * held.existence[:, None]
         held = features.with_strengths(held, row, of_target, detections["strength"])
-        held = stationary.judged(held, self.speed_prior)
+        held = stationary.judged(held, self.options)
         sigma = self._take_own(held, row, of_target, detections)
         # End.
         exists = held.existence >= MIN_EXISTENCE
         explained = of_target.sum(axis=1)
         if len(detections):
             seen = np.flatnonzero(explained > PROBABLE)
-            self.nearest_detections = OwnDetections(held.tracks.track_id[seen], row[seen, 0])
-        kept = self._end(exists, np.where(covered, "missed", "left"))
+            self.nearest_detections = held.tracks.track_id[seen], row[seen, 0]
+        kept = self.end(exists, np.where(covered, "missed", "left"))
         repeats = self._repeated(plots[kept], sigma[kept], explained[kept])
-        self._end(~repeats, "duplicate")
+        self.end(~repeats, "duplicate")
         self._publish(sensor.max_range)
-        return found.held_density
+        return held_density
 
     def _take_own(
         self,
@@ -278,24 +254,22 @@ class TrackMaintenance:
         possible, probable, certain = (
             (of_target > least).nonzero() for least in (0.0, PROBABLE, ALMOST_CERTAIN)
         )
-        self.held_association = HeldAssociation(row[possible], of_target[possible])
+        self.held_association = row[possible], of_target[possible]
         self.own_detections, self.probable_detections = (
-            OwnDetections(held.tracks.track_id[pairs[0]], row[pairs])
-            for pairs in (certain, probable)
+            (held.tracks.track_id[pairs[0]], row[pairs]) for pairs in (certain, probable)
         )
         own = taken(detections, row[probable])
         hits = np.stack([own["scan"], own["index"]], axis=1)
-        self._owned.append((hits, self.probable_detections.track_id))
+        self._owned.append((hits, self.probable_detections[0]))
         self.held = with_rows(held, probable[0], hit_sigma=own["major_sigma"])
         return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(held))
 
     def _publish(self, max_range: float) -> None:
         """Publish, withhold or fix each track; those that are published for the first time."""
-        if self.speed_prior.min_speed:
+        if self.options.min_speed:
             self._state()
-        extent = self.target_extent
-        status = stationary.statuses(self.held, self.speed_prior, extent, max_range)
-        listed = self._tracker.keeps(self.held.unlisted_since)
+        status = stationary.statuses(self.held, self.options, max_range)
+        listed = self.tracker.keeps(self.held.unlisted_since)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self.held.announced
         self.held = held = changed(
@@ -325,7 +299,7 @@ class TrackMaintenance:
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
         held = self.held
-        may = (held.status != Status.FIXED) & ~self._tracker.keeps(held.unlisted_since)
+        may = (held.status != Status.FIXED) & ~self.tracker.keeps(held.unlisted_since)
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
             return np.full(len(starts), -1)
@@ -343,7 +317,7 @@ class TrackMaintenance:
         busy |= set(held.tracks.track_id[~may].tolist())
         ids = merging.own_starts(starts, owned, frozenset(busy))
         others, lost = np.flatnonzero(ids < 0), rows[~np.isin(held.tracks.track_id[rows], ids)]
-        volume = coverage_area * math.pi * self.speed_prior.max_speed**2
+        volume = coverage_area * math.pi * self.options.max_speed**2
         births = (
             (1.0 + len(held))
             * data_association.SCANS_OF_FADING
@@ -379,9 +353,9 @@ class TrackMaintenance:
         self._remember_starts(tracks)
         new = ConfirmedTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
         held = ConfirmedTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
-        held = stationary.stated(stationary.judged(held, self.speed_prior), self.speed_prior)
+        held = stationary.stated(stationary.judged(held, self.options), self.options)
         first = len(held) - len(new)
-        fixed = stationary.stands_still(held, self.speed_prior)[first:]
+        fixed = stationary.stands_still(held, self.options)[first:]
         status, announced = held.status.copy(), held.announced.copy()
         status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
         announced[first:] = ~fixed
@@ -405,12 +379,12 @@ class TrackMaintenance:
             The published tracks that were corrected.
         """
         if replaced:
-            self._end(~np.isin(self.held.tracks.track_id, replaced), "replaced")
+            self.end(~np.isin(self.held.tracks.track_id, replaced), "replaced")
         if not len(corrected):
             return corrected
         self._remember_starts(corrected)
         held = self.held.revised(corrected, existence)
-        self.held = stationary.judged(held, self.speed_prior)
+        self.held = stationary.judged(held, self.options)
         current = self.current
         return current.where(np.isin(current.track_id, corrected.track_id))
 
@@ -431,12 +405,12 @@ class TrackMaintenance:
             With stamps of their own, finite numbers and an id each, see
             `tsepm_ros.tracker.maintenance.external_tracker.usable`.
         """
-        tracker, held = self._tracker.at(stamp, self.tracked_timeout), self._state()
+        tracker, held = self.tracker.at(stamp, self.options.tracked_timeout), self._state()
         since, ids = held.unlisted_since, held.tracks.track_id
         if tracker.status is not ExternalTracker.ALIVE:
             since = np.maximum(since, stamp)
-        self._tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
-        over = (stamp - since > self.tracked_timeout) & ~np.isin(ids, tracks.track_id)
+        self.tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
+        over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
         self.held = changed(held, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
@@ -448,10 +422,6 @@ class TrackMaintenance:
         self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
         self._forget()
 
-    def end_duplicates(self, duplicate: BoolArray) -> None:
-        """End tracks (n,) that are of an older one's target."""
-        self._end(~duplicate, "duplicate")
-
     def _begin(
         self, stamp: float, interval: float, detectable: Callable[[FloatArray], FloatArray]
     ) -> BoolArray:
@@ -460,23 +430,20 @@ class TrackMaintenance:
         Returns which are fixed echoes outside the coverage: these are remembered.
         """
         self.ended, self._cleared = self._cleared, {}
-        self.held_association, self.covered = NO_ASSOCIATION, NO_COVERED_TRACKS
-        self.own_detections = self.probable_detections = NO_OWN_DETECTIONS
-        self.nearest_detections = NO_OWN_DETECTIONS
-        self.released = NO_TRACKS
-        self._tracker = self._tracker.at(stamp, self.tracked_timeout)
+        self._forget_scan()
+        self.tracker = self.tracker.at(stamp, self.options.tracked_timeout)
         fixed = self.held.status == Status.FIXED
         away = fixed.copy()
         if fixed.any():
             away &= detectable(self.held.tracks.state[:, 0::2]) <= 0.0
         last = self.held.last_detected
-        longest = self.hold_time or HOLD_SCANS * interval or np.inf
-        away = away[self._end(fixed | (last >= stamp - longest), "not_detected")]
-        most = MOST_PLACES if self.speed_prior.min_speed else 0
+        longest = self.options.hold_time or HOLD_SCANS * interval or np.inf
+        away = away[self.end(fixed | (last >= stamp - longest), "not_detected")]
+        most = MOST_PLACES if self.options.min_speed else 0
         if np.count_nonzero(away) > most:
             kept = ~away
             kept[np.flatnonzero(away)[np.count_nonzero(away) - most :]] = True
-            away = away[self._end(kept, "forgotten")]
+            away = away[self.end(kept, "forgotten")]
         return away
 
     def _repeated(
@@ -490,13 +457,13 @@ class TrackMaintenance:
         self.held = changed(self.held, agreeing_scans=scans)
         return scans >= merging.SAME_SCANS
 
-    def _end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
+    def end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
         """End all tracks but those kept and those that the downstream tracker lists.
 
         Returns which were kept.
         """
         if not kept.all():
-            kept = kept | self._tracker.keeps(self.held.unlisted_since)
+            kept = kept | self.tracker.keeps(self.held.unlisted_since)
             self._drop(kept, reason, self.ended)
         return kept
 

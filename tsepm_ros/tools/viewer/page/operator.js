@@ -107,39 +107,17 @@ function sound(context) {
 
 /* ---- places on the earth ---- */
 
-const [EQUATOR, FLATTENING] = [6378137, 1 / 298.257223563]; // WGS 84: radius, m
-const STEPS = 6; // of the arc's iteration, which gains three digits in each
-
-/* Latitude and longitude, degrees, of a position east and north of the origin: the end of the
-   geodesic to it, by Vincenty's direct formulae (Survey Review 23, 1975), whose names the variables
-   have. Null where the origin is not known. */
-function geographic({ geographic: origin }, x, y) {
-  if (!origin) return null;
-  const [phi, lambda] = origin.map((value) => value * Math.PI / 180);
-  const pole = (1 - FLATTENING) * EQUATOR, s = Math.hypot(x, y), alpha1 = Math.atan2(x, y);
-  const u1 = Math.atan((1 - FLATTENING) * Math.tan(phi));
-  const sinAlpha = Math.cos(u1) * Math.sin(alpha1), cosSquare = 1 - sinAlpha ** 2;
-  const sigma1 = Math.atan2(Math.tan(u1), Math.cos(alpha1));
-  const u = cosSquare * ((EQUATOR / pole) ** 2 - 1);
-  const a = 1 + u / 16384 * (4096 + u * (-768 + u * (320 - 175 * u)));
-  const b = u / 1024 * (256 + u * (-128 + u * (74 - 47 * u)));
-  let sigma = s / (pole * a), m = 0;
-  for (let step = 0; step < STEPS; step += 1) {
-    m = Math.cos(2 * sigma1 + sigma);
-    const sin = Math.sin(sigma), cos = Math.cos(sigma);
-    sigma = s / (pole * a) + b * sin * (m + b / 4 * (cos * (2 * m ** 2 - 1)
-      - b / 6 * m * (4 * sin ** 2 - 3) * (4 * m ** 2 - 3)));
+/* Latitude and longitude, degrees, of a position: see geographic_terms in page_content.py. Null
+   where they are not known. */
+function geographic({ geographic: known }, x, y) {
+  if (!known || Math.hypot(x, y) > known.reach) return null;
+  let [latitude, longitude] = known.origin;
+  for (const [i, j, north, east] of known.terms) {
+    const power = (x / known.reach) ** i * (y / known.reach) ** j;
+    latitude += north * power;
+    longitude += east * power;
   }
-  const sin = Math.sin(sigma), cos = Math.cos(sigma);
-  const across = Math.cos(u1) * cos - Math.sin(u1) * sin * Math.cos(alpha1);
-  const along = Math.sin(u1) * cos + Math.cos(u1) * sin * Math.cos(alpha1);
-  const inward = Math.sin(u1) * sin - Math.cos(u1) * cos * Math.cos(alpha1);
-  const latitude = Math.atan2(along, (1 - FLATTENING) * Math.hypot(sinAlpha, inward));
-  const c = FLATTENING / 16 * cosSquare * (4 + FLATTENING * (4 - 3 * cosSquare));
-  const longitude = lambda + Math.atan2(sin * Math.sin(alpha1), across) - (1 - c) * FLATTENING
-    * sinAlpha * (sigma + c * sin * (m + c * cos * (2 * m ** 2 - 1)));
-  const [north, east] = [latitude, longitude].map((value) => value * 180 / Math.PI);
-  return [north, (east + 540) % 360 - 180];
+  return [latitude, (longitude + 540) % 360 - 180];
 }
 
 /* Degrees and minutes, such as 59°39.012′N. */

@@ -1,4 +1,13 @@
-"""Whether a sensor's errors are as given, judged by the detections of held tracks.
+"""What the detections of held tracks show of the sensor: its detection probability and errors.
+
+Detection probability, estimated from the held tracks.
+
+A missed target was present if it is detected again. Therefore the scans from each detection of a
+held target to its next detection count as one detection in their number: a target that has left is
+not counted as missed, however long its track is held. A track counts as far as the scans after its
+start prove that its target exists: the detections of false tracks are not those of targets.
+
+Whether a sensor's errors are as given, judged by the detections of held tracks.
 
 Of three detections of one target in a row, the middle one is compared with the straight line
 between the other two. With ``a = (t_3 - t_2) / (t_3 - t_1)`` the innovation
@@ -14,6 +23,7 @@ shown by both. That they are larger is shown by the median alone, as manoeuvres 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +32,62 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+
+DATA_SHEET_SCANS = 5.0
+"""Weight of the data sheet's probability, as a number of scans of a target."""
+DETECTION_MEMORY = 200.0
+"""Time constant, in scans of a target, with which older scans fade."""
+MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
+"""Bounds of the estimate: both a detection and a miss stay possible."""
+
+MAX_GAP = 100.0
+"""Scans from a detection to the next one that outlive a restart, on average at most."""
+
+
+class DetectionProbability:
+    """Estimates P_D from D detections in C scans of covered targets, both fading.
+
+    ``P_D = (w p_0 + D / P_G) / (w + C)`` with the data sheet's p_0 worth w scans, and the
+    probability P_G that a detection falls into the gate: the mean of a beta distribution.
+    """
+
+    def __init__(self) -> None:
+        self._detected = 0.0
+        self._covered = 0.0
+
+    def update(self, detected: FloatArray, scans: FloatArray, gate_probability: float) -> None:
+        """Update the estimate with the tracks covered by a scan.
+
+        Parameters
+        ----------
+        detected : (n,) ndarray
+            Probability that each track's target exists, by the scans since its start alone, and was
+            detected.
+        scans : (n,) ndarray
+            Scans that covered the target since its previous detection, the present scan included.
+        gate_probability : float
+            P_G.
+        """
+        covered = float(detected @ scans)
+        keep = math.exp(-covered / DETECTION_MEMORY)
+        self._detected = keep * self._detected + float(detected.sum()) / gate_probability
+        self._covered = keep * self._covered + covered
+
+    @property
+    def memory(self) -> tuple[float, float]:
+        """D / P_G and C, both fading; C as of gaps of at most `MAX_GAP`."""
+        return self._detected, min(self._covered, MAX_GAP * self._detected)
+
+    def remember(self, detected: float, covered: float) -> None:
+        """Begin with the memory of another estimate."""
+        self._detected, self._covered = detected, covered
+
+    def estimate(self, given: float) -> float:
+        """The estimate of P_D, with `given` as the data sheet's."""
+        weight = DATA_SHEET_SCANS
+        estimate = (weight * given + self._detected) / (weight + self._covered)
+        return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)
+
 
 CHI_SQUARE_MEDIAN = 0.4549
 """Median of a squared standard normal variable."""
@@ -70,9 +136,9 @@ class MeasurementErrors:
 
     def __init__(self) -> None:
         self._track_id = np.zeros(0, np.int64)
-        # Of the last three detections of each track, the oldest first; NaN before the first.
-        self._time = np.zeros((0, 3))
-        self._place = np.zeros((0, 3), complex)  # x + iy
+        # Time and x + iy of the last three detections of each track, the oldest first; NaN before
+        # the first.
+        self._last = np.zeros((2, 0, 3), complex)
         self.samples: deque[tuple[float, ...]] = deque(maxlen=MAX_SAMPLES)
 
     def update(
@@ -96,63 +162,34 @@ class MeasurementErrors:
         moves : (n,) ndarray of bool
             Whether each moves.
         """
-        self._follow(held)
-        order = np.argsort(self._track_id)
-        ids = self._track_id[order]
-        place = np.searchsorted(ids, track_id)
-        own = np.flatnonzero(np.searchsorted(ids, track_id, "right") > place)
-        row, detections = order[place[own]], taken(detections, own)
-        position, sensor = detections["position"], detections["sensor_pose"]
-        for last, newest in (
-            (self._time, detections["time"]),
-            (self._place, position[:, 0] + 1j * position[:, 1]),
-        ):
-            last[row, :2] = last[row, 1:]
-            last[row, 2] = newest
-        self._add(
-            self._time[row],
-            self._place[row],
-            sensor[:, 0] + 1j * sensor[:, 1],
-            range_variance[own],
-            detections["azimuth_std"] ** 2,
-            moves[row],
-        )
-
-    def _follow(self, held: IntArray) -> None:
-        """Begin with the tracks that are new, and forget those that are held no more."""
-        if np.array_equal(held, self._track_id):
-            return
-        _, new, old = np.intersect1d(held, self._track_id, return_indices=True)
-        time = np.full((len(held), 3), np.nan)
-        place = np.full((len(held), 3), complex(np.nan, np.nan))
-        time[new], place[new] = self._time[old], self._place[old]
-        self._track_id, self._time, self._place = held, time, place
-
-    def _add(
-        self,
-        time: FloatArray,
-        place: NDArray[np.complex128],
-        sensor: NDArray[np.complex128],
-        range_variance: FloatArray,
-        azimuth_variance: FloatArray,
-        moves: BoolArray,
-    ) -> None:
-        """Add the innovations of the last three places (k, 3), ``x + iy``, from sensors' (k,)."""
-        before, after = time[:, 1] - time[:, 0], time[:, 2] - time[:, 1]
-        sight = place[:, 1] - sensor
+        if not np.array_equal(held, self._track_id):
+            _, new, old = np.intersect1d(held, self._track_id, return_indices=True)
+            last = np.full((2, len(held), 3), complex(np.nan, np.nan))
+            last[:, new] = self._last[:, old]
+            self._track_id, self._last = held, last
+        _, own, row = np.intersect1d(track_id, held, return_indices=True)
+        detections = taken(detections, own)
+        self._last[:, row, :2] = self._last[:, row, 1:]
+        self._last[:, row, 2] = detections["time"], detections["position"] @ (1.0, 1j)
+        time, place = self._last[:, row]
+        before, after = np.diff(time.real).T
+        sight = place[:, 1] - detections["sensor_pose"][:, :2] @ (1.0, 1j)
         distance = np.abs(sight)
         shorter, longer = np.minimum(before, after), np.maximum(before, after)
         use = (shorter > 0.0) & (longer <= MAX_SPACING * shorter) & (distance > 0.0)
-        if not use.any():
-            return
-        share = after[use] / (before[use] + after[use])
+        share, distance = after[use] / (before[use] + after[use]), distance[use]
         z1, z2, z3 = place[use].T
-        expected = share * z1 + (1.0 - share) * z3
         spread = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-        distance = distance[use]
-        turned = (z2 - expected) / spread * sight[use].conj() / distance
-        along, turn = turned.real**2, (turned.imag / distance) ** 2
-        columns = distance, along, turn, range_variance[use], azimuth_variance[use], moves[use]
+        innovation = (z2 - share * z1 - (1.0 - share) * z3) / spread
+        turned = innovation * sight[use].conj() / distance
+        columns = (
+            distance,
+            turned.real**2,
+            (turned.imag / distance) ** 2,
+            range_variance[own][use],
+            detections["azimuth_std"][use] ** 2,
+            moves[row][use],
+        )
         self.samples.extend(zip(*(column.tolist() for column in columns), strict=True))
 
     @property

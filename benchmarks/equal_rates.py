@@ -1,0 +1,126 @@
+"""Comparison of methods by their operating curves, at equal false-track rates and at equal P_D."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.evaluation.intervals import RESAMPLES, TAILS, TAILS_90, Estimate
+from tsepm_ros.tools.evaluation.measures import RunSummary
+from tsepm_ros.tools.evaluation.performance import MIN_FALSE_STARTS, Curve
+from tsepm_ros.tools.evaluation.simulated_run import Outcome
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Comparison of one method's point with another method's curve.
+
+    Attributes
+    ----------
+    method, label : str
+        The point.
+    other : str
+        The method of the curve.
+    false, detection : float
+        The point's false starts per run and P_D.
+    other_detection, detection_difference : Estimate
+        P_D of the curve at the point's rate of false starts, and the point's P_D less that.
+    detection_bounds : Estimate
+        The same difference with one-sided 95 % bounds.
+    other_false, false_ratio : Estimate
+        False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
+    """
+
+    method: str
+    label: str
+    other: str
+    false: float
+    detection: float
+    other_detection: Estimate
+    detection_difference: Estimate
+    detection_bounds: Estimate
+    other_false: Estimate
+    false_ratio: Estimate
+
+
+Points = Mapping[tuple[str, str], Sequence[RunSummary]]
+"""Summaries of the runs of each point, by method and label."""
+
+
+def compare(points: Points) -> list[Comparison]:
+    """Compare every point with every other method's curve.
+
+    The intervals are those of a percentile bootstrap over the runs. Run i is the same scene for all
+    points, so all points share each resample. Resamples in which the curve does not reach the point
+    are left out.
+
+    Parameters
+    ----------
+    points : mapping of (str, str) to sequence of RunSummary
+        The same runs for each point, by its method and label.
+    """
+    false, detection = _resampled(list(points.values()))
+    methods = np.array([method for method, _ in points])
+    curves = {  # through a method's points, in the sample and in its resamples
+        method: [Curve.of(*of_sample) for of_sample in zip(*pair, strict=True)]
+        for method in methods.tolist()
+        if (pair := [part[methods == method].T for part in (false, detection)])
+    }
+    return [
+        _compared(method, label, other, curves[other], false[row], detection[row])
+        for row, (method, label) in enumerate(points)
+        for other in curves
+        if other != method
+    ]
+
+
+def _compared(
+    method: str,
+    label: str,
+    other: str,
+    curves: list[Curve],
+    false: FloatArray,
+    detection: FloatArray,
+) -> Comparison:
+    """Compare a point with a curve, in the sample and in its resamples, (1 + b,) each."""
+    pairs = list(zip(curves, false[:, None], detection[:, None], strict=True))
+    other_detection = np.concatenate([curve.detection_at(rate) for curve, rate, _ in pairs])
+    other_false = np.concatenate([curve.false_at(share) for curve, _, share in pairs])
+    return Comparison(
+        method,
+        label,
+        other,
+        float(false[0]),
+        float(detection[0]),
+        other_detection=_interval(other_detection),
+        detection_difference=_interval(detection - other_detection),
+        detection_bounds=_interval(detection - other_detection, TAILS_90),
+        other_false=_interval(other_false),
+        false_ratio=_interval(other_false / false),
+    )
+
+
+def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> Estimate:
+    """The sample's value, (1 + b,) first, with the interval of its resamples."""
+    resamples = values[1:][np.isfinite(values[1:])]
+    if np.isnan(values[0]) or not len(resamples):
+        return Estimate.unknown()
+    low, high = np.quantile(resamples, tails)
+    return Estimate(float(values[0]), float(low), float(high))
+
+
+def _resampled(points: Sequence[Sequence[RunSummary]]) -> tuple[FloatArray, FloatArray]:
+    """False starts per run and P_D of each point, (n, 1 + b): of the sample and its resamples."""
+    counts = [
+        [(run.count(Outcome.TRUE), run.targets, run.wrong) for run in summaries]
+        for summaries in points
+    ]
+    true, targets, wrong = np.moveaxis(np.array(counts, float), -1, 0)
+    runs = true.shape[1]
+    resamples = np.random.default_rng(0).multinomial(runs, np.full(runs, 1.0 / runs), RESAMPLES)
+    weights = np.vstack([np.ones(runs), resamples]).T
+    false = np.maximum(wrong @ weights, MIN_FALSE_STARTS) / runs
+    return false, (true @ weights) / np.maximum(targets @ weights, 1.0)

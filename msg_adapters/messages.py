@@ -1,0 +1,44 @@
+"""Classes of ROS messages, each imported when it is first used: reading needs no ROS."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_PACKAGES = {
+    "ObjectClassification": "autoware_perception_msgs",
+    "TrackedObject": "autoware_perception_msgs",
+    "TrackedObjects": "autoware_perception_msgs",
+    "Time": "builtin_interfaces",
+    "DiagnosticArray": "diagnostic_msgs",
+    "DiagnosticStatus": "diagnostic_msgs",
+    "KeyValue": "diagnostic_msgs",
+    "Point": "geometry_msgs",
+    "Vector3": "geometry_msgs",
+    "SonarDetections": "marine_acoustic_msgs",
+    "SonarRanges": "marine_acoustic_msgs",
+    "OccupancyGrid": "nav_msgs",
+    "Odometry": "nav_msgs",
+    "RadarReturn": "radar_msgs",
+    "RadarScan": "radar_msgs",
+    "RadarTrack": "radar_msgs",
+    "RadarTracks": "radar_msgs",
+    "Image": "sensor_msgs",
+    "LaserScan": "sensor_msgs",
+    "PointCloud2": "sensor_msgs",
+    "PointField": "sensor_msgs",
+    "ColorRGBA": "std_msgs",
+    "Header": "std_msgs",
+    "Detection3D": "vision_msgs",
+    "Detection3DArray": "vision_msgs",
+    "Marker": "visualization_msgs",
+    "MarkerArray": "visualization_msgs",
+}
+"""Package of each class."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import the class of a message."""
+    if name not in _PACKAGES:
+        raise AttributeError(f"there is no class {name!r} in {__name__}")
+    return getattr(importlib.import_module(f"{_PACKAGES[name]}.msg"), name)

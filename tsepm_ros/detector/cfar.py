@@ -1,0 +1,427 @@
+"""Detection at a constant false-alarm rate (CFAR): background, threshold, and what echoes measure.
+
+Images are in deviations above their background, and smoothed over the extent of an echo.
+
+*Conditioned*: an amplitude is standardised by mean and deviation of all bearings at its range (gain
+over range, reverberation, the ring of the transmission), then of all ranges at its bearing (a
+streak: the pulse of another sonar)::
+
+    x = max((a - mean) / deviation, -LIMIT),    of  a  within  mean +- LIMIT * deviation
+
+so that the holes of a range that is saturated, or of a logarithm, have a bounded part.
+
+*Normalised*: the same with the ring of cells around each, between a guard that its own echo may
+fill and an outer box; sums over boxes cost the same for every size. Amplitudes above the limit
+count as the limit, so that other echoes and walls have a bounded part. Location and scale do the
+same to amplitudes, powers and logarithms: the unit need not be known.
+
+Peaks of the smoothed image, their threshold, and what is measured of their echoes.
+
+A peak is the highest cell within the box of an echo around it. The position is the centroid of the
+amplitudes ``w`` above half of the largest in a window of twice the box, which is centred on it. Its
+variance is that of a centroid of independent cells (speckle), and that of the reflecting part, as
+it may lie anywhere in the width of the echo::
+
+    x = sum(w x) / sum(w),    var x = sum(w^2 (x - mean)^2) / sum(w)^2 + width^2 / 12
+
+with the equivalent width ``sum(w) / max(w)`` of the amplitudes summed over the other axis.
+
+The threshold keeps a stated number of false detections, and is learned from the peaks themselves.
+
+No law of the clutter is assumed. The heights of the peaks of the last pings are pooled, and the
+threshold is the height above which the stated number a ping lies::
+
+    sum of w over the pooled peaks above the threshold  =  number * pings
+
+A peak of clutter has the weight 1 in expectation, a moving target's 0: a target was near in the
+last pings, but not long before, where clutter was as often. With ``r`` whether a detection of the
+last pings lies within a gate of the peak, and ``c`` in which share of older pings one does::
+
+    w = 1 - (r - c) / (1 - mean c);    0 where echoes come in more than half of the pings
+
+so that places crowded with clutter are not taken for targets. Pings whose median peak differs from
+the current one's beyond chance have another statistic (a step of the gain) and are left out.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections import deque
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import KDTree
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+
+Image = NDArray[np.float32]
+"""(b, m): single precision is twice as fast, and finer than any sonar's."""
+
+Box = tuple[int, int]
+"""Cells of an echo: bearings and ranges."""
+
+Mode = Literal["wrap", "constant"]
+Modes = tuple[Mode, Mode]
+"""Of filters at the ends of the axes."""
+
+LIMIT = 2.5
+"""Deviations from the mean beyond which an amplitude counts as the limit."""
+PASSES = 2
+"""Times that mean and deviation are taken, each within the limit by those before; once more for
+ranges and bearings, of which an echo may fill a tenth."""
+MEAN_DEVIATION = 1.25
+"""Standard deviation of a normal law over its mean absolute one, which an echo moves less."""
+MIN_CELLS = 24
+"""Cells without which a range, or a bearing, has no statistics of its own."""
+BLOCK = 4
+"""Ranges of a block of a ring."""
+MIN_RING = (25, 15)
+"""Least size of the outer box, bearings and blocks: some hundred independent cells."""
+MIN_DEVIATION = 0.1
+"""Least deviation of a ring: where hardly a cell has an echo."""
+CELL_LIMIT = (2.0, 30.0)
+"""Most deviations that one cell brings into a sum over n: the first, plus the second / n."""
+TIE = 1e-3
+"""Height by which equal cells differ, so that levels of few bits have one highest cell."""
+
+
+def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray]:
+    """Amplitudes in deviations of their range and bearing, and where these are defined.
+
+    Parameters
+    ----------
+    amplitude : (b, m) ndarray
+        0 where not measured.
+    measured : (b, m) ndarray of bool
+
+    Returns
+    -------
+    standardised : (b, m) ndarray
+        0 where it is not defined.
+    defined : (b, m) ndarray of bool
+        Not defined: what was not measured, and ranges and bearings of one value, such as those
+        that the transmission saturates.
+    """
+    for axis in (0, 1):
+        if amplitude.shape[axis] < MIN_CELLS:
+            continue
+        there = measured.astype(np.float32)
+        count = np.maximum(there.sum(axis, keepdims=True), 1)
+        limited = amplitude
+        for _ in range(PASSES + 1):
+            mean = limited.sum(axis, keepdims=True) / count
+            apart = np.abs(limited - mean) * there
+            deviation = MEAN_DEVIATION * apart.sum(axis, keepdims=True) / count
+            reach = LIMIT * deviation
+            limited = np.clip(amplitude, mean - reach, mean + reach) * there
+        measured = measured & (deviation > 1e-6)
+        scale = np.where(deviation > 0.0, deviation, 1.0)
+        least = np.maximum((amplitude - mean) / scale, -LIMIT)
+        amplitude = np.asarray(least * measured, np.float32)
+    return amplitude, measured
+
+
+def normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
+    """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
+    cells, limited = _ring_cells(defined.tobytes(), defined.shape, box, modes), x
+    there = defined.astype(np.float32)
+    for _ in range(PASSES):
+        mean = _ring(limited, box, modes) / cells
+        variance = _ring(limited * limited, box, modes) / cells - mean * mean
+        deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
+        limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x)) * there
+    mean = _by_cell(mean, x)
+    return np.asarray((x - mean) / _by_cell(deviation, x) * there, np.float32), mean
+
+
+def _by_cell(blocks: Image, x: Image) -> Image:
+    """Values of blocks at each cell of an image."""
+    return np.asarray(np.repeat(blocks, BLOCK, axis=1)[:, : x.shape[1]])
+
+
+def _ring(values: Image, box: Box, modes: Modes) -> Image:
+    """Sums over the ring around each block of `BLOCK` ranges: a third of the time of cells."""
+    b, m = values.shape
+    lengths = box[0], math.ceil(box[1] / BLOCK)
+    guard = [2 * length + 1 for length in lengths]
+    outer = [max(least, 6 * n + 1) for least, n in zip(MIN_RING, lengths, strict=True)]
+    padded = np.pad(values, ((0, 0), (0, -m % BLOCK)))
+    blocks = padded.reshape(b, -1, BLOCK) @ np.ones(BLOCK, np.float32)
+    sums = [
+        ndimage.uniform_filter(blocks, size, mode=modes) * np.float32(math.prod(size))
+        for size in (outer, guard)
+    ]
+    return np.asarray(sums[0] - sums[1])
+
+
+@functools.lru_cache(maxsize=4)
+def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
+    """Number of cells of the ring around each block: mostly the same as of the image before."""
+    ones = np.frombuffer(defined, bool).reshape(shape)
+    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0))
+
+
+def cell_limit(box: Box) -> float:
+    """The most deviations of a cell that count in a sum over a box."""
+    return CELL_LIMIT[0] + CELL_LIMIT[1] / math.prod(box)
+
+
+def smoothed(y: Image, box: Box, modes: Modes) -> Image:
+    """Mean over the box of an echo; a single cell has a bounded part in that of many."""
+    z = ndimage.uniform_filter(np.minimum(y, cell_limit(box)), box, mode=modes)
+    return np.asarray(z + _ties(z.shape))
+
+
+@functools.lru_cache(maxsize=4)
+def _ties(shape: tuple[int, ...]) -> Image:
+    return np.random.default_rng(0).random(shape, np.float32) * np.float32(TIE)
+
+
+class ClutterMap:
+    """Mean of each cell over the pings, subtracted: it learns whatever stands.
+
+    Parameters
+    ----------
+    pings : int
+        Memory; 0: nothing is subtracted.
+    """
+
+    def __init__(self, pings: int) -> None:
+        self._pings, self._seen = pings, 0
+        self._mean: Image = np.zeros((0, 0), np.float32)
+
+    def subtracted(self, x: Image, defined: BoolArray) -> Image:
+        """Values (b, m) without the mean of the pings before; themselves for the first."""
+        if not self._pings or x.shape != self._mean.shape:
+            self._seen, self._mean = 1, x
+            return x
+        self._seen = min(self._seen + 1, self._pings)
+        apart = np.asarray((x - self._mean) * defined, np.float32)
+        self._mean = self._mean + apart / np.float32(self._seen)
+        return apart
+
+
+PEAKS = 400
+"""Peaks that a pool should hold above the threshold."""
+PINGS = (10, 40)
+"""Least and most pings of a pool."""
+RECENT = 3
+"""Pings in one of which a target comes again."""
+LONG = 4
+"""Times as many pings before which clutter was as often, and a moving target elsewhere."""
+STANDS = (5, 24)
+"""Least and most pings in which echoes of one place are counted."""
+LIKE = 4.0, 0.01
+"""Standard errors, and part of the median, by which medians of like pings may differ."""
+MAX_CHANCE = 0.8
+"""Largest chance that is corrected for."""
+GATE_CHANCE = 0.1
+"""Chance of coming again for which gates are widened."""
+MAX_GATE = 2.5
+"""Largest gate, in those of an echo at rest: its speed is unknown."""
+MAX_TARGETS = 8.0
+"""Peaks a ping that may count as moving targets; more where more detections are wanted."""
+
+
+class Peaks(NamedTuple):
+    """Peaks of a ping, highest first.
+
+    Attributes
+    ----------
+    height : (n,) ndarray
+    place : (n, 2) ndarray
+        In gates: an echo at rest stays within 1 from ping to ping.
+    area : float
+        Of the image, in squares of a gate's half width.
+    median, error : float
+        Median height of all peaks of the ping, and its standard error.
+    number : int
+        Of all peaks.
+    """
+
+    height: FloatArray
+    place: FloatArray
+    area: float
+    median: float
+    error: float
+    number: int
+
+
+class Threshold:
+    """Learns the threshold from ping to ping.
+
+    Parameters
+    ----------
+    number : float
+        Wanted false detections a ping.
+
+    Attributes
+    ----------
+    measured : float
+        False detections a ping that the pool has above the last threshold.
+    recurring : float
+        Detections so far that came again, or stand, less those by chance.
+    cells : int
+        Peaks of the last ping, the most detections that there could be.
+    """
+
+    def __init__(self, number: float) -> None:
+        self._number = number
+        pings = int(np.clip(math.ceil(PEAKS / number), *PINGS))
+        self._pool: deque[tuple[Peaks, FloatArray, FloatArray]] = deque(maxlen=pings)
+        self._detected: deque[FloatArray] = deque(maxlen=STANDS[1])
+        self.kept = int(8 * number + 100)
+        self.measured = math.nan
+        self.recurring, self.cells = 0.0, 0
+
+    def update(self, peaks: Peaks) -> float:
+        """The threshold for a ping, learned with it."""
+        stands, again = self._again(peaks)
+        self._pool.append((peaks, np.where(stands, 0.0, 1.0), np.where(stands, 0.0, again)))
+        like = [
+            entry
+            for entry in self._pool
+            if abs(entry[0].median - peaks.median)
+            <= LIKE[0] * math.hypot(entry[0].error, peaks.error) + LIKE[1] * peaks.median
+        ]
+        height = np.concatenate([entry[0].height for entry in like])
+        order = np.argsort(-height, kind="stable")
+        there, moving = (
+            np.cumsum(np.concatenate([entry[column] for entry in like])[order]) / len(like)
+            for column in (1, 2)
+        )
+        false = there - np.clip(moving, 0.0, max(MAX_TARGETS, self._number))
+        beyond = np.flatnonzero(false > self._number)
+        last = int(beyond[0]) if len(beyond) else len(height)
+        level = float(height[order[last]]) if len(beyond) else 0.0
+        self.measured = float(false[last - 1]) if last else 0.0
+        detected = peaks.height > level
+        self.recurring += float((again + stands)[detected].sum())
+        self.cells = peaks.number
+        self._detected.append(peaks.place[detected])
+        return level
+
+    def _again(self, peaks: Peaks) -> tuple[BoolArray, FloatArray]:
+        """Whether each peak stands still, and its evidence of being a target, (n,)."""
+        n, pings = len(peaks.height), len(self._detected)
+        if not n or not pings:
+            return np.zeros(n, bool), np.zeros(n)
+        squares = 4.0 * RECENT * max(self._number, 1.0)
+        gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
+        apart = _apart(list(self._detected), peaks.place, gate)
+        stands = (np.mean(apart < 1.0, axis=0) > 0.5) & (pings >= STANDS[0])
+        recent = (apart < gate)[-RECENT:].any(axis=0)
+        before = (apart < gate)[: -LONG * RECENT]
+        groups = len(before) // RECENT
+        if groups:
+            shape = groups, RECENT, n
+            chance = before[: groups * RECENT].reshape(shape).any(axis=1).mean(axis=0)
+        else:  # provisional: as if detections were spread evenly
+            chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
+        if pings == (LONG + 1) * RECENT:
+            self._pool.clear()
+        return stands, (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
+
+
+def _apart(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
+    """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
+    ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
+    near = KDTree(np.concatenate(detected)).sparse_distance_matrix(
+        KDTree(place), gate, p=np.inf, output_type="ndarray"
+    )
+    apart = np.full((len(detected), len(place)), np.inf)
+    np.minimum.at(apart, (ping[near["i"]], near["j"]), near["v"])
+    return apart
+
+
+PART = 0.5
+"""Part of the largest amplitude of a window below which a cell is background."""
+CENTRINGS = 3
+"""Times that the window is centred on the centroid."""
+
+
+class Echoes(NamedTuple):
+    """Echoes of n detections, in cells.
+
+    Attributes
+    ----------
+    cell, deviation, width : (n, 2) ndarray
+        Bearing and range, their standard deviations, and the extent.
+    excess : (n,) ndarray
+        Mean amplitude over the box, in deviations above the mean of the background.
+    """
+
+    cell: FloatArray
+    deviation: FloatArray
+    width: FloatArray
+    excess: FloatArray
+
+
+def found(
+    z: Image, defined: BoolArray, box: Box, modes: Modes, most: int
+) -> tuple[Peaks, IntArray]:
+    """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
+    flat = np.flatnonzero((z == _highest(z, box, modes)) & (z > TIE) & defined)
+    height = z.ravel()[flat].astype(float)
+    lower, median, upper = np.quantile(height, [0.25, 0.5, 0.75]) if len(flat) else np.zeros(3)
+    # Standard error of a median of normal values: 1.25 sigma / sqrt(n), sigma = 0.74 (q3 - q1).
+    error = 0.93 * (upper - lower) / np.sqrt(max(len(flat), 1))
+    order = np.argsort(-height)[:most]
+    cell = np.stack(np.unravel_index(flat[order], z.shape), axis=1)
+    gate = np.array(box) + 1.0
+    area = z.size / float(gate.prod())
+    return Peaks(height[order], cell / gate, area, float(median), float(error), len(flat)), cell
+
+
+def _highest(z: Image, box: Box, modes: Modes) -> Image:
+    """Highest of the cells up to a box around each (b, m): of runs that double in length."""
+    for axis, length in enumerate(box):
+        ends = [(0, 0), (0, 0)]
+        ends[axis] = length, length
+        run = np.moveaxis(np.pad(z, ends, modes[axis]), axis, 0)
+        size = 1
+        while 2 * size <= 2 * length + 1:
+            run = np.maximum(run[:-size], run[size:])
+            size *= 2
+        rest = 2 * length + 1 - size
+        z = np.moveaxis(np.maximum(run[: len(run) - rest], run[rest:]), 0, axis)
+    return z
+
+
+def measured(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
+    """Measure the echoes at peaks (n, 2) of the normalised image.
+
+    Parameters
+    ----------
+    y : (b, m) ndarray
+    cell : (n, 2) ndarray of int
+    box : (int, int)
+        Of an echo, in cells.
+    wraps : bool
+        Whether the last bearing is the neighbour of the first.
+    """
+    steps = [np.arange(-length, length + 1) for length in box]
+    for _ in range(CENTRINGS):
+        row, column = (cell[:, axis : axis + 1] + steps[axis] for axis in (0, 1))
+        row = row % len(y) if wraps else np.clip(row, 0, len(y) - 1)
+        column = np.clip(column, 0, y.shape[1] - 1)
+        window = y[row[:, :, None], column[:, None, :]].astype(float)
+        weight = np.minimum(window, cell_limit(box))
+        weight = np.maximum(weight - PART * weight.max(axis=(1, 2), keepdims=True), 0.0)
+        total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)[:, None]
+        along = weight.sum(axis=2), weight.sum(axis=1)
+        offset = np.stack([w @ step for w, step in zip(along, steps, strict=True)], axis=1) / total
+        start, cell = cell, cell + np.rint(offset).astype(int)
+    width = total / np.maximum(np.stack([w.max(axis=1) for w in along], axis=1), 1e-12)
+    apart = [(steps[axis] - offset[:, axis : axis + 1]) ** 2 for axis in (0, 1)]
+    squares = (weight**2).sum(axis=2), (weight**2).sum(axis=1)
+    speckle = np.stack([(s * d).sum(1) for s, d in zip(squares, apart, strict=True)], axis=1)
+    deviation = np.sqrt(speckle / total**2 + width**2 / 12.0)
+    rows, columns = (
+        slice(length - (length - 1) // 2, length + (length + 1) // 2) for length in box
+    )
+    excess = np.maximum(window[:, rows, columns].mean(axis=(1, 2)), 0.0)
+    return Echoes(start + offset, deviation, width, excess)

@@ -1,0 +1,478 @@
+"""The base of the nodes: parameters, log, clocks, start and clean shutdown.
+
+The parameters are those of the parameter table. Overrides of the quality of service are parameters
+``qos_overrides.<topic>.publisher.<policy>``.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import QoSPolicyKind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.task import Future
+from rclpy.timer import Timer
+
+from tsepm_ros.ending_signals import ENDING_SIGNALS
+from tsepm_ros.parameters import (
+    Parameter,
+    Value,
+    check_value,
+    refuse_integer,
+    shown,
+    unknown_parameter,
+)
+from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_value
+from tsepm_ros.settings.settings import (
+    NODES,
+    full_table,
+    is_of_another_method,
+    make_groups,
+    with_method,
+)
+
+EXIT_BAD_PARAMETER = 2
+MAX_STANDING = 5.0
+"""Time of the wall clock after which the clock of a node stands still, s."""
+WARNING_PERIOD = 10.0
+"""Minimum time between warnings with the same reason, s."""
+MORE_DETECTIONS = 10
+"""Factor between the numbers of dropped detections of two warnings: many pings have some."""
+FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
+"""Reasons that are no fault."""
+_INT64 = 2**63 - 1
+
+OVERRIDES = "qos_overrides."
+OVERRIDABLE = QoSOverridingOptions(
+    (
+        QoSPolicyKind.HISTORY,
+        QoSPolicyKind.DEPTH,
+        QoSPolicyKind.RELIABILITY,
+        QoSPolicyKind.DURABILITY,
+    )
+)
+"""Policies of every publisher that may be overridden. Those of subscriptions may not: reliability
+follows the publisher, and the depth has a parameter."""
+_POLICIES = {
+    "history": ("keep_last", "keep_all"),
+    "reliability": ("reliable", "best_effort"),
+    "durability": ("volatile", "transient_local"),
+}
+
+OptionsByType = Mapping[type[Any], Any]
+"""Option objects by their class."""
+
+
+class ParameterError(ValueError):
+    """The value of a parameter is not allowed."""
+
+
+@contextmanager
+def refusing(name: str = "") -> Iterator[None]:
+    """Turn a ValueError into a ParameterError whose message begins with a parameter's name."""
+    try:
+        yield
+    except ValueError as error:
+        raise ParameterError(f"{name}: {error}" if name else str(error)) from None
+
+
+class ParameterisedNode(Node):
+    """A node with the parameters of a table.
+
+    All given parameters are declared: rclpy reports undeclared names in no other way, and a
+    misspelt parameter must not be ignored silently. A parameter file without a section for the
+    node is named in a warning: ROS ignores it.
+
+    Parameters
+    ----------
+    name : str
+        A key of `tsepm_ros.settings.settings.NODES`, which has the table.
+    on_change : callable, optional
+        Called with the options after parameters changed at run time.
+    validate : callable, optional
+        Called with the options before a change; an exception in `failures` refuses the change.
+    failures : tuple of exception types, optional
+    **node_options
+        Arguments of `rclpy.node.Node`.
+
+    Attributes
+    ----------
+    options : mapping of type to options
+        The option objects by their class.
+
+    Raises
+    ------
+    ParameterError
+        If a name given at the start is unknown or its value is not allowed, and the message names
+        the parameter; or if a parameter has no value, such as an empty list.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        on_change: Callable[[OptionsByType], None] = lambda options: None,
+        validate: Callable[[OptionsByType], None] = lambda options: None,
+        failures: tuple[type[Exception], ...] = (),
+        **node_options: Any,
+    ) -> None:
+        arguments = [*(node_options.get("cli_args") or ()), *sys.argv[1:]]
+        try:
+            super().__init__(
+                name, automatically_declare_parameters_from_overrides=True, **node_options
+            )
+        except ValueError as error:
+            if not any(words in str(error) for words in ("NOT_SET", "do not agree")):
+                raise
+            names = without_value(arguments, self.get_fully_qualified_name())
+            raise ParameterError(
+                f"{', '.join(names) or 'a parameter'} has no value: an empty list or entry is none"
+            ) from None
+        for sentence in unused_files(arguments, self.get_fully_qualified_name()):
+            self.get_logger().warning(sentence)
+        chosen = self.get_parameters_by_prefix("").get("method")
+        self._groups = with_method(NODES[name], chosen and chosen.value)
+        self._rows = {row.name: row for row in full_table(self._groups)}
+        self._on_change, self._validate, self._failures = on_change, validate, failures
+        self._warned: set[str] = set()
+        self._last: dict[str, float] = {}
+        self._said: dict[str, int] = {}
+        self._refuse_unknown()
+        for row in self._rows.values():
+            self._declare(row)
+        self.options: OptionsByType = self._make_options({})
+        self.add_pre_set_parameters_callback(self._typed)
+        self.add_on_set_parameters_callback(self._check)
+        self.add_post_set_parameters_callback(self._apply_changes)
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Callable[[Any, Any], Any], **options: Any
+    ) -> Any:
+        """Make a service; a parameter of no type that exists has no value, which is refused."""
+
+        def answer(request: Any, response: Any) -> Any:
+            for one in getattr(request, "parameters", ()):
+                if one.value.type > ParameterType.PARAMETER_STRING_ARRAY:
+                    one.value.type = ParameterType.PARAMETER_NOT_SET
+            return callback(request, response)
+
+        return super().create_service(srv_type, srv_name, answer, **options)
+
+    def warn(self, reason: str, sentence: str, total: int = 0) -> None:
+        """Log a fault and the number of its occurrences, or a fact of `FACTS` as INFO.
+
+        At most once per `WARNING_PERIOD` and reason. Drops of single detections are logged again
+        once they are `MORE_DETECTIONS` times as many. Nothing is logged while the node ends.
+        """
+        if not self.context.ok():
+            return
+        now = time.monotonic()
+        if now - self._last.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
+            return
+        if total and reason_of(reason).lost == "detection":
+            if total < MORE_DETECTIONS * self._said.get(reason, 0):
+                return
+            self._said[reason] = total
+        self._last[reason] = now
+        counted = f"{sentence} ({total} so far: {reason})" if total else sentence
+        logger = self.get_logger()
+        if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
+            logger.info(counted)
+        else:
+            logger.warning(counted)
+
+    def warn_once(self, sentence: str) -> None:
+        """Log a warning, unless it was logged before."""
+        if sentence not in self._warned:
+            self._warned.add(sentence)
+            self.get_logger().warning(sentence)
+
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Make a timer of a period, s, which a simulated clock does not stop."""
+        return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def refuse_unused_overrides(self) -> None:
+        """Refuse overrides of the quality of service that nothing uses; after the publishers.
+
+        Raises
+        ------
+        ParameterError
+        """
+        publishers = {publisher.topic_name for publisher in self.publishers}
+        given = self.get_parameters_by_prefix(OVERRIDES.removesuffix("."))
+        for name, one in sorted(given.items()):
+            _refuse_override(f"{OVERRIDES}{name}", one.value, publishers)
+
+    def _refuse_unknown(self) -> None:
+        given = self.get_parameters_by_prefix("")
+        for name, one in given.items():
+            if name.startswith(OVERRIDES):
+                _refuse_override(name, one.value)
+            if name in self._rows or name.startswith(OF_ROS):
+                continue
+            if not is_of_another_method(name, self._rows):
+                raise ParameterError(unknown_parameter(name, self._rows))
+            self.undeclare_parameter(name)
+            self.get_logger().warning(f"{name} is not used: another method is chosen")
+
+    def _declare(self, row: Parameter) -> None:
+        given: Any = row.default
+        if self.has_parameter(row.name):
+            given = row.meant(self.get_parameter(row.name).value)
+            self.undeclare_parameter(row.name)
+        with refusing():
+            check_value(row.name, given, self._rows)
+            refuse_integer(row, given)
+        self.declare_parameter(row.name, given, _descriptor(row), ignore_override=True)
+
+    def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
+        values = {name: self.get_parameter(name).value for name in self._rows}
+        with refusing():
+            return make_groups(self._groups, {**values, **changes})
+
+    def _typed(self, parameters: list[RosParameter]) -> list[RosParameter]:
+        """The values as they are meant: `ros2 param load` sends 1.0e-06 as a text.
+
+        All others stay as they are: rclpy cannot make a parameter of an empty array alone.
+        """
+        return [
+            RosParameter(one.name, value=meant)
+            if one.name in self._rows
+            and (meant := self._rows[one.name].meant(one.value)) is not one.value
+            else one
+            for one in parameters
+        ]
+
+    def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
+        if not all(one.name for one in parameters):  # rclpy would declare it
+            return SetParametersResult(successful=False, reason="a parameter has no name")
+        # Types were checked by rclpy; another part of the node has declared what is in no row.
+        changes = {one.name: one.value for one in parameters if one.name in self._rows}
+        if not changes:
+            return SetParametersResult(successful=True)
+        try:
+            self._validate(self._make_options(changes))
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except self._failures as error:
+            reason = f"{', '.join(changes)} cannot be used: {error!r}"
+            return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    def _apply_changes(self, parameters: list[RosParameter]) -> None:
+        if not any(parameter.name in self._rows for parameter in parameters):
+            return
+        self.options = self._make_options({})
+        self._on_change(self.options)
+
+
+def _refuse_override(name: str, value: Any, publishers: Collection[str] | None = None) -> None:
+    """Refuse an override that cannot be used.
+
+    Parameters
+    ----------
+    name : str
+        Full name of the parameter.
+    value : object
+    publishers : collection of str, optional
+        Full names of the topics that the node publishes; not known yet if not given.
+
+    Raises
+    ------
+    ParameterError
+    """
+    topic, _, policy = name.removeprefix(OVERRIDES).rpartition(".publisher.")
+    if not topic:
+        raise ParameterError(
+            f"{name} cannot be used: only publishers take overrides; the reliability of a "
+            "subscription follows its publisher (detections_reliability and detections_depth are "
+            "parameters)"
+        )
+    if publishers is not None and topic not in publishers:
+        raise ParameterError(
+            f"{name} cannot be used: the node publishes {', '.join(sorted(publishers))}"
+        )
+    if policy not in ("depth", *_POLICIES):
+        raise ParameterError(
+            f"{name} cannot be used: the policy must be depth, {', '.join(_POLICIES)}"
+        )
+    choices = _POLICIES.get(policy, ())
+    is_allowed = value in choices if choices else type(value) is int and 1 <= value < 2**31
+    words = " or ".join(choices) or "an integer of at least 1, below 2**31"
+    if not is_allowed:
+        raise ParameterError(f"{name} must be {words}; got {shown(value)}")
+
+
+def _descriptor(row: Parameter) -> ParameterDescriptor:
+    unit = f" [{row.unit}]" if row.unit else ""
+    descriptor = ParameterDescriptor(
+        description=row.description + unit,
+        additional_constraints=row.bounds,
+        read_only=row.read_only,
+    )
+    if row.type is float and row.bounds:
+        max_float = sys.float_info.max
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=max(0.0 if row.positive else row.minimum, -max_float),
+                to_value=min(row.maximum, max_float),
+            )
+        ]
+    elif row.type is int and row.bounds:
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=int(max(row.minimum, -_INT64)), to_value=int(min(row.maximum, _INT64))
+            )
+        ]
+    return descriptor
+
+
+class NodeClocks:
+    """The times that limit waiting: wall clock and node clock, which may be simulated.
+
+    Parameters
+    ----------
+    node : ParameterisedNode
+
+    Attributes
+    ----------
+    fault : str
+        A sentence while the node clock stands still, which limits nothing: its time is nan then.
+    """
+
+    def __init__(self, node: ParameterisedNode) -> None:
+        self._node, self.fault = node, ""
+        self._time, self._since = math.nan, 0.0
+
+    def now(self) -> tuple[float, float]:
+        """Times of the wall clock and the node clock, s."""
+        wall, simulated = time.monotonic(), self._node.get_clock().now().nanoseconds * 1e-9
+        if simulated != self._time:
+            self._time, self._since, self.fault = simulated, wall, ""
+        if wall - self._since <= MAX_STANDING:
+            return wall, simulated
+        self.fault = (
+            f"the node's clock (use_sim_time) stands still for {wall - self._since:.3g} s: is "
+            "/clock published? Waiting is limited by the wall clock"
+        )
+        self._node.warn("clock", self.fault)
+        return wall, math.nan
+
+
+def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = "") -> int:
+    """Run a node until it is interrupted, or until its future `finished`, if any, is done.
+
+    Parameters
+    ----------
+    make_node : callable
+        Returns the node.
+    args : sequence of str, optional
+        Command-line arguments; those of the process if not given.
+    usage : str, optional
+        Text for the argument ``--help`` or ``-h``, which prints it before ROS starts.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after SIGINT, SIGTERM, the node's own end or ``--help``; 2 for a refused
+        argument or parameter.
+    """
+    given = sys.argv[1:] if args is None else args
+    if "--help" in given or "-h" in given:
+        print(usage)
+        return 0
+    stray = _stray_argument(given)
+    if stray:
+        print(
+            f"refused: {stray!r} is not an argument of this program; parameters and remappings "
+            "follow --ros-args, such as --ros-args -p max_speed:=5.0 (--help explains)",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_PARAMETER
+    # No KeyboardInterrupt, which can be raised anywhere: a signal shuts rclpy's context down. The
+    # list holds signals that arrive before the context exists.
+    signals: list[int] = []
+    for number in ENDING_SIGNALS:
+        signal.signal(number, lambda number, _: signals.append(number))
+    try:
+        try:
+            rclpy.init(args=args)
+        except RuntimeError as error:
+            print(f"refused: {error}", file=sys.stderr)
+            return EXIT_BAD_PARAMETER
+        return 0 if signals else _run(make_node)
+    finally:
+        rclpy.try_shutdown()
+        for number in ENDING_SIGNALS:
+            # The interpreter restores its own handlers before it ends, but keeps SIG_IGN.
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _stray_argument(arguments: Sequence[str]) -> str:
+    """The first option outside of ``--ros-args ... --``, which ROS would ignore; may be empty."""
+    to_ros = False
+    for argument in arguments:
+        if argument in ("--ros-args", "--"):
+            to_ros = argument == "--ros-args"
+        elif not to_ros and (argument.startswith("-") or ":=" in argument):
+            return argument
+    return ""
+
+
+def _run(make_node: Callable[[], Node]) -> int:
+    try:
+        # Before the node, which takes longer: a signal during its construction prints a traceback.
+        executor = SingleThreadedExecutor()
+        try:
+            _spin(executor, _made(make_node))
+        finally:
+            executor.shutdown()
+    except ParameterError as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return EXIT_BAD_PARAMETER
+    except Exception:
+        # A signal may invalidate the context at any point; that end is clean.
+        if rclpy.ok():
+            raise
+    return 0
+
+
+def _made(make_node: Callable[[], Node]) -> Node:
+    """Make the node; what the middleware refuses, such as security without keys, is refused."""
+    try:
+        return make_node()
+    except rclpy_implementation.RCLError as error:
+        if not rclpy.ok():
+            raise
+        raise ParameterError(" ".join(str(error).split())) from error
+
+
+def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+    executor.add_node(node)
+    finished: Future | None = getattr(node, "finished", None)
+    try:
+        if finished is None:
+            executor.spin()
+        else:
+            executor.spin_until_future_complete(finished)
+    finally:
+        node.destroy_node()
