@@ -31,11 +31,11 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 from scipy.stats import chi2
-from simulated_images import ImageModel, ImageSimulator
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
 from tsepm_ros.detector.cfar import found, smoothed
 from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
 from tsepm_ros.tools.terminal import markdown_table, with_progress
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import strength
 import strength_scenes as scenes
-from simulated_images import ImageModel, ImageSimulator
 
 from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
 
 
 def drawn(rng, share: float, wrong: float, runs: int = 4000) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from simulated_images import ImageModel, ImageSimulator
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
 
 SENSOR = SensorModel(
