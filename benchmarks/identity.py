@@ -25,7 +25,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,7 +39,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.offline import recording_results
-from tsepm_ros.tools.replay.recording import RecordedMotion, Recording, read_recording
+from tsepm_ros.tools.replay.recording import Recording, read_recording
 from tsepm_ros.tools.terminal import text_table, with_progress
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.scan import wrap
@@ -165,10 +165,9 @@ def truth_at(recording: Recording, stamp: float) -> Truth:
     return {target: state_at(path, stamp) for target, path in recording.targets.items()}
 
 
-def state_at(path: Sequence[RecordedMotion], stamp: float) -> FloatArray:
-    """State (4,) on a recorded path at a time; the velocity is from the positions."""
-    time = np.array([motion.time for motion in path])
-    place = np.array([motion.state[0::2] for motion in path])
+def state_at(path: FloatArray, stamp: float) -> FloatArray:
+    """State (4,) on a recorded path (n, 5) at a time; the velocity is from the positions."""
+    time, place = path[:, 0], path[:, 1::2]
     velocity = np.gradient(place, time, axis=0)
     columns = [place[:, 0], velocity[:, 0], place[:, 1], velocity[:, 1]]
     return np.array([np.interp(stamp, time, column) for column in columns])
@@ -246,7 +245,8 @@ def behind_target(recording: Recording, hits: Iterable[tuple[int, int]]) -> str:
     compared: dict[int, list[tuple[float, float]]] = {}
     for index, row in hits:
         scan = recording.scans[index]
-        here = state_at(recording.own_ship, scan.time)[0::2]
+        way = np.array([(ship.stamp, ship.x, 0.0, ship.y, 0.0) for ship in recording.own_ship])
+        here = state_at(way, scan.time)[0::2]
         for target, state in truth_at(recording, scan.time).items():
             east, north = state[0::2] - here
             turn = scan.fields["bearing"][row] - math.atan2(east, north)

@@ -90,7 +90,7 @@ def test_a_signal_ends_every_executable_as_soon_as_it_speaks_and_while_it_waits(
 SUBSCRIBER_GONE = """
 import sys, time
 from rclpy.publisher import Publisher
-from tsepm_ros.tools.players import playback
+from tsepm_ros.tools.players import scan_player
 from tsepm_ros.tools.players.scan_player import main
 
 def wait_for_all_acked(self, timeout):
@@ -100,7 +100,7 @@ def wait_for_all_acked(self, timeout):
 
 Publisher.get_subscription_count = lambda self: 1
 Publisher.wait_for_all_acked = wait_for_all_acked
-playback.MAX_ACKNOWLEDGE_TIME = 3600.0  # so that only the signal ends the wait
+scan_player.MAX_ACKNOWLEDGE_TIME = 3600.0  # so that only the signal ends the wait
 sys.exit(main())
 """
 

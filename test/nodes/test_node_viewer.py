@@ -9,6 +9,7 @@ import threading
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
 from support.pages import Watcher, held
@@ -22,6 +23,7 @@ from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tools.viewer import track_viewer
 from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 
 REMAPPED = remapped(
@@ -122,6 +124,28 @@ def test_a_node_with_bad_parameters_is_refused_and_serves_nothing(world):
             world.make(TrackViewer, {"port": 0, **parameters})
         new = [thread.name for thread in threading.enumerate() if thread not in before]
         assert "page server" not in new
+
+
+def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(world, monkeypatch):
+    read = []
+
+    def deserialize(data, message_type):
+        read.append(data)
+        return deserialize_message(data, message_type)
+
+    monkeypatch.setattr(track_viewer, "deserialize_message", deserialize)
+    viewer, page = live(world)
+    with page as watcher:
+        for x in (1.0, 2.0, 3.0):
+            pose = PoseSample(100.0, x, 2.0, 0.5, None, frame_id="odom")
+            viewer._take("own_ship/odometry", serialize_message(odometry_message(pose)))
+        viewer._take("tracks/current", tracks(100.0, held(7, 10.0, 20.0)))
+        world.until(lambda: watcher.frames, "the scan")
+        viewer._take("tracks/current", tracks(112.0))
+        world.until(lambda: len(watcher.frames) == 2, "the next scan")
+    assert watcher.frames[0]["own_ship"][:2] == [300, 200]  # cm
+    assert [row[0] for row in watcher.frames[0]["tracks"]] == [7]
+    assert len(read) == 1
 
 
 def topic_shown(watcher):

@@ -19,7 +19,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
 from tsepm_ros.tools.replay.offline import process_recording
-from tsepm_ros.tools.replay.recording import RecordedMotion, RecordedScan, Recording
+from tsepm_ros.tools.replay.recording import RecordedScan, Recording
 from tsepm_ros.tracker.options import CommonOptions
 
 
@@ -435,7 +435,7 @@ def test_offline_the_poses_of_later_pings_are_still_there():
         )
         for stamp in np.arange(20.0, 1900.0, 20.0)
     ]
-    own_ship = [RecordedMotion(float(stamp), np.zeros(4), 0.0) for stamp in times]
+    own_ship = [PoseSample(float(stamp), 0.0, 0.0, 0.0) for stamp in times]
     results, dropped = process_recording(Recording(scans, own_ship), MOVING, "bow")
     assert len(results) == len(scans)
     assert dropped == {"echo_too_late": 1}

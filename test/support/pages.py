@@ -15,9 +15,8 @@ import numpy as np
 from support.patience import WAIT
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_frames import make_frame, track_facts
+from tsepm_ros.tools.viewer.page_content import PageState, make_frame, track_facts
 from tsepm_ros.tools.viewer.page_server import PageServer
-from tsepm_ros.tools.viewer.page_state import PageState
 
 
 def held(track_id: int, x: float, y: float, vx: float = 3.0, vy: float = 4.0, **more: Any):
@@ -36,9 +35,7 @@ def held(track_id: int, x: float, y: float, vx: float = 3.0, vy: float = 4.0, **
 
 def numbered(number: int, *tracks: ConfirmedTrack, **more: Any) -> dict[str, Any]:
     """A frame with a number; its stamp is 12 s times that."""
-    frame = make_frame(12.0 * number, "odom", tracks=tracks, **more)
-    frame["number"] = number
-    return frame
+    return make_frame(12.0 * number, "odom", number=number, tracks=tracks, **more)
 
 
 def live_state(frames: int = 0, kept: int = 300, title: str = "Tracks") -> PageState:

@@ -135,10 +135,10 @@ class TopicRecorder(Node):
         kind = publishers[0].topic_type
         message_type = installed_class(kind)
         self._bag.add(topic, kind)
-        latched = {end.qos_profile.durability for end in publishers}
-        durability = DurabilityPolicy.VOLATILE
-        if latched == {DurabilityPolicy.TRANSIENT_LOCAL}:
-            durability = DurabilityPolicy.TRANSIENT_LOCAL
+        latched = all(
+            end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for end in publishers
+        )
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         take = partial(self._take, topic)
         self._subscriptions_made.append(
             OfferedSubscription(

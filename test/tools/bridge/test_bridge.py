@@ -13,9 +13,8 @@ import pytest
 from pyproj import Geod
 
 from tsepm_ros.tools.bridge import nmea
-from tsepm_ros.tools.bridge.closest_approach import closest_approach
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.bridge.geojson import TrackLines
+from tsepm_ros.tools.replay.track_files import track_lines
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
@@ -33,31 +32,30 @@ def test_the_approach_of_a_straight_passage_is_that_of_its_closed_form(turn):
     # d abeam at time t, at speed v: it began at v t before.
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     position, velocity = rotation @ (-50.0, 30.0), rotation @ (2.0, 0.0)
-    distance, time = closest_approach(position[None], velocity[None])
+    time, distance = nmea.closest_approach(position[None], velocity[None])
     assert (distance[0], time[0]) == pytest.approx((30.0, 25.0))
-    distance, time = closest_approach(position[None], -velocity[None])
+    time, distance = nmea.closest_approach(position[None], -velocity[None])
     assert (distance[0], time[0]) == pytest.approx((30.0, -25.0))
 
 
 def test_of_what_does_not_move_the_approach_is_now():
-    distance, time = closest_approach(np.array([[3.0, 4.0]]), np.zeros((1, 2)))
+    time, distance = nmea.closest_approach(np.array([[3.0, 4.0]]), np.zeros((1, 2)))
     assert (distance[0], time[0]) == (5.0, 0.0)
-    distance, time = closest_approach(np.array([[3.0, 4.0]]), np.array([[1e-16, 0.0]]))
+    time, distance = nmea.closest_approach(np.array([[3.0, 4.0]]), np.array([[1e-16, 0.0]]))
     assert (distance[0], time[0]) == (5.0, 0.0), "velocities that differ by rounding"
 
 
 def lines(steps):
     """The collection of one track at positions, a scan each."""
     file = io.StringIO()
-    made = TrackLines(file, GeographicReference(10.0, 179.99))
-    made.__enter__()
-    for number, (east, north) in enumerate(steps):
-        state = np.array([east, 1.0, north, 0.0])
-        track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
-        result = SimpleNamespace(current=TrackArrays.of([track]), stamp_ns=number * 10**9, ended={})
-        made.write(result)
-    made.write(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=10**10, ended={4: "missed"}))
-    made.__exit__(None)
+    with track_lines(file, GeographicReference(10.0, 179.99)) as made:
+        for number, (east, north) in enumerate(steps):
+            state = np.array([east, 1.0, north, 0.0])
+            track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
+            held = TrackArrays.of([track])
+            made(SimpleNamespace(current=held, stamp_ns=number * 10**9, ended={}))
+        gone = TrackArrays.of([])
+        made(SimpleNamespace(current=gone, stamp_ns=10**10, ended={4: "missed"}))
     return json.loads(file.getvalue())["features"]
 
 
@@ -80,8 +78,8 @@ def test_geojson_has_a_line_with_times_and_end_a_point_or_lines_beside_180_degre
 
 def test_a_run_that_fails_leaves_no_collection_and_unknown_ends_are_none():
     file = io.StringIO()
-    with pytest.raises(OSError, match="full"), TrackLines(file, GeographicReference(0, 0)) as made:
-        made.write(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=0, ended={9: "missed"}))
+    with pytest.raises(OSError, match="full"), track_lines(file, GeographicReference(0, 0)) as made:
+        made(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=0, ended={9: "missed"}))
         raise OSError("full")
     assert file.getvalue() == ""
 
@@ -206,8 +204,8 @@ def test_numbers_are_free_at_a_tracks_end_and_beyond_100_tracks_that_is_noted():
     assert numbers.of[6] == 1
     found = tracks(*[[10.0 * k, 0.0, 0.0, 0.0] for k in range(102)])
     file, notes = io.StringIO(), {}
-    writer = nmea.TargetSentences(file, GeographicReference(10.0, 20.0), notes)
+    writer = nmea.tll_writer(file, GeographicReference(10.0, 20.0), notes)
     for _ in range(3):
-        writer.write(SimpleNamespace(current=found, stamp_ns=round(STAMP * 1e9)))
+        writer(SimpleNamespace(current=found, stamp_ns=round(STAMP * 1e9)))
     assert len(file.getvalue().splitlines()) == 300
     assert notes["numbers"].startswith("6 positions of tracks beyond 100 at a time")

@@ -14,7 +14,7 @@ import pynmea2
 import pytest
 
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.track_files import TrackListing
+from tsepm_ros.tools.replay.track_files import track_listing
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 
@@ -339,9 +339,9 @@ def test_a_recorded_own_ship_that_is_not_used_is_said(capsys, recording, tmp_pat
 def test_a_course_is_clockwise_from_north(frame, north, heading, angle):
     """The track moves along x: east, north, or ahead of a sonar that knows no north."""
     file = io.StringIO()
-    listing = TrackListing(file, lambda track: "because", north=north)
+    listing = track_listing(file, lambda track: "because", north=north)
     track = ConfirmedTrack(3, 12.0, np.array([10.0, 2.0, 20.0, 0.0]), np.eye(4), (), 0.0)
-    listing.write(Mock(new=[track], frame_id=frame))
+    listing(Mock(new=[track], frame_id=frame))
     head, line = file.getvalue().splitlines()
     assert heading in head and line.split()[-2:] == [angle, "because"]
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.offline import process_recording
 from tsepm_ros.tools.replay.recording import (
-    RecordedMotion,
+    UNKNOWN_YAW_VARIANCE,
     RecordedScan,
     Recording,
     read_recording,
@@ -97,14 +97,15 @@ def test_motion_is_east_north_with_yaw_and_targets_are_told_apart_by_their_numbe
         "time_s,east_m,east_mps,north_m,north_mps,heading_rad\n"
         f"10,5,1,6,2,0.0\n0,3,1,4,2,{math.pi / 2}\n"
     )
-    motions = read_recording(write(detections=DETECTIONS, own_ship=own_ship)).own_ship
-    assert [motion.time for motion in motions] == [0.0, 10.0]
-    assert [motion.state.tolist() for motion in motions] == [[3, 1, 4, 2], [5, 1, 6, 2]]
-    assert [motion.yaw for motion in motions] == pytest.approx([0.0, math.pi / 2])
+    poses = read_recording(write(detections=DETECTIONS, own_ship=own_ship)).own_ship
+    assert [pose.stamp for pose in poses] == [0.0, 10.0]
+    assert [(pose.x, pose.y, *pose.rates[:2]) for pose in poses] == [(3, 4, 1, 2), (5, 6, 1, 2)]
+    assert [pose.yaw for pose in poses] == pytest.approx([0.0, math.pi / 2])
+    assert {pose.covariance for pose in poses} == {None}
     target = "target,time_s,east_m,north_m\n7,0,1,2\n9,0,3,4\n7,12,5,6\n"
     targets = read_recording(write(detections=DETECTIONS, target=target)).targets
-    assert {name: len(motions) for name, motions in targets.items()} == {7: 2, 9: 1}
-    assert targets[7][1].state.tolist() == [5, 0, 6, 0]
+    assert {name: len(path) for name, path in targets.items()} == {7: 2, 9: 1}
+    assert targets[7][1].tolist() == [12, 5, 0, 6, 0]
 
 
 HEADER = "time_s,range_m,bearing_rad\n"
@@ -441,8 +442,9 @@ def scans(number: int, angle: str = "azimuth") -> list[RecordedScan]:
 
 
 def own_ship(seconds: float, period: float = 1.0, yaw: float | None = 0.0):
+    covariance = np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE]) if yaw is None else None
     return [
-        RecordedMotion(period * k, np.array([100.0, 0.0, 200.0, 0.0]), yaw)
+        PoseSample(period * k, 100.0, 200.0, yaw or 0.0, covariance)
         for k in range(int(seconds / period) + 1)
     ]
 
@@ -473,7 +475,7 @@ def rated(stamp: float) -> RecordedScan:
 def test_a_recorded_velocity_of_the_own_ship_is_the_sensor_s():
     noise = np.random.default_rng(1).normal(0.0, 1.0, 30)
     ship = [
-        RecordedMotion(float(k), np.array([x, 3.0 + k, 0.0, -1.0]), 0.0)
+        PoseSample(float(k), x, 0.0, 0.0, rates=known_rates(3.0 + k, -1.0, 0.0))
         for k, x in enumerate(noise.tolist())
     ]
     (result,), _ = process_recording(Recording([rated(10.5)], ship), MOVING, "bow")
@@ -483,9 +485,7 @@ def test_a_recorded_velocity_of_the_own_ship_is_the_sensor_s():
 @pytest.mark.parametrize("period", [0.001, 0.005, 0.1])
 def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
     noise = np.random.default_rng(2).normal(0.0, 1.0, round(20.0 / period)).tolist()
-    ship = [
-        RecordedMotion(period * k, np.array([x, 0.0, -x, 0.0]), 0.0) for k, x in enumerate(noise)
-    ]
+    ship = [PoseSample(period * k, x, -x, 0.0) for k, x in enumerate(noise)]
     (found,), _ = process_recording(Recording([rated(4.0004)], ship), MOVING, "bow")
     one = Session(MOVING)
     for k, x in enumerate(noise):

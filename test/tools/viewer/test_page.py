@@ -15,27 +15,25 @@ import numpy as np
 import pytest
 from support.pages import held, live_state, numbered
 
-from tsepm_ros.tools.viewer.page_frames import (
+from tsepm_ros.tools.viewer.page_content import (
+    LIVE,
     MAX_POTENTIAL,
+    SCRIPTS,
+    SHELL,
+    STYLE,
+    PageState,
+    RecordedScene,
     encode,
     geographic_terms,
     health_of_message,
     health_of_run,
     make_frame,
-    potential_rows,
-    sector,
-    track_facts,
-    track_rows,
-)
-from tsepm_ros.tools.viewer.page_state import (
-    LIVE,
-    SCRIPTS,
-    SHELL,
-    STYLE,
-    PageState,
     page_file,
+    potential_rows,
     self_contained_page,
     served_page,
+    track_facts,
+    track_rows,
 )
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -129,14 +127,17 @@ def test_the_sector_is_from_the_bow_and_own_ship_s_velocity_in_mm_per_s_or_null(
         make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, math.nan, 1.0))["own_ship"][3:] == [None] * 2
     )
     sensor = SensorModel(min_range=2.0, max_range=80.0, azimuth_min=-1.0, azimuth_max=1.0)
-    assert sector(sensor, 0.5) == [2.0, 80.0, -0.5, 1.5]
-    assert sector(sensor, None) == [2.0, 80.0, -1.0, 1.0]
+    for yaw, begin, end in ((0.5, -0.5, 1.5), (None, -1.0, 1.0)):
+        recorded = RecordedScene("", True, mounting_yaw=yaw, sensor=sensor).document({})
+        assert json.loads(recorded)["info"]["sector"] == [2.0, 80.0, begin, end]
 
 
 @pytest.mark.parametrize("origin", ["0,0", "59.65,10.63", "-75,-179.99", "80,179.9", "-89,10"])
 def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
     pytest.importorskip("pyproj")
-    from tsepm_ros.tools.bridge.geographic import WGS84, GeographicReference
+    from pyproj import Geod
+
+    from tsepm_ros.tools.bridge.geographic import GeographicReference
 
     info = geographic_terms(origin)
     known = info["geographic"]
@@ -148,13 +149,13 @@ def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
         for i, j, a, b in known["terms"]
     )
     truth = GeographicReference.read(origin).geographic(points)
-    away = WGS84.inv(longitude, latitude, truth[:, 1], truth[:, 0])[2]
+    away = Geod(ellps="WGS84").inv(longitude, latitude, truth[:, 1], truth[:, 0])[2]
     assert away.max() < 1.0
 
 
 def test_an_origin_needs_its_library_and_without_one_there_are_no_places(monkeypatch):
     assert geographic_terms("") == {}
-    monkeypatch.setitem(sys.modules, "tsepm_ros.tools.bridge.geographic", None)
+    monkeypatch.setitem(sys.modules, "pyproj", None)
     with pytest.raises(ValueError, match="pip install pyproj"):
         geographic_terms("59.65,10.63")
 
@@ -233,11 +234,13 @@ def test_facts_of_tracks_that_are_shown_nowhere_are_forgotten():
 
 def test_every_change_is_announced():
     state, heard = live_state(), []
-    state.changed = lambda: heard.append(state.version)
+    state.changed = lambda: heard.append(state.since()[1])
     state.put(numbered(1))
     state.put_health({"level": 0, "entries": []})
     state.put_info(title="")
     assert len(set(heard)) == 3
+    state.put_info(title="")
+    assert len(heard) == 3, "what is known already changes nothing"
 
 
 def status(name: str, level, message: str = "fine", **values: str):

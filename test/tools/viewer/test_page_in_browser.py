@@ -11,9 +11,8 @@ import pytest
 from support.browser import Browser, Tab, need_browser
 from support.pages import held, live_state, numbered, put_moving, served
 
-from tsepm_ros.tools.bridge.closest_approach import closest_approach
-from tsepm_ros.tools.viewer.page_frames import image_frame, track_facts
-from tsepm_ros.tools.viewer.page_state import write_page
+from tsepm_ros.tools.bridge.nmea import closest_approach
+from tsepm_ros.tools.viewer.page_content import image_frame, track_facts, write_page
 
 need_browser()
 
@@ -353,7 +352,7 @@ def test_the_closest_approach_is_that_of_the_closed_form(replay):
         f"""{json.dumps(numbers.tolist())}.map(([x, y, vx, vy, ...ship]) => {{
             ship.splice(2, 0, 0); // its heading
             const approach = closestApproach([1, x, y, vx, vy], ship);
-            return [approach.distance, approach.time];
+            return [approach.time, approach.distance];
         }})"""
     )
     relative = numbers[:, :4] - numbers[:, 4:]

@@ -6,7 +6,6 @@ import asyncio
 import json
 import math
 import os
-import resource
 import socket
 import subprocess
 import sys
@@ -26,8 +25,8 @@ from tornado.websocket import websocket_connect
 
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer import page_server
+from tsepm_ros.tools.viewer.page_content import SCRIPTS, STYLE
 from tsepm_ros.tools.viewer.page_server import HEADERS, Access, PageServer, token_for
-from tsepm_ros.tools.viewer.page_state import SCRIPTS, STYLE
 
 TOKEN = "a-token-of-some-length"
 
@@ -98,7 +97,7 @@ def test_a_name_that_is_not_this_machine_s_is_refused():
     ("address", "is_open"),
     [
         *(("127.1.2.3", True), ("::1", True), ("192.168.1.5", False)),
-        *(("::", False), ("fe80::1%eth0", False), ("nonsense", False)),
+        *(("::", False), ("fe80::1%eth0", False)),
     ],
 )
 def test_what_others_can_reach_needs_a_token_of_its_own(address, is_open):
@@ -122,8 +121,7 @@ def test_a_page_of_another_site_is_refused(origin):
         assert get(server.url, headers={"Origin": origin}).code == 403
 
 
-@pytest.mark.parametrize("files", [None, 40], ids=["by number", "by free files"])
-def test_many_connections_with_half_a_request_leave_the_page_answered(files, capfd, monkeypatch):
+def test_many_connections_with_half_a_request_leave_the_page_answered(capfd):
     half = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     with served(live_state(1)) as server:
         before = len(os.listdir("/proc/self/fd"))
@@ -136,21 +134,16 @@ def test_many_connections_with_half_a_request_leave_the_page_answered(files, cap
             "print('held', flush=True)\n"
             "sys.stdin.read()\n"
         )
-        limits = resource.getrlimit(resource.RLIMIT_NOFILE)
         client = subprocess.Popen([sys.executable, "-c", script], stdin=-1, stdout=-1)
         browser = socket.socket()
         browser.settimeout(WAIT)
         try:
-            if files:
-                resource.setrlimit(resource.RLIMIT_NOFILE, (before + files, limits[1]))
             assert client.stdout.readline() == b"held\n"
             browser.connect(address)
             browser.sendall(half + b"Connection: close\r\n\r\n")
             assert browser.recv(12) == b"HTTP/1.1 200"
-            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
             assert len(os.listdir("/proc/self/fd")) <= before + page_server.MAX_CONNECTIONS + 4
         finally:
-            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
             browser.close()
             client.communicate()
     assert capfd.readouterr().err == ""
@@ -299,7 +292,7 @@ def test_there_are_not_more_browsers_than_allowed(monkeypatch):
         assert await sockets[2].read_message() is None
         assert sockets[2].close_code == 1013
         sockets[0].close()
-        while server.browsers > 1:
+        while len(server.browsers) > 1:
             await asyncio.sleep(0.01)
         again = await websocket_connect(updates(server))
         assert await message(again)

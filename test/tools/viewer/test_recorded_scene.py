@@ -15,11 +15,10 @@ from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.pictures.run_scene import truth_paths
 from tsepm_ros.tools.replay.offline import recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
-from tsepm_ros.tools.viewer.page_frames import RecordedScene
+from tsepm_ros.tools.viewer.page_content import RecordedScene
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 
 SCENARIO = load_scenario("four_targets")
@@ -30,7 +29,7 @@ def recorded(scenario=SCENARIO, seed: int = 1):
     recording, _ = simulated_recording(Simulator(scenario, seed))
     options = SessionOptions(method="score", own_ship_source="odometry")
     run = Session(Settings(session=options, sensor=scenario.sensor))
-    scene = RecordedScene("four targets", True, truth_paths(recording.targets))
+    scene = RecordedScene("four targets", True, recording.truth)
     tracks = []
     for result in recording_results(recording, run, "bow"):
         scene.add(result, run.tracker)

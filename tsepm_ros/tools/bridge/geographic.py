@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pyproj import Geod
 
 from tsepm_ros.numerics.arrays import FloatArray
 
 MAX_LATITUDE = 89.0
 """Largest latitude, degrees: near a pole the fixed frame's north is not that of its targets."""
-WGS84 = Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True)
@@ -79,18 +77,20 @@ class GeographicReference:
         -------
         (n, 2) ndarray
             Degrees; longitudes from -180 to 180.
+
+        Raises
+        ------
+        ImportError
+            If the library pyproj is not installed.
         """
+        from pyproj import Geod
+
         east, north = (np.reshape(position, (-1, 2)) - (self.east, self.north)).T
         n = len(east)
-        longitude, latitude, _ = WGS84.fwd(
+        longitude, latitude, _ = Geod(ellps="WGS84").fwd(
             np.full(n, self.longitude),
             np.full(n, self.latitude),
             np.degrees(np.arctan2(east, north)),
             np.hypot(east, north),
         )
         return np.stack([latitude, (longitude + 180.0) % 360.0 - 180.0], axis=1)
-
-
-def compass(east: FloatArray, north: FloatArray) -> FloatArray:
-    """Directions of vectors, degrees clockwise from north, from 0 to 360."""
-    return np.asarray(np.degrees(np.arctan2(east, north)) % 360.0)

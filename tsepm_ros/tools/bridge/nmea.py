@@ -9,7 +9,8 @@ of targets.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
 from typing import TextIO
@@ -18,8 +19,8 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.session import ScanResult
-from tsepm_ros.tools.bridge.closest_approach import closest_approach
-from tsepm_ros.tools.bridge.geographic import GeographicReference, compass
+from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tracker.maintenance import features
 from tsepm_ros.tracker.tracks import TrackArrays
 
 NUMBERS = 100
@@ -31,8 +32,30 @@ KNOT = NAUTICAL_MILE / 3600.0
 MAX_MINUTES = 999.9
 """Largest time of an approach that is written, min."""
 TRACKED, LOST = "T", "L"
+LEAST_SPEED = 1e-3
+"""Relative speed, m/s, below which nothing approaches: rounding of equal velocities."""
 MINUTE_PARTS = 10_000
 """Parts of a minute of arc that are written: 0.2 m."""
+
+
+def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Time until the closest approach, and the distance then.
+
+    Parameters
+    ----------
+    position, velocity : (n, 2) ndarray
+        Of the targets relative to own ship, m and m/s.
+
+    Returns
+    -------
+    time : (n,) ndarray
+        s; below 0 where it was in the past, 0 where they move together.
+    distance : (n,) ndarray
+        m.
+    """
+    moves = np.hypot(*velocity.T)[:, None] > LEAST_SPEED
+    state = np.stack([position, np.where(moves, velocity, 0.0)], axis=2).reshape(-1, 4)
+    return features.closest_approach(np.zeros(4), state)
 
 
 class TargetNumbers:
@@ -108,7 +131,7 @@ def ttm(
         Whether the axes are east and north: bearings are true, else from the x axis.
     """
     position, velocity = tracks.state[:, 0::2] - own_ship[0], tracks.state[:, 1::2]
-    distances, times = closest_approach(position, velocity - own_ship[1])
+    times, distances = closest_approach(position, velocity - own_ship[1])
     figures = [
         np.hypot(*position.T) / NAUTICAL_MILE,
         _direction(position, from_north),
@@ -176,8 +199,8 @@ def lost(talker: str, ended: dict[int, int], stamp: float, kind: str) -> Iterato
 def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
     """Directions, degrees clockwise from north or ahead, below 360 when rounded; (n,) of (n, 2)."""
     x, y = vectors.T
-    degrees = compass(x, y) if from_north else compass(-y, x)
-    return np.round(degrees, 1) % 360.0
+    angles = np.arctan2(x, y) if from_north else np.arctan2(-y, x)
+    return np.round(np.degrees(angles) % 360.0, 1) % 360.0
 
 
 def _name(track: int) -> str:
@@ -187,10 +210,7 @@ def _name(track: int) -> str:
 
 def _time(stamp: float) -> str:
     """Time of day in UTC, hhmmss.s."""
-    tenths = round(stamp * 10.0) % 864_000
-    seconds, tenth = divmod(tenths, 10)
-    minutes, seconds = divmod(seconds, 60)
-    return f"{minutes // 60:02d}{minutes % 60:02d}{seconds:02d}.{tenth}"
+    return datetime.fromtimestamp(round(stamp, 1), UTC).strftime("%H%M%S.%f")[:8]
 
 
 def _angle(degrees: float, digits: int, signs: str) -> tuple[str, str]:
@@ -201,8 +221,10 @@ def _angle(degrees: float, digits: int, signs: str) -> tuple[str, str]:
     return f"{whole:0{digits}d}{minutes}", signs[0] if degrees >= 0.0 else signs[1]
 
 
-class TargetSentences:
-    """Writes the held tracks of a run as TLL, scan by scan.
+def tll_writer(
+    file: TextIO, reference: GeographicReference, notes: dict[str, str]
+) -> Callable[[ScanResult], None]:
+    """A writer of the held tracks of a run as TLL, scan by scan.
 
     Parameters
     ----------
@@ -212,21 +234,20 @@ class TargetSentences:
     notes : dict of str to str
         Sentences by reason: that of `numbers` says how much was not written.
     """
+    numbers, not_written = TargetNumbers(), 0
 
-    def __init__(self, file: TextIO, reference: GeographicReference, notes: dict[str, str]) -> None:
-        self._file, self._reference, self._numbers = file, reference, TargetNumbers()
-        self._notes, self._not_written = notes, 0
-
-    def write(self, result: ScanResult) -> None:
-        """Write the tracks that are held after one scan, and those that are gone."""
+    def write(result: ScanResult) -> None:
+        nonlocal not_written
         tracks = result.current
-        ended, without = self._numbers.update(tracks.track_id.tolist())
-        self._not_written += without
+        ended, without = numbers.update(tracks.track_id.tolist())
         if without:
-            self._notes["numbers"] = (
-                f"{self._not_written} positions of tracks beyond {NUMBERS} at a time are not "
-                "written: NMEA 0183 has no more numbers"
+            not_written += without
+            notes["numbers"] = (
+                f"{not_written} positions of tracks beyond {NUMBERS} at a time are not written: "
+                "NMEA 0183 has no more numbers"
             )
-        places = self._reference.geographic(tracks.state[:, 0::2])
-        self._file.writelines(lost("RA", ended, 1e-9 * result.stamp_ns, "TLL"))
-        self._file.writelines(tll("RA", tracks, self._numbers.of, places))
+        places = reference.geographic(tracks.state[:, 0::2])
+        file.writelines(lost("RA", ended, 1e-9 * result.stamp_ns, "TLL"))
+        file.writelines(tll("RA", tracks, numbers.of, places))
+
+    return write

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+import pyproj  # noqa: F401 - of `GeographicReference`: missing at the start, not later
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -20,7 +21,6 @@ from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_obje
 from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
 from tsepm_ros.settings.settings import help_text
@@ -138,29 +138,22 @@ class TrackBridge(ParameterisedNode):
         ended, without = self._numbers.update(tracks.track_id.tolist())
         if without:
             self._drop("numbers", f"tracks beyond {nmea.NUMBERS} are not sent", without)
-        for kind, make in (("TTM", self._relative), ("TLL", self._on_earth)):
-            if self._options.nmea_sentences in (kind, "both"):
-                self._send(nmea.lost(self._options.nmea_talker, ended, stamp, kind))
-                if len(tracks):
-                    self._send(make(tracks, stamp))
-
-    def _relative(self, tracks: TrackArrays, stamp: float) -> Iterator[str]:
-        """TTM of tracks; none while own ship is not known."""
-        own_ship = self._own_ship(stamp)
-        if own_ship is None:
-            return iter(())
-        numbers, talker = self._numbers.of, self._options.nmea_talker
-        return nmea.ttm(talker, tracks, numbers, own_ship, self._from_north)
-
-    def _on_earth(self, tracks: TrackArrays, stamp: float) -> Iterator[str]:
-        """TLL of tracks; none while the fixed frame's place is not known."""
-        if self._reference is None:
-            self._drop(
-                "no_position", f"no TLL: there is no usable position on {FIX}, and no origin"
-            )
-            return iter(())
-        places = self._reference.geographic(tracks.state[:, 0::2])
-        return nmea.tll(self._options.nmea_talker, tracks, self._numbers.of, places)
+        given, talker = self._options.nmea_sentences, self._options.nmea_talker
+        kinds = ("TTM", "TLL") if given == "both" else (given,)
+        for kind in kinds:
+            self._send(nmea.lost(talker, ended, stamp, kind))
+        if "TTM" in kinds and len(tracks):
+            own_ship = self._own_ship(stamp)
+            if own_ship is not None:
+                numbers = self._numbers.of
+                self._send(nmea.ttm(talker, tracks, numbers, own_ship, self._from_north))
+        if "TLL" in kinds and len(tracks):
+            if self._reference is None:
+                sentence = f"no TLL: there is no usable position on {FIX}, and no origin"
+                self._drop("no_position", sentence)
+            else:
+                places = self._reference.geographic(tracks.state[:, 0::2])
+                self._send(nmea.tll(talker, tracks, self._numbers.of, places))
 
     def _send(self, sentences: Iterator[str]) -> None:
         address = self._address or ("", 0)
@@ -175,8 +168,14 @@ class TrackBridge(ParameterisedNode):
         """Position and velocity of own ship at a stamp; None, and said, where not known."""
         if self._options.own_ship_source == "none":
             return np.zeros(2), np.zeros(2)
-        sample = self._sample()
-        if sample is None:
+        if self._odometry is None:
+            self._drop("no_own_ship", f"there is no message on {OWN_SHIP}: is it published?")
+            return None
+        try:
+            sample = read_own_ship(deserialize_message(self._odometry, Odometry))
+            sample.check()
+        except ValueError as error:
+            self._drop("bad_own_ship", f"{OWN_SHIP} is not used: {error}")
             return None
         elapsed = stamp - sample.stamp
         if abs(elapsed) > self._options.own_ship_timeout:
@@ -188,19 +187,6 @@ class TrackBridge(ParameterisedNode):
             return None
         velocity = np.nan_to_num(np.array((sample.rates or (0.0, 0.0))[:2]))
         return np.array([sample.x, sample.y]) + elapsed * velocity, velocity
-
-    def _sample(self) -> PoseSample | None:
-        """The newest pose of own ship; None, and said, where there is none that is usable."""
-        if self._odometry is None:
-            self._drop("no_own_ship", f"there is no message on {OWN_SHIP}: is it published?")
-            return None
-        try:
-            sample = read_own_ship(deserialize_message(self._odometry, Odometry))
-            sample.check()
-        except ValueError as error:
-            self._drop("bad_own_ship", f"{OWN_SHIP} is not used: {error}")
-            return None
-        return sample
 
     def _take_fix(self, fix: NavSatFix) -> None:
         """Tie the fixed frame to the earth where own ship is now."""
@@ -219,7 +205,3 @@ class TrackBridge(ParameterisedNode):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run(TrackBridge, args, help_text("track_bridge", __doc__))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -35,6 +35,8 @@ from tsepm_ros.settings.settings import (
     make_groups,
     settings_from,
 )
+from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.bridge.nmea import tll_writer
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     CommandFailed,
@@ -44,7 +46,7 @@ from tsepm_ros.tools.commands.arguments import (
     seed,
 )
 from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
-from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, truth_paths
+from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
@@ -55,27 +57,27 @@ from tsepm_ros.tools.replay.bag import (
     find_topics,
     moving_frames,
 )
-from tsepm_ros.tools.replay.image_folder import GEOMETRY, detected
 from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
+    GEOMETRY,
     METADATA,
     Recording,
+    detected,
     read_recording,
     simulated_recording,
     source_of,
 )
 from tsepm_ros.tools.replay.track_files import (
-    TrackBag,
-    TrackListing,
-    TrackTable,
     TrackWriter,
+    track_bag,
+    track_lines,
+    track_listing,
+    track_table,
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tools.viewer.live_frames import make_server
-from tsepm_ros.tools.viewer.page_frames import RecordedScene, image_frame
-from tsepm_ros.tools.viewer.page_state import write_page
+from tsepm_ros.tools.viewer.page_content import RecordedScene, image_frame, make_server, write_page
 from tsepm_ros.whole_files import naming, opened_whole
 
 DRAWING = "tsepm_ros.tools.pictures.plan_position"
@@ -248,7 +250,7 @@ def _recorded(
         title=_title(options, session),
         session=session,
         results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
-        truth=truth_paths(recording.targets),
+        truth=recording.truth,
         notes=notes,
         scans=len(recording.scans),
         mounting_yaw=_mounting_yaw(session, node),
@@ -405,7 +407,7 @@ def _process(
             run.processed += 1
             for path, writer in writers.items():
                 with naming(path):
-                    writer.write(result.in_frame())
+                    writer(result.in_frame())
             if recorded is not None:
                 recorded.add(result, run.session.tracker)
             if with_scene:
@@ -427,18 +429,15 @@ def _geographic(
         If pyproj is not installed, or the origin is not allowed.
     """
     try:
-        from tsepm_ros.tools.bridge.geographic import GeographicReference
+        import pyproj  # noqa: F401 - of `GeographicReference`
     except ImportError:
         raise ValueError(
             "--as needs pyproj: pip install pyproj, or apt install python3-pyproj"
         ) from None
-    from tsepm_ros.tools.bridge.geojson import TrackLines
-    from tsepm_ros.tools.bridge.nmea import TargetSentences
-
     reference = GeographicReference.read(options.origin or "")
     if options.form == "nmea":
-        return TargetSentences(file, reference, run.notes)
-    return stack.enter_context(TrackLines(file, reference))
+        return tll_writer(file, reference, run.notes)
+    return stack.enter_context(track_lines(file, reference))
 
 
 def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
@@ -447,12 +446,12 @@ def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Pa
     if folder is None:
         if options.form:
             return {Path("standard output"): _geographic(options, run, sys.stdout, stack)}
-        table = sys.stdout.isatty() and TrackListing(sys.stdout, reason, north=run.north)
-        return {Path("standard output"): table or TrackTable(sys.stdout, reason)}
+        table = sys.stdout.isatty() and track_listing(sys.stdout, reason, north=run.north)
+        return {Path("standard output"): table or track_table(sys.stdout, reason)}
     tracks, current = folder / "tracks.csv", folder / "current.csv"
     writers: dict[Path, TrackWriter] = {
-        tracks: TrackTable(stack.enter_context(opened_whole(tracks)), reason),
-        current: TrackTable(stack.enter_context(opened_whole(current))),
+        tracks: track_table(stack.enter_context(opened_whole(tracks)), reason),
+        current: track_table(stack.enter_context(opened_whole(current))),
     }
     if options.form:
         path = folder / f"tracks.{options.form}"
@@ -460,7 +459,7 @@ def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Pa
         writers[path] = _geographic(options, run, file, stack)
     try:
         path = folder / "tracks.mcap"
-        writers[path] = stack.enter_context(TrackBag(path))
+        writers[path] = stack.enter_context(track_bag(path))
     except ImportError:
         print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
     return writers

@@ -48,7 +48,12 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> Path:
     title = f"{name}: targets found against false and misplaced tracks\n{caption}"
     figure.suptitle(title, fontsize=11)
     for axis, evaluation in zip(axes, evaluated, strict=True):  # after all other elements
-        label_points(axis, _point_labels(evaluation))
+        styles = _styles(evaluation)
+        labels = [
+            PointLabel(point.label, x, y, styles[point.method][0])
+            for point, x, y in zip(evaluation.points, *_coordinates(evaluation), strict=True)
+        ]
+        label_points(axis, labels)
     path = folder / f"{name}_operating_curve.png"
     with written_whole(path) as temporary:
         figure.savefig(temporary, dpi=DOTS_PER_INCH)
@@ -87,34 +92,14 @@ def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
             elinewidth=0.8,
             label=method,
         )
-    axis.set(xscale="log", xlim=(0.5 * x.min(), None), ylim=(None, 1.06))
     axis.set(
+        xscale="log",
+        xlim=(0.5 * x.min(), None),
+        ylim=(None, 1.06),
         xlabel="false and misplaced tracks per ping and km² (none in all runs: half a track)",
         ylabel="fraction of targets with a true track, P_D",
     )
     axis.legend(loc="lower right")
-    _add_hourly_axis(axis, evaluation)
-
-
-def _coordinates(evaluation: Evaluated) -> tuple[FloatArray, FloatArray]:
-    """Coordinates of the points: false starts per scan and km^2, and P_D."""
-    unit = evaluation.scans * evaluation.scenario.area / 1e6
-    min_false = MIN_FALSE_STARTS / evaluation.measures[0].runs / unit
-    false = np.array([measures.false_density.value for measures in evaluation.measures])
-    detection = np.array([measures.detection.value for measures in evaluation.measures])
-    return np.maximum(false, min_false), detection
-
-
-def _point_labels(evaluation: Evaluated) -> list[PointLabel]:
-    styles = _styles(evaluation)
-    return [
-        PointLabel(point.label, x, y, styles[point.method][0])
-        for point, x, y in zip(evaluation.points, *_coordinates(evaluation), strict=True)
-    ]
-
-
-def _add_hourly_axis(axis: Axes, evaluation: Evaluated) -> None:
-    """Second axis above: false starts per hour."""
     factor = evaluation.scenario.area / 1e6 * SECONDS_PER_HOUR / evaluation.scenario.period
     above = axis.secondary_xaxis(
         "top",
@@ -124,3 +109,12 @@ def _add_hourly_axis(axis: Axes, evaluation: Evaluated) -> None:
         ),
     )
     above.set_xlabel("false and misplaced tracks per hour")
+
+
+def _coordinates(evaluation: Evaluated) -> tuple[FloatArray, FloatArray]:
+    """Coordinates of the points: false starts per scan and km^2, and P_D."""
+    unit = evaluation.scans * evaluation.scenario.area / 1e6
+    min_false = MIN_FALSE_STARTS / evaluation.measures[0].runs / unit
+    false = np.array([measures.false_density.value for measures in evaluation.measures])
+    detection = np.array([measures.detection.value for measures in evaluation.measures])
+    return np.maximum(false, min_false), detection

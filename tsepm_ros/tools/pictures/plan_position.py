@@ -217,11 +217,9 @@ def _layout(targets: int, limits: FloatArray) -> tuple[Figure, Axes, list[Axes]]
 
 def style_plan(axes: Axes, limits: FloatArray) -> None:
     """Set background, scale, labels, grid and limits, (2, 2) m, of a plan's axes."""
-    axes.set_facecolor(BACKGROUND_COLOUR)
-    axes.set_aspect("equal", adjustable="box")
     axes.set(xlim=limits[0], ylim=limits[1], xlabel="east, m", ylabel="north, m")
+    axes.set(facecolor=BACKGROUND_COLOUR, aspect="equal", axisbelow=True)
     axes.grid(color="#e2e8f0", linewidth=0.6)
-    axes.set_axisbelow(True)
 
 
 def _enlarge(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +11,6 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult, vessel_pose
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
-from tsepm_ros.tools.replay.recording import RecordedMotion
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -204,14 +202,6 @@ def _tracks(number: int, kind: str = "") -> str:
 def target_name(index: int) -> str:
     """Name of a target in tables and pictures: A to Z, then by number. Tracks have numbers."""
     return chr(ord("A") + index) if index < 26 else f"T{index}"
-
-
-def truth_paths(targets: Mapping[int, Sequence[RecordedMotion]]) -> list[FloatArray]:
-    """Time (s), x and y (m) of recorded targets, (m, 3) each."""
-    return [
-        np.array([(motion.time, motion.state[0], motion.state[2]) for motion in path])
-        for path in targets.values()
-    ]
 
 
 ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)

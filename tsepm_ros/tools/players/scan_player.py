@@ -1,31 +1,53 @@
-"""The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording."""
+"""The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording.
+
+What it shares with the simulator: events at their times, and the topics of a driver and of truth.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import Any
 
 import numpy as np
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import MessageError, detections_cloud
-from tsepm_ros.nodes.base_node import OVERRIDABLE, ParameterError, refusing, run
-from tsepm_ros.settings.node_options import PlayerNodeOptions
-from tsepm_ros.settings.settings import help_text
-from tsepm_ros.tools.players.playback import (
-    LOG_PERIOD,
-    PUBLISHER_DEPTH,
-    DriverTopics,
-    Event,
-    Played,
-    PlayingNode,
-    check_start_offset,
+from msg_adapters import (
+    MessageError,
+    detections_cloud,
+    make_header,
+    ns_to_time,
+    odometry_message,
+    seconds_to_ns,
+    track_cloud,
+    truth_markers,
+    truth_tracks,
 )
+from tsepm_ros.nodes.base_node import (
+    OVERRIDABLE,
+    ParameterError,
+    ParameterisedNode,
+    refusing,
+    run,
+)
+from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
+from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
@@ -37,7 +59,232 @@ from tsepm_ros.tools.replay.bag import (
     find_topics,
     installed_class,
 )
-from tsepm_ros.tools.replay.recording import RecordedMotion, RecordedScan, read_recording, source_of
+from tsepm_ros.tools.replay.recording import RecordedScan, read_recording, source_of
+
+Event = tuple[float, Callable[[], None]]
+"""Time in the recording (s) and the function that publishes the message."""
+
+WAIT_PERIOD = 0.05
+"""Time between checks for subscribers, s."""
+LOG_PERIOD = 5.0
+"""Minimum time between log entries of the playback's progress, s."""
+PUBLISHER_DEPTH = 1000
+"""Queue depth of a publisher: messages kept until they are acknowledged."""
+EVENTS_PER_ACKNOWLEDGEMENT = 500
+"""Events after which all messages must be acknowledged. It is below the depth, so that no
+unacknowledged message is overwritten; an acknowledgement may take the heartbeat period of 3 s."""
+MAX_ACKNOWLEDGE_TIME = 10.0
+"""Maximum time for the acknowledgement, s; later a reliable subscriber is considered dead."""
+MAX_SINGLE_WAIT = 0.2
+"""Maximum time of a single wait for the acknowledgement, s."""
+
+
+class Played:
+    """Source of the events: a scenario, a recording or a bag.
+
+    Attributes
+    ----------
+    detections : Publisher
+        The playback waits for its subscribers.
+    publishers : list of Publisher
+        Publishers whose messages must be acknowledged, of depth PUBLISHER_DEPTH or more.
+    """
+
+    detections: Publisher
+    publishers: list[Publisher]
+
+    def events(self) -> Iterator[Event]:
+        """Iterate over the events in order of time, from the first; once per loop."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close what is open."""
+
+
+def check_start_offset(start_offset: float, duration: float, played: str) -> None:
+    """Refuse a start offset beyond the duration, both s.
+
+    Raises
+    ------
+    ParameterError
+        If the start offset is beyond the duration.
+    """
+    if start_offset > duration:
+        raise ParameterError(
+            f"start_offset: {start_offset:g} s is beyond the end of the {played} of {duration:g} s"
+        )
+
+
+class PlayingNode(ParameterisedNode):
+    """A node that publishes a sequence of events, paced by the wall clock.
+
+    It waits for reliable subscribers: no message is overwritten before it is acknowledged, and all
+    are acknowledged before the end. It waits for `settling_time` before the first event: discovery
+    has two sides, and a message that is published after the publisher has discovered a subscription
+    but before the opposite discovery is lost, even if reliable.
+
+    Parameters
+    ----------
+    name : str
+    make : callable
+        Makes what is played of the node and its options.
+
+    Attributes
+    ----------
+    finished : Future
+        Done when the last event has been published and acknowledged.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        make: Callable[[ParameterisedNode, Mapping[type, Any]], Played],
+        **node_options: Any,
+    ) -> None:
+        super().__init__(name, **node_options)
+        self.finished: Future = Future()
+        self._played = make(self, self.options)
+        self._pace: PlaybackOptions = self.options[PlaybackOptions]
+        self._clock_topic: Any = None
+        if self._pace.publish_clock:
+            self._clock_topic = self.create_publisher(
+                ClockMessage, "/clock", 10, qos_overriding_options=OVERRIDABLE
+            )
+        self._events = self._played.events()
+        self._next = next(self._events, None)
+        self._begin: float | None = None
+        self._published = 0
+        self._timer = self.steady_timer(WAIT_PERIOD, self._step)
+        if self._pace.wait_for_subscribers:
+            self.get_logger().info(
+                f"waiting for {self._pace.wait_for_subscribers} subscriber(s) of "
+                f"{self._played.detections.topic_name}"
+            )
+        self.refuse_unused_overrides()
+
+    def destroy_node(self) -> None:
+        """Destroy the node and close what it plays."""
+        super().destroy_node()
+        self._played.close()
+
+    def _step(self) -> None:
+        if self._begin is None:
+            awaited = self._pace.wait_for_subscribers
+            if self._played.detections.get_subscription_count() < awaited:
+                return
+            settling = self._pace.settling_time if awaited else 0.0
+            self._begin = time.monotonic() + settling - self._wall_time()
+        while self._next is not None:
+            wait = self._begin + self._wall_time() - time.monotonic()
+            if wait > 0:
+                self._schedule(wait)
+                return
+            self._publish()
+        self._end()
+
+    def _wall_time(self) -> float:
+        """Wall time at which the next event is due, s, from the origin of the events' times."""
+        return self._next[0] / self._pace.rate_factor if self._next is not None else 0.0
+
+    def _publish(self) -> None:
+        assert self._next is not None
+        stamp, publish = self._next
+        if self._clock_topic is not None:
+            self._clock_topic.publish(ClockMessage(clock=ns_to_time(seconds_to_ns(stamp))))
+        publish()
+        self._published += 1
+        if self._published % EVENTS_PER_ACKNOWLEDGEMENT == 0:
+            self._wait_for_acknowledgement()
+        self._next = next(self._events, None)
+
+    def _wait_for_acknowledgement(self) -> None:
+        for publisher in self._played.publishers:
+            until = time.monotonic() + MAX_ACKNOWLEDGE_TIME
+            while (
+                publisher.get_subscription_count()
+                and time.monotonic() < until
+                and self.context.ok()  # a signal does not interrupt the wait
+                and not publisher.wait_for_all_acked(Duration(seconds=MAX_SINGLE_WAIT))
+            ):
+                pass
+
+    def _schedule(self, wait: float) -> None:
+        self._timer.timer_period_ns = max(math.ceil(wait * 1e9), 1)
+        self._timer.reset()
+
+    def _end(self) -> None:
+        if self._pace.loop:
+            self._events = self._played.events()
+            self._next = next(self._events, None)
+            self._begin = time.monotonic() - self._wall_time()
+            self._schedule(WAIT_PERIOD)
+            return
+        self.destroy_timer(self._timer)
+        self._wait_for_acknowledgement()
+        self.get_logger().info("finished")
+        self.finished.set_result(None)
+
+
+class PlayedTopics(Played):
+    """A source that publishes detections, own ship and truth on topics of its own.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    detections_type : type
+        Message class of the detections.
+    fixed_frame, sensor_frame : str
+        Frame of own ship and truth; frame of the detections.
+    own_ship : bool, optional
+        Whether there is an own ship; without it there is no topic that a node might wait for.
+
+    Attributes
+    ----------
+    detections : Publisher
+    publishers : list of Publisher
+        Publishers whose messages must be acknowledged.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        detections_type: type,
+        fixed_frame: str,
+        sensor_frame: str,
+        own_ship: bool = True,
+    ) -> None:
+        self._frames = fixed_frame, sensor_frame
+        self._place, self._reach = np.zeros(2), 0.0  # of the own ship; largest range of a target
+        publisher = partial(node.create_publisher, qos_overriding_options=OVERRIDABLE)
+        self.detections = publisher(detections_type, "detections", PUBLISHER_DEPTH)
+        self._truth = publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
+        self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)
+        self.publishers = [self.detections, self._truth]
+        self._own_ship: Publisher = None
+        if own_ship:
+            self._own_ship = publisher(Odometry, "own_ship/odometry", PUBLISHER_DEPTH)
+            self.publishers.append(self._own_ship)
+
+    def sensor_header(self, stamp: float) -> Header:
+        """Header of detections with a stamp, s."""
+        return make_header(seconds_to_ns(stamp), self._frames[1])
+
+    def publish_own_ship(self, sample: PoseSample) -> None:
+        """Publish a pose of the own ship, in the fixed frame."""
+        self._place = np.array([sample.x, sample.y])
+        frame_id, child_frame_id = self._frames
+        named = replace(sample, frame_id=frame_id, child_frame_id=child_frame_id)
+        self._own_ship.publish(odometry_message(named))
+
+    def publish_truth(self, stamp: float, states: NDArray[np.float64]) -> None:
+        """Publish the targets' true states (k, 4) at a stamp, s."""
+        header = make_header(seconds_to_ns(stamp), self._frames[0])
+        truth = truth_tracks(stamp, states)
+        self._truth.publish(track_cloud(header, truth))
+        ranges = np.hypot(*(np.reshape(states, (-1, 4))[:, 0::2] - self._place).T)
+        self._reach = max(self._reach, float(ranges.max(initial=0.0)))
+        self._truth_markers.publish(truth_markers(header, truth, self._reach))
+
 
 LATCHED = "TRANSIENT_LOCAL"
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
@@ -80,13 +327,6 @@ class PlayedBag(Played):
             self._bag = Bag(source_of(options.recording)[0])
         for note in self._bag.notes:
             node.get_logger().warning(note)
-        try:
-            self._prepare(options)
-        except ParameterError:
-            self.close()
-            raise
-
-    def _prepare(self, options: PlayerNodeOptions) -> None:
         given = {
             DETECTIONS: options.detections_topic,
             OWN_SHIP: options.odometry_topic,
@@ -94,14 +334,17 @@ class PlayedBag(Played):
             TRUTH: options.ground_truth_topic,
             LAND: options.land_topic,
         }
-        with refusing("recording"):
-            topics = find_topics(self._bag.topics, given)
-        check_start_offset(options.start_offset, self._bag.duration, "bag")
+        with ExitStack() as refused:  # closes the bag
+            refused.callback(self.close)
+            with refusing("recording"):
+                topics = find_topics(self._bag.topics, given)
+            check_start_offset(options.start_offset, self._bag.duration, "bag")
+            self._publishers = {
+                topic: self._publisher(topic, role, LATCHED if role == LAND else "VOLATILE")
+                for role, topic in topics.items()
+            }
+            refused.pop_all()
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
-        self._publishers = {
-            topic: self._publisher(topic, role, LATCHED if role == LAND else "VOLATILE")
-            for role, topic in topics.items()
-        }
         self._latched = {TF_STATIC, topics.get(LAND, TF_STATIC)}
         self.detections = self._publishers[topics[DETECTIONS]]
         self._add_tf()
@@ -139,19 +382,15 @@ class PlayedBag(Played):
         )
 
     def _publisher(self, topic: str, name: str, durability: str = "VOLATILE") -> Publisher:
-        qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
-        return self._node.create_publisher(
-            self._class(topic), name, qos, qos_overriding_options=OVERRIDABLE
-        )
-
-    def _class(self, topic: str) -> type:
         type_name = self._bag.topics[topic]
         try:
-            return installed_class(type_name)
+            kind = installed_class(type_name)
         except (ImportError, AttributeError):
             raise ParameterError(
                 f"recording: {topic} is of type {type_name}, whose package is not installed"
             ) from None
+        qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
+        return self._node.create_publisher(kind, name, qos, qos_overriding_options=OVERRIDABLE)
 
     def _add_tf(self) -> None:
         for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, LATCHED)):
@@ -166,7 +405,7 @@ MAX_STAMP = 2.0**31 - 1
 """Maximum stamp of a ROS message, s."""
 
 
-class PlayedRecording(Played):
+class PlayedRecording(PlayedTopics):
     """Publishes the scans, the own ship and the truth of a recording.
 
     Parameters
@@ -203,49 +442,32 @@ class PlayedRecording(Played):
                 f"recording: with start_stamp its stamps go from {self._from + self._shift:g} to "
                 f"{last + self._shift:g} s; ROS takes 0 to {MAX_STAMP:g} s"
             )
-        self._topics = DriverTopics(
-            node,
-            PointCloud2,
-            options.fixed_frame,
-            options.sensor_frame,
-            own_ship=bool(self._recording.own_ship),
-        )
-        self.detections, self.publishers = self._topics.detections, self._topics.publishers
+        frames = options.fixed_frame, options.sensor_frame
+        super().__init__(node, PointCloud2, *frames, own_ship=bool(self._recording.own_ship))
 
     def events(self) -> Iterator[Event]:
         """Iterate over the events in order of time; at equal times own ship, truth, scan."""
+        poses, paths = self._recording.own_ship, self._recording.targets.values()
+        times = {time for path in paths for time in path[:, 0].tolist()}
         events: list[tuple[float, int, Any]] = [
-            (motion.time, 0, partial(self._publish_own_ship, motion))
-            for motion in self._recording.own_ship
+            *((pose.stamp, 0, partial(self._publish_pose, pose)) for pose in poses),
+            *((time, 1, partial(self._publish_states, time)) for time in times),
+            *((one.time, 2, partial(self._publish_scan, one)) for one in self._recording.scans),
         ]
-        times = sorted(
-            {motion.time for path in self._recording.targets.values() for motion in path}
-        )
-        events += [(time, 1, partial(self._publish_truth, time)) for time in times]
-        events += [
-            (scan.time, 2, partial(self._publish_scan, scan)) for scan in self._recording.scans
-        ]
-        for time, _, publish in sorted(events, key=lambda event: event[:2]):
-            if time >= self._from:
-                yield time + self._shift, publish
+        for due, _, publish in sorted(events, key=lambda event: event[:2]):
+            if due >= self._from:
+                yield due + self._shift, publish
 
-    def _publish_own_ship(self, motion: RecordedMotion) -> None:
-        x, vx, y, vy = motion.state.tolist()
-        self._topics.publish_own_ship(
-            motion.time + self._shift,
-            (x, y, motion.yaw),
-            (vx, vy, 0.0),
-            roll=motion.roll,
-            pitch=motion.pitch,
-        )
+    def _publish_pose(self, pose: PoseSample) -> None:
+        self.publish_own_ship(replace(pose, stamp=pose.stamp + self._shift))
 
-    def _publish_truth(self, time: float) -> None:
+    def _publish_states(self, time: float) -> None:
         paths = self._recording.targets.values()
-        states = [motion.state for path in paths for motion in path if motion.time == time]
-        self._topics.publish_truth(time + self._shift, np.array(states))
+        states = np.concatenate([path[path[:, 0] == time, 1:] for path in paths])
+        self.publish_truth(time + self._shift, states)
 
     def _publish_scan(self, scan: RecordedScan) -> None:
-        header = self._topics.sensor_header(scan.time + self._shift)
+        header = self.sensor_header(scan.time + self._shift)
         self.detections.publish(detections_cloud(header, bearing_reference=None, **scan.fields))
         self._node.get_logger().info(
             f"scan at {scan.time:.1f} s: {len(scan.fields['range'])} detections",

@@ -12,14 +12,15 @@ from std_msgs.msg import Header
 
 from msg_adapters import make_header, message_class, write_detections
 from tsepm_ros.nodes.base_node import refusing, run
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import SimulatorNodeOptions
 from tsepm_ros.settings.settings import help_text
-from tsepm_ros.tools.players.playback import DriverTopics, Event, Played, PlayingNode
+from tsepm_ros.tools.players.scan_player import Event, PlayedTopics, PlayingNode
 from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.tracker.scan import Scan
 
 
-class PlayedScenario(Played):
+class PlayedScenario(PlayedTopics):
     """Publishes the scans, the own ship and the truth of a scenario.
 
     Parameters
@@ -53,8 +54,7 @@ class PlayedScenario(Played):
             if options.start_stamp >= 0
             else 1e-9 * node.get_clock().now().nanoseconds
         )
-        self._topics = DriverTopics(node, kind, options.fixed_frame, options.sensor_frame)
-        self.detections, self.publishers = self._topics.detections, self._topics.publishers
+        super().__init__(node, kind, options.fixed_frame, options.sensor_frame)
 
     def events(self) -> Iterator[Event]:
         """Own-ship poses at their rate; each scan after its last echo."""
@@ -65,25 +65,25 @@ class PlayedScenario(Played):
         for index, scan in enumerate(simulator if number == 1 else simulator.parts(number)):
             while self._start + (samples - 1) * interval < scan.complete:
                 stamp = self._start + samples * interval
-                yield stamp, partial(self._publish_own_ship, stamp)
+                yield stamp, partial(self._publish_pose, stamp)
                 samples += 1
             # After the first pose beyond the last echo: the poses span the whole scan.
             due = max(scan.complete, self._start + (samples - 1) * interval)
             yield due, partial(self._publish_scan, scan, index + 1)
 
-    def _publish_own_ship(self, stamp: float) -> None:
+    def _publish_pose(self, stamp: float) -> None:
         time = stamp - self._start
         x, y, yaw = self._scenario.own_ship.pose(time)
         wrapped = float(np.remainder(yaw + np.pi, 2 * np.pi) - np.pi)
-        rates = self._scenario.own_ship.rates(time).tolist()
-        self._topics.publish_own_ship(stamp, (float(x), float(y), wrapped), rates)
+        rates = tuple(self._scenario.own_ship.rates(time).tolist())
+        self.publish_own_ship(PoseSample(stamp, float(x), float(y), wrapped, rates=rates))
 
     def _publish_scan(self, simulated: SimulatedScan, index: int) -> None:
         scan, messages = simulated.scan, self._options.messages_per_scan
         number, rest = divmod(index - 1, messages)
         if rest == 0:
-            self._topics.publish_truth(scan.stamp, simulated.truth)
-        self.detections.publish(self._message(self._topics.sensor_header(scan.stamp), scan))
+            self.publish_truth(scan.stamp, simulated.truth)
+        self.detections.publish(self._message(self.sensor_header(scan.stamp), scan))
         if rest == 0:
             content = f"{messages} messages" if messages > 1 else f"{len(scan)} detections"
             self._node.get_logger().info(f"scan {number + 1} of {self._scenario.scans}: {content}")

@@ -36,7 +36,7 @@ class BagMessage:
 
     Attributes
     ----------
-    topic, type_name : str
+    topic : str
     log_ns : int
         Time of reception, ns.
     data : bytes
@@ -44,7 +44,6 @@ class BagMessage:
     """
 
     topic: str
-    type_name: str
     log_ns: int
     data: bytes
 
@@ -80,7 +79,10 @@ class Bag:
         self._path = Path(path)
         self._open = ExitStack()
         with self._reading():
-            self._storage = _storage(self._path, self._open)
+            try:
+                self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
+            except (ImportError, MessageError):  # rosbags reads more
+                self._storage = _RosbagsStorage(self._path, self._open)
         self.topics = {name: kind for name, (kind, _) in self._storage.topics.items()}
         self.start_ns, self.end_ns = self._storage.span_ns
         self._assumed = set(self._storage.undefined & set(LAYOUTS))
@@ -131,8 +133,7 @@ class Bag:
         if not known:  # the libraries would return all topics
             return
         with self._reading():
-            for topic, log_ns, data in self._storage.messages(known, start_ns):
-                yield BagMessage(topic, self.topics[topic], log_ns, data)
+            yield from self._storage.messages(known, start_ns)
 
     def read(self, message: BagMessage) -> Any:
         """Return the content of a message, with the fields of its type as attributes.
@@ -144,7 +145,7 @@ class Bag:
         ValueError
             If the bag has no definition of its type, and no known layout fits.
         """
-        name = message.type_name
+        name = self.topics[message.topic]
         try:
             content = self._storage.deserialize(message.data, name)
         except Exception as error:  # the parsers raise errors of many kinds
@@ -175,13 +176,6 @@ class Bag:
             ) from error
 
 
-def _storage(path: Path, stack: ExitStack) -> _RosbagsStorage | _Rosbag2Storage:
-    """Open a bag by rosbag2_py if it is there and all types are installed, else by rosbags."""
-    with suppress(ImportError, MessageError):  # rosbags reads more
-        return _Rosbag2Storage(path)
-    return _RosbagsStorage(path, stack)
-
-
 class _Rosbag2Storage:
     """A bag read by ROS itself; its messages are those of the installed packages."""
 
@@ -204,7 +198,7 @@ class _Rosbag2Storage:
         start_ns = information.starting_time.nanoseconds if information.message_count else 0
         self.span_ns: tuple[int, int] = start_ns, start_ns + information.duration.nanoseconds
 
-    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[tuple[str, int, bytes]]:
+    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
         kind = "SequentialCompressionReader" if self._compressed else "SequentialReader"
         reader = getattr(self._library, kind)()
         reader.open(self._options, self._library.ConverterOptions("", ""))
@@ -213,7 +207,7 @@ class _Rosbag2Storage:
             reader.seek(start_ns)
         while reader.has_next():
             topic, data, log_ns = reader.read_next()
-            yield topic, log_ns, bytes(data)
+            yield BagMessage(topic, log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
         return self._deserialize(data, installed_class(type_name))
@@ -235,7 +229,7 @@ class _RosbagsStorage:
             link = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind_of(path)}")
             link.symlink_to(path.resolve())
             path = link
-        store, standard = _types()
+        store, standard = message_types()
         reader = AnyReader([path], default_typestore=store)
         reader.open()
         stack.callback(reader.close)
@@ -253,16 +247,16 @@ class _RosbagsStorage:
         if reader.message_count:
             self.span_ns = (reader.start_time, reader.end_time - 1)
 
-    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[tuple[str, int, bytes]]:
+    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
         connections = [c for c in self._reader.connections if c.topic in topics]
         for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
-            yield connection.topic, log_ns, bytes(data)
+            yield BagMessage(connection.topic, log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
         return self._reader.deserialize(data, type_name)
 
 
-def _types() -> tuple[Any, set[str]]:
+def message_types() -> tuple[Any, set[str]]:
     """Message types of rosbags: those of ROS and `LAYOUTS`, and the names of those of ROS."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -291,10 +285,9 @@ class BagWriter:
         if path.exists():
             raise ValueError(f"{path} exists; give a new folder for the bag")
         self._topics: dict[str, Any] = {}
-        try:
-            self._ros: Any = import_module("rosbag2_py")
-        except ImportError:
-            self._ros = None
+        self._ros: Any = None
+        with suppress(ImportError):
+            self._ros = import_module("rosbag2_py")
         try:
             self._writer = self._opened(path)
         except ImportError:
@@ -313,7 +306,7 @@ class BagWriter:
             )
             self._topics[topic] = topic
             return
-        store, _ = _types()
+        store, _ = message_types()
         if kind not in store.fielddefs:
             raise ValueError(f"rosbags has no definition of {kind}; ros2 bag record writes it")
         self._topics[topic] = self._writer.add_connection(topic, kind, typestore=store)

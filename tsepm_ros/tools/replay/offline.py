@@ -16,16 +16,14 @@ from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD, PoseSample, known_rates
+from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.registration import SensorScan, stated_axes, usable_echoes
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
-from tsepm_ros.tools.replay.recording import RecordedMotion, Recording
+from tsepm_ros.tools.replay.recording import Recording
 
 FRAME = "recording"
-UNKNOWN_YAW_VARIANCE = 1e6
-"""Variance of an unrecorded heading, rad^2."""
 
 
 def process_recording(
@@ -58,7 +56,7 @@ def recording_results(
     recording: Recording, session: Session, bearing_reference: str, sound_speed: float = 0.0
 ) -> Iterator[ScanResult]:
     """Process the scans of a recording one by one, see `process_recording`."""
-    motions = deque(recording.own_ship)
+    poses = deque(recording.own_ship)
     options = ReadingOptions(bearing_reference, sound_speed)
     for recorded in recording.scans:
         ping = detections_of_fields(seconds_to_ns(recorded.time), FRAME, recorded.fields, options)
@@ -66,9 +64,9 @@ def recording_results(
         # The extra period ensures that the thinned-out samples reach the last echo.
         until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
         last = session.own_ship.poses.last_stamp
-        while motions and (last is None or last < until):
-            last = motions[0].time
-            session.add_own_ship(_pose(motions.popleft(), session.fixed_frame or FRAME))
+        while poses and (last is None or last < until):
+            last = poses[0].stamp
+            session.add_own_ship(replace(poses.popleft(), frame_id=session.fixed_frame or FRAME))
         session.dropped.update(ping.dropped)
         session.add_scan(ping.sensor_scan, now=-math.inf)  # no clock is recorded
         yield from session.process()
@@ -164,14 +162,3 @@ def _longest_echo(sensor_scan: SensorScan) -> float:
     if time_offset is None:
         return 0.0
     return 2.0 * float(time_offset[usable_echoes(sensor_scan)].max(initial=0.0))
-
-
-def _pose(motion: RecordedMotion, frame_id: str) -> PoseSample:
-    x, vx, y, vy = motion.state.tolist()
-    yaw, covariance = motion.yaw, None
-    if yaw is None:
-        yaw, covariance = 0.0, np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
-    rates = known_rates(vx, vy, 0.0)
-    return PoseSample(
-        motion.time, x, y, yaw, covariance, rates, motion.roll, motion.pitch, frame_id
-    )

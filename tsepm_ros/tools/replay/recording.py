@@ -1,4 +1,4 @@
-"""Recordings: CSV files, simulated scenarios as recordings, and what a path names.
+"""Recordings: CSV files, simulated scenarios, folders of sonar images, and what a path names.
 
 A recording is a CSV file, by default ``detections.csv``, and two optional files beside it:
 
@@ -17,22 +17,40 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 
 The rows of a file, or of a target, are in the order of time.
+
+A folder of sonar images, whose detections become a recording:
+
+- ``geometry.yaml``: ``range: [first, last]`` (m, centres of the cells) and ``azimuth: [first,
+  last]`` (rad, counter-clockwise from the sensor's x axis), or lists of all; optionally ``rows:
+  ranges`` where the rows of an image are ranges (default bearings), and options of the detector;
+- ``times.csv``: ``time_s`` of each image, and ``file``, its name (.png, .pgm, .npy), or else all
+  images are one array (images, rows, columns) in ``images.npy`` or ``images.npz``;
+- optionally ``own_ship.csv`` and ``target.csv`` of a recording.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
+from tsepm_ros.detector.detector import Detector, make_detector
+from tsepm_ros.detector.image import ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
 from tsepm_ros.parameters import shown
 from tsepm_ros.tools.simulation.simulator import Simulator
+from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.whole_files import opened_whole
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
@@ -175,29 +193,6 @@ class RecordedScan:
 
 
 @dataclass(frozen=True)
-class RecordedMotion:
-    """Recorded position, velocity and attitude at one time.
-
-    Attributes
-    ----------
-    time : float
-        s.
-    state : (4,) ndarray
-        ``[x, vx, y, vy]``, x east and y north, m and m/s.
-    yaw : float or None
-        Heading, rad, counter-clockwise from east; None if not recorded.
-    roll, pitch : float
-        Attitude, rad, as in `tsepm_ros.own_ship.registration`; 0 if not recorded.
-    """
-
-    time: float
-    state: FloatArray
-    yaw: float | None = None
-    roll: float = 0.0
-    pitch: float = 0.0
-
-
-@dataclass(frozen=True)
 class Recording:
     """A recording.
 
@@ -205,27 +200,32 @@ class Recording:
     ----------
     scans : list of RecordedScan
         In order of time.
-    own_ship : list of RecordedMotion
-        In order of time; empty if not recorded.
-    targets : dict of int to list of RecordedMotion
-        The truth, by target; empty if not recorded.
+    own_ship : list of PoseSample
+        In order of time; empty if not recorded. A heading that is not recorded has the variance
+        `UNKNOWN_YAW_VARIANCE`.
+    targets : dict of int to (n, 5) ndarray
+        The truth, by target: time (s) and state ``[x, vx, y, vy]``, x east and y north, m and m/s;
+        empty if not recorded.
     notes : list of str
         Sentences about files and times that were taken in one of several possible ways.
     """
 
     scans: list[RecordedScan]
-    own_ship: list[RecordedMotion] = field(default_factory=list)
-    targets: dict[int, list[RecordedMotion]] = field(default_factory=dict)
+    own_ship: list[PoseSample] = field(default_factory=list)
+    targets: dict[int, FloatArray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     @property
     def span(self) -> tuple[float, float]:
         """First and last recorded time, s."""
-        times = [scan.time for scan in self.scans]
-        times += [
-            motion.time for path in (self.own_ship, *self.targets.values()) for motion in path
-        ]
+        times = [one.time for one in self.scans] + [one.stamp for one in self.own_ship]
+        times += [time for path in self.targets.values() for time in path[:, 0].tolist()]
         return (min(times), max(times)) if times else (0.0, 0.0)
+
+    @property
+    def truth(self) -> list[FloatArray]:
+        """Time (s), x and y (m) of each target, (n, 3)."""
+        return [path[:, [0, 1, 3]] for path in self.targets.values()]
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -244,19 +244,19 @@ def read_recording(path: Path | str) -> Recording:
     file, is_bag = source_of(path)
     if is_bag:
         raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
-    own_ship = _motion_table(file.parent / "own_ship.csv")
-    targets = _motion_table(file.parent / "target.csv")
+    own_ship = _table(file.parent / "own_ship.csv", MOTION, FINITE_MOTION)
+    targets = _table(file.parent / "target.csv", MOTION, FINITE_MOTION)
     # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
     detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"))
     notes: list[str] = []
-    if file.name != DETECTIONS_FILE and own_ship is not None:
+    if file.name != DETECTIONS_FILE and own_ship:
         notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
     if not len(detections["time_s"]):
         notes.append(f"{file.name} has no detections")
     return Recording(
         scans=_scans(file.name, detections, own_ship, notes),
-        own_ship=_motions(own_ship),
-        targets=_targets(targets),
+        own_ship=_poses(own_ship) if own_ship else [],
+        targets=_targets(targets) if targets else {},
         notes=notes,
     )
 
@@ -270,6 +270,9 @@ FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "sc
 
 
 def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
+    """Columns of a file by name; none if there is no such file."""
+    if not path.exists():
+        return {}
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
@@ -332,13 +335,7 @@ def _changes(number: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]])[: len(number)])
 
 
-def _motion_table(path: Path) -> Table | None:
-    return _table(path, MOTION, FINITE_MOTION) if path.exists() else None
-
-
-def _scans(
-    file: str, detections: Table, own_ship: Table | None, notes: list[str]
-) -> list[RecordedScan]:
+def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> list[RecordedScan]:
     if ("azimuth_rad" in detections) == ("bearing_rad" in detections):
         raise ValueError(f"{file} must have one of the columns azimuth_rad and bearing_rad")
     columns = {
@@ -367,7 +364,7 @@ def _scans(
         RecordedScan(float(start), {field: column[rows] for field, column in columns.items()})
         for start, rows in zip(starts, pings, strict=True)
     ]
-    if own_ship is not None and "scan" in own_ship and "scan" in detections:
+    if "scan" in own_ship and "scan" in detections:
         no_detections = {field: np.zeros(0) for field in columns}
         scans += [
             RecordedScan(start, no_detections) for start in _empty_scans(own_ship, numbers, starts)
@@ -452,32 +449,34 @@ def _empty_scans(own_ship: Table, numbers: list[float], starts: FloatArray) -> l
     return [time for place, time in enumerate(times) if place not in found]
 
 
-def _motions(table: Table | None) -> list[RecordedMotion]:
-    if table is None:
-        return []
+def _columns(table: Table, names: tuple[str, ...]) -> FloatArray:
+    """Columns of a table, (n, k), 0 where it has none, in the order of time."""
     zero = np.zeros_like(table["time_s"])
-    names = ("east_m", "east_mps", "north_m", "north_mps")
-    states = np.stack([table.get(name, zero) for name in names], axis=1)
-    headings = table.get("heading_rad")
-    yaws = [None] * len(zero) if headings is None else (math.pi / 2 - headings).tolist()
-    attitudes = (table.get(name, zero).tolist() for name in ATTITUDE)
-    motions = [
-        RecordedMotion(*row)
-        for row in zip(table["time_s"].tolist(), states, yaws, *attitudes, strict=True)
+    columns = np.stack([table.get(name, zero) for name in names], axis=1)
+    return columns[np.argsort(table["time_s"], kind="stable")]
+
+
+def _poses(table: Table) -> list[PoseSample]:
+    known = "heading_rad" in table
+    covariance = None if known else np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
+    rows = _columns(table, (*MOTION, "heading_rad", "east_mps", "north_mps", *ATTITUDE)).tolist()
+    return [
+        PoseSample(
+            *(time, x, y, math.pi / 2 - heading if known else 0.0, covariance),
+            *(known_rates(vx, vy, 0.0), roll, pitch),
+        )
+        for time, x, y, heading, vx, vy, roll, pitch in rows
     ]
-    return sorted(motions, key=lambda motion: motion.time)
 
 
-def _targets(table: Table | None) -> dict[int, list[RecordedMotion]]:
-    if table is None:
-        return {}
-    target = table.get("target", np.zeros_like(table["time_s"]))
-    return {
-        int(value): _motions({name: column[target == value] for name, column in table.items()})
-        for value in np.unique(target)
-    }
+def _targets(table: Table) -> dict[int, FloatArray]:
+    names = ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps")
+    rows = _columns(table, names)
+    return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
+UNKNOWN_YAW_VARIANCE = 1e6
+"""Variance of a heading that is not recorded, rad^2."""
 OWN_SHIP_PERIOD = 1.0
 """Time between own-ship poses, s, as in the node `sonar_simulator`."""
 
@@ -499,26 +498,122 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
     """
     scans: list[RecordedScan] = []
     origins: list[NDArray[np.int64]] = []
-    targets: dict[int, list[RecordedMotion]] = {n: [] for n in range(len(simulator.targets))}
-    last = simulator.start
+    truth: list[list[tuple[float, ...]]] = []
+    start = last = simulator.start
     for simulated in simulator:
         scan = simulated.scan
         fields = {"range": scan.range, "azimuth": scan.azimuth}
         if scan.time_offset is not None:
             fields["time_offset"] = scan.time_offset
         scans.append(RecordedScan(scan.stamp, fields))
-        for target, state in enumerate(simulated.truth):
-            targets[target].append(RecordedMotion(scan.stamp, state))
+        truth.append([(scan.stamp, *state) for state in simulated.truth])
         origins.append(simulated.origin)
         last = simulated.complete
-    return Recording(scans, _own_ship(simulator, last), targets), origins
-
-
-def _own_ship(simulator: Simulator, last: float) -> list[RecordedMotion]:
-    motions = []
-    for index in range(math.ceil((last - simulator.start) / OWN_SHIP_PERIOD) + 1):
+    paths = np.reshape(truth, (len(truth), len(simulator.targets), 5))
+    own_ship = []
+    for index in range(math.ceil((last - start) / OWN_SHIP_PERIOD) + 1):
         time = index * OWN_SHIP_PERIOD
         x, y, yaw = simulator.scenario.own_ship.pose(time).tolist()
-        state = np.array([x, 0.0, y, 0.0])
-        motions.append(RecordedMotion(simulator.start + time, state, yaw))
-    return motions
+        rates = known_rates(0.0, 0.0, 0.0)
+        own_ship.append(PoseSample(start + time, x, y, yaw, rates=rates))
+    targets = {target: paths[:, target] for target in range(len(simulator.targets))}
+    return Recording(scans, own_ship, targets), origins
+
+
+GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
+IMAGE_COLUMNS = (
+    "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
+    "azimuth_width_rad"
+)
+
+
+def read_images(folder: Path, **options: float) -> tuple[Detector, list[float], Iterator[Any]]:
+    """The detector of a folder, the times of its images, s, and the images one by one.
+
+    Parameters
+    ----------
+    folder : Path
+    **options
+        Of the detector, in place of those in the folder.
+
+    Raises
+    ------
+    ValueError
+        If a file is missing or malformed; the message names it.
+    """
+    try:
+        geometry = dict(yaml.safe_load((folder / GEOMETRY).read_text(encoding="utf-8")))
+        axes = [np.array(geometry.pop(name), float) for name in ("range", "azimuth")]
+        transposed = geometry.pop("rows", "bearings") == "ranges"
+        with (folder / TIMES).open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+        times = [float(row["time_s"]) for row in rows]
+    except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error!r}") from None
+    arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
+    files = [folder / (row.get("file") or "") for row in rows]
+    stored = _image_array(arrays[0]) if arrays else files
+    if len(stored) != len(times):
+        raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
+
+    def images() -> Iterator[SonarImage]:
+        for time, one in zip(times, stored, strict=True):
+            image = _image_array(one) if isinstance(one, Path) else one
+            image = image.T if transposed else image
+            distance, azimuth = (
+                np.linspace(axis[0], axis[-1], cells) if len(axis) == 2 else axis
+                for axis, cells in zip(axes, image.T.shape, strict=False)
+            )
+            yield SonarImage(time, distance, azimuth, image)
+
+    return make_detector(**{**geometry, **options}), times, images()
+
+
+def write_detections(
+    folder: Path, path: Path, **options: float
+) -> Iterator[tuple[Detector, SonarImage, Scan]]:
+    """Write the detections of a folder's images as a recording, and give them one by one."""
+    detector, times, images = read_images(folder, **options)
+    with opened_whole(path) as file:
+        file.write(IMAGE_COLUMNS + "\n")
+        for number, image in enumerate(with_progress(images, len(times), "detection", "image")):
+            scan = detector.process(image)
+            columns = [scan.range, scan.azimuth, scan.range_std, scan.azimuth_std]
+            columns += [
+                scan.features[name] for name in ("intensity", "range_width", "azimuth_width")
+            ]
+            for row in zip(*columns, strict=True):
+                file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
+            yield detector, image, scan
+
+
+def detected(folder: Path, into: Path) -> tuple[Path, dict[str, float]]:
+    """Write the detections of a folder of images into a recording, with its own ship and truth.
+
+    Returns
+    -------
+    path : Path
+        Of the detections, in the folder `into`.
+    coverage : dict of str to float
+        Coverage of the images, by its parameters.
+    """
+    coverage: dict[str, float] = {}
+    for path in folder.glob("*.csv"):
+        shutil.copy(path, into)
+    for _, image, _ in write_detections(folder, into / DETECTIONS_FILE):
+        coverage = ImageCoverage(image.range, image.azimuth).values
+    values = {f"sensor.{name}": value for name, value in coverage.items()}
+    return into / DETECTIONS_FILE, values
+
+
+def _image_array(path: Path) -> Any:
+    """The array of a file; matplotlib reads pictures."""
+    try:
+        if path.suffix in (".npy", ".npz"):
+            stored = np.load(path)
+            return stored[stored.files[0]] if path.suffix == ".npz" else stored
+        from matplotlib.image import imread
+
+        return imread(path)
+    except (ImportError, OSError, ValueError, SyntaxError) as error:
+        raise ValueError(f"{path} cannot be read as images: {error}") from None

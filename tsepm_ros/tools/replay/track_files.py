@@ -1,13 +1,16 @@
-"""Tracks as CSV, as a bag of the messages that the node publishes, and as a terminal's table."""
+"""Tracks as CSV, GeoJSON, a bag of the messages that the node publishes, or a terminal's table."""
 
 from __future__ import annotations
 
 import csv
+import json
 import math
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -16,7 +19,8 @@ from msg_adapters.stamps import NANOSECONDS_PER_SECOND, check_seconds
 from msg_adapters.track_messages import COVARIANCE_FIELDS, STATE_FIELDS, track_points
 from tsepm_ros.own_ship.registration import east_north_up
 from tsepm_ros.session.session import ScanResult
-from tsepm_ros.tools.replay.bag import POINTS, mcap_writer
+from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.replay.bag import POINTS, mcap_writer, message_types
 from tsepm_ros.tools.terminal import write_line
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 from tsepm_ros.whole_files import move_whole, naming, remove, temporary_beside
@@ -30,15 +34,12 @@ COLUMNS = (
 )
 
 
-class TrackWriter(Protocol):
-    """Writes the tracks of a run, scan by scan."""
-
-    def write(self, result: ScanResult) -> None:
-        """Write the tracks of one scan."""
+TrackWriter = Callable[[ScanResult], None]
+"""Writes the tracks of a run, scan by scan."""
 
 
-class TrackTable:
-    """Writes tracks as CSV: a row per confirmed track with its reason, or the held tracks.
+def track_table(file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None) -> TrackWriter:
+    """A writer of CSV: a row per confirmed track with its reason, or the held tracks.
 
     A correction is a row of its own, with the same id and the next revision.
 
@@ -49,20 +50,18 @@ class TrackTable:
         Returns the reason of a track's confirmation. Without it the tracks that are held at each
         scan are written, a row per scan and track.
     """
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow([*COLUMNS, *(["reason"] if reason else [])])
 
-    def __init__(self, file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None) -> None:
-        self._writer = csv.writer(file, lineterminator="\n")
-        self._reason = reason
-        self._writer.writerow([*COLUMNS, *(["reason"] if reason else [])])
-
-    def write(self, result: ScanResult) -> None:
-        """Write the tracks that one scan confirmed or corrected, or those held after it."""
-        if self._reason is None:
-            self._writer.writerows(map(_row, result.current))
+    def write(result: ScanResult) -> None:
+        if reason is None:
+            writer.writerows(map(_row, result.current))
             return
         for track in result.starts:
             corrected = "corrected: " if track.revision else ""
-            self._writer.writerow([*_row(track), corrected + self._reason(track)])
+            writer.writerow([*_row(track), corrected + reason(track)])
+
+    return write
 
 
 def _row(track: ConfirmedTrack) -> list[object]:
@@ -83,11 +82,12 @@ def _row(track: ConfirmedTrack) -> list[object]:
     ]
 
 
-class TrackBag:
-    """Writes the messages of `tracks`, `tracks/current` and `fixed_echoes` as an MCAP file.
+@contextmanager
+def track_bag(path: Path) -> Iterator[TrackWriter]:
+    """A writer of the messages of `tracks`, `tracks/current` and `fixed_echoes` as an MCAP file.
 
-    The log time of a message is its scan's stamp. The file appears at the end of the `with` block,
-    if the block ends without an error.
+    The log time of a message is its scan's stamp, which must fit a ROS message, else it is a
+    ValueError. The file appears at the end of the `with` block, if that ends without an error.
 
     Parameters
     ----------
@@ -99,89 +99,57 @@ class TrackBag:
     ImportError
         If the library rosbags is not installed.
     """
-
-    def __init__(self, path: Path) -> None:
-        from rosbags.typesys import Stores, get_typestore
-
-        self._path = path
-        self._store = get_typestore(Stores.ROS2_JAZZY)
-        self._temporary = temporary_beside(path)
-        self._bag = self._temporary / path.stem  # the file names itself in its metadata
-        self._writer = mcap_writer(self._bag)
-        try:
-            self._temporary.mkdir()
-            self._writer.open()
-            self._new, self._current, self._fixed = (
-                self._writer.add_connection(topic, POINTS, typestore=self._store)
+    temporary = temporary_beside(path)
+    bag = temporary / path.stem  # the file names itself in its metadata
+    store, _ = message_types()
+    try:
+        with naming(path), mcap_writer(bag) as writer:
+            topics = [
+                writer.add_connection(topic, POINTS, typestore=store)
                 for topic in ("/tracks", "/tracks/current", "/fixed_echoes")
-            )
-        except BaseException:
-            self._abort()
-            raise
+            ]
 
-    def __enter__(self) -> TrackBag:
-        """Return the bag itself."""
-        return self
+            def write(result: ScanResult) -> None:
+                contents = (result.starts, result.current, result.fixed_echoes)
+                for topic, tracks in zip(topics, contents, strict=True):
+                    message = _cloud(store.types, result.stamp_ns, result.frame_id, tracks)
+                    data = store.serialize_cdr(message, POINTS)
+                    writer.write(topic, max(result.stamp_ns, 0), data)
 
-    def __exit__(self, kind: object, *_: object) -> None:
-        """Close the file and move it to its path."""
-        try:
-            if kind is None:
-                with naming(self._path):
-                    self._writer.close()
-                move_whole(self._bag / f"{self._path.stem}.mcap", self._path)
-        finally:
-            self._abort()
-
-    def _abort(self) -> None:
-        """Close the bag, if it is open, and remove the temporary folder."""
-        with suppress(Exception):  # whatever the failed writer raises
-            self._writer.abort()
-        remove(self._temporary)
-
-    def write(self, result: ScanResult) -> None:
-        """Write the messages of one scan.
-
-        Raises
-        ------
-        ValueError
-            If the stamp does not fit a ROS message.
-        """
-        log_ns = max(result.stamp_ns, 0)
-        for topic, tracks in (
-            (self._new, result.starts),
-            (self._current, result.current),
-            (self._fixed, result.fixed_echoes),
-        ):
-            message = self._cloud(result.stamp_ns, result.frame_id, tracks)  # checks the stamp
-            self._writer.write(topic, log_ns, self._store.serialize_cdr(message, POINTS))
-
-    def _cloud(self, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
-        types = self._store.types
-        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
-        check_seconds(seconds)
-        stamp = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
-        points, is_dense = track_points(tracks)
-        point_field = types["sensor_msgs/msg/PointField"]
-        return types[POINTS](
-            header=types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id),
-            height=1,
-            width=len(points),
-            fields=[point_field(**values) for values in point_fields(points.dtype)],
-            is_bigendian=False,
-            point_step=points.dtype.itemsize,
-            row_step=points.nbytes,
-            data=points.view(np.uint8),
-            is_dense=is_dense,
-        )
+            yield write
+        move_whole(bag / f"{path.stem}.mcap", path)
+    finally:
+        remove(temporary)
 
 
-_WIDTHS = {"time [s]": 14, "id": 6, "x [m]": 11, "y [m]": 11, "speed [m/s]": 11}
-"""Columns and their widths; the direction and the reason follow."""
+def _cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
+    """The message of tracks, of the classes of rosbags."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
+    check_seconds(seconds)
+    stamp = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
+    points, is_dense = track_points(tracks)
+    point_field = types["sensor_msgs/msg/PointField"]
+    return types[POINTS](
+        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id),
+        height=1,
+        width=len(points),
+        fields=[point_field(**values) for values in point_fields(points.dtype)],
+        is_bigendian=False,
+        point_step=points.dtype.itemsize,
+        row_step=points.nbytes,
+        data=points.view(np.uint8),
+        is_dense=is_dense,
+    )
 
 
-class TrackListing:
-    """Writes confirmed tracks as aligned lines, at once.
+_LINE = "{:>14}  {:>6}  {:>11}  {:>11}  {:>11}  {:>15}  {}"
+"""Time, id, position, speed, direction and reason of a track."""
+
+
+def track_listing(
+    file: TextIO, reason: Callable[[ConfirmedTrack], str], *, north: bool
+) -> TrackWriter:
+    """A writer of confirmed tracks as aligned lines, at once.
 
     The course is clockwise from north. Where north is not known, the direction is counter-clockwise
     from the x axis of the tracks' frame.
@@ -194,30 +162,88 @@ class TrackListing:
     north : bool
         Whether the axes of the tracks are known from north.
     """
+    direction = "course [deg]" if north else "direction [deg]"
+    names = ("time [s]", "id", "x [m]", "y [m]", "speed [m/s]", direction, "reason")
+    write_line(_LINE.format(*names), file)
 
-    def __init__(
-        self, file: TextIO, reason: Callable[[ConfirmedTrack], str], *, north: bool
-    ) -> None:
-        self._file = file
-        self._reason = reason
-        self._north = north
-        self._widths = {**_WIDTHS, "course [deg]" if north else "direction [deg]": 15}
-        heading = "  ".join(name.rjust(width) for name, width in self._widths.items())
-        write_line(f"{heading}  reason", file)
-
-    def write(self, result: ScanResult) -> None:
-        """Write a line for each track that was confirmed by one scan."""
+    def write(result: ScanResult) -> None:
         for track in result.new:
             x, vx, y, vy = track.state.tolist()
-            east, north = (east_north_up(result.frame_id)[:2, :2] @ (vx, vy)).tolist()
-            angle = math.atan2(east, north) if self._north else math.atan2(vy, vx)
+            to_east, to_north = (east_north_up(result.frame_id)[:2, :2] @ (vx, vy)).tolist()
+            angle = math.atan2(to_east, to_north) if north else math.atan2(vy, vx)
             values = (
                 f"{track.stamp:.3f}",
-                str(track.track_id),
+                track.track_id,
                 f"{x:.1f}",
                 f"{y:.1f}",
                 f"{math.hypot(vx, vy):.2f}",
                 f"{math.degrees(angle) % 360.0:.0f}",
+                reason(track),
             )
-            cells = (v.rjust(width) for v, width in zip(values, self._widths.values(), strict=True))
-            write_line(f"{'  '.join(cells)}  {self._reason(track)}", self._file)
+            write_line(_LINE.format(*values), file)
+
+    return write
+
+
+DIGITS = 7
+"""Decimals of a degree: 1 cm."""
+
+
+@contextmanager
+def track_lines(file: TextIO, reference: GeographicReference) -> Iterator[TrackWriter]:
+    """A writer of held tracks as GeoJSON (RFC 7946), a line each, at the end of the `with` block.
+
+    Parameters
+    ----------
+    file : text file
+        Nothing is written if the block has failed.
+    reference : GeographicReference
+        In east and north, as the results are.
+    """
+    tracks: dict[int, tuple[list[list[float]], dict[str, Any]]] = {}  # places and properties
+
+    def write(result: ScanResult) -> None:
+        places = reference.geographic(result.current.state[:, 0::2])
+        time = datetime.fromtimestamp(result.stamp_ns * 1e-9, UTC).isoformat()
+        for track, (latitude, longitude) in zip(result.current, places.tolist(), strict=True):
+            identity: dict[str, Any] = {"track_id": track.track_id, "times": []}
+            line, properties = tracks.setdefault(track.track_id, ([], identity))
+            line.append([round(longitude, DIGITS), round(latitude, DIGITS)])
+            properties["times"].append(time)
+            vx, vy = track.velocity.tolist()
+            existence = track.existence_probability
+            properties |= {
+                "speed": round(math.hypot(vx, vy), 3),
+                "course": round(math.degrees(math.atan2(vx, vy)) % 360.0, 1),
+                "existence_probability": None if math.isnan(existence) else round(existence, 4),
+                "revision": track.revision,
+            }
+        for track_id in result.ended.keys() & tracks.keys():
+            tracks[track_id][1]["ended"] = result.ended[track_id]
+
+    yield write
+    features = [
+        {"type": "Feature", "geometry": _geometry(line), "properties": properties}
+        for line, properties in tracks.values()
+    ]
+    json.dump({"type": "FeatureCollection", "features": features}, file)
+    file.write("\n")
+
+
+def _geometry(line: list[list[float]]) -> dict[str, Any]:
+    """A point, a line, or lines that are cut at 180 degrees of longitude."""
+    if len(line) == 1:
+        return {"type": "Point", "coordinates": line[0]}
+    parts = [[line[0]]]
+    for before, after in pairwise(line):
+        if abs(after[0] - before[0]) > 180.0:
+            side = math.copysign(180.0, before[0])
+            way = after[0] + 2.0 * side - before[0]
+            share = (side - before[0]) / way if way else 0.0
+            latitude = round(before[1] + share * (after[1] - before[1]), DIGITS)
+            parts[-1].append([side, latitude])
+            parts.append([[-side, latitude]])
+        parts[-1].append(after)
+    if len(parts) == 1:
+        return {"type": "LineString", "coordinates": parts[0]}
+    return {"type": "MultiLineString", "coordinates": parts}

@@ -14,7 +14,6 @@ import ipaddress
 import secrets
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -27,7 +26,7 @@ from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_state import (
+from tsepm_ros.tools.viewer.page_content import (
     LIVE,
     RECORDING,
     SCRIPTS,
@@ -39,25 +38,17 @@ from tsepm_ros.tools.viewer.page_state import (
 )
 
 
-def is_loopback(address: str) -> bool:
-    """Whether an IP address reaches this machine only."""
-    try:
-        return ipaddress.ip_address(address.partition("%")[0]).is_loopback
-    except ValueError:
-        return False
-
-
 def token_for(addresses: Iterable[str], given: str) -> str:
     """Token that a server on some addresses demands; empty if it needs none.
 
     Parameters
     ----------
     addresses : iterable of str
-        The addresses to which it is bound.
+        The IP addresses to which it is bound.
     given : str
         The token of the options; empty: a random token, unless all addresses are loopback ones.
     """
-    if given or all(map(is_loopback, addresses)):
+    if given or all(ipaddress.ip_address(one).is_loopback for one in addresses):
         return given
     return secrets.token_urlsafe(24)
 
@@ -101,12 +92,8 @@ class Access:
 
     def allows_origin(self, origin: str | None, host: str) -> bool:
         """Whether a page from an Origin header's site may ask; programs send none."""
-        if origin is None:
-            return True
-        try:
-            return urlsplit(origin).netloc.lower() == host.lower()
-        except ValueError:
-            return False
+        own = {f"{scheme}://{host.lower()}" for scheme in ("http", "https")}
+        return origin is None or origin.lower() in own
 
     def allows_token(self, given: str) -> bool:
         """Whether a token is the one demanded, in a time that does not depend on where it differs.
@@ -124,8 +111,6 @@ REQUEST_TIMEOUT = 20.0
 """Time for a connection to send a whole request, s."""
 MAX_CONNECTIONS = 50
 """Maximum number of connections without a websocket; the one that was quiet longest is closed."""
-ACCEPT_PAUSE = 0.1
-"""Pause in accepting connections while the process has no free file, s."""
 CLOSE_TIMEOUT = 2.0
 """Time for connections to close at the end, s."""
 MAX_REQUEST = 4096
@@ -161,6 +146,8 @@ class PageServer:
     ----------
     url : str
         Where the page is, with the token if one is demanded.
+    browsers : set of WebSocketHandler
+        The connected browsers.
     loop : asyncio.AbstractEventLoop
         Of its thread; see `call_later`.
 
@@ -180,7 +167,7 @@ class PageServer:
         self.url = _url(options.host, port, token)
         self._title = title
         self._state = state
-        self._browsers: set[_Updates] = set()
+        self.browsers: set[_Updates] = set()
         self._settings: dict[str, Any] = {
             "access": Access.to(options.host, token),
             "cookie": f"tsepm_token_{port}",
@@ -196,11 +183,6 @@ class PageServer:
         self._stopped = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="page server", daemon=True)
 
-    @property
-    def browsers(self) -> int:
-        """Number of connected browsers."""
-        return len(self._browsers)
-
     def start(self, recording: str = "") -> None:
         """Serve from now on; `recording`, JSON, is what a page without a state replays."""
         texts = {name: page_file(name) for name in (STYLE, *SCRIPTS)}
@@ -208,13 +190,14 @@ class PageServer:
         if self._state is None:
             texts["recording"] = recording
         routes: list[Any] = [
-            (f"/{name}", _Text, {"text": text.encode(), "content_type": content_type(name)})
+            (f"/{name}", _Text, {"text": text.encode, "content_type": content_type(name)})
             for name, text in texts.items()
         ]
         if self._state is not None:
-            source = {"state": self._state, "browsers": self._browsers}
+            source = {"state": self._state, "browsers": self.browsers}
             routes.append(("/updates", _Updates, source))
-            routes.append(("/image", _Image, {"state": self._state}))
+            image = {"text": self._state.asked_image, "content_type": content_type("recording")}
+            routes.append(("/image", _Text, image))
             self._state.changed = lambda: self._call(self._wake)
         self._application = tornado.web.Application(routes, **self._settings)
         self._started = True
@@ -244,15 +227,12 @@ class PageServer:
                 self.loop.call_soon_threadsafe(function, *arguments)
 
     def _wake(self) -> None:
-        for browser in self._browsers:
+        for browser in self.browsers:
             browser.changed.set()
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self.loop)
-        try:
-            self.loop.run_until_complete(self._serve())
-        finally:
-            self.loop.close()
+        with asyncio.Runner(loop_factory=lambda: self.loop) as runner:  # closes the loop
+            runner.run(self._serve())
 
     async def _serve(self) -> None:
         if self._stopped.is_set():
@@ -263,22 +243,16 @@ class PageServer:
             idle_connection_timeout=REQUEST_TIMEOUT,
             body_timeout=REQUEST_TIMEOUT,
         )
-        for listening in self._sockets:
-            listening.make_room = self._server.make_room
         self._server.add_sockets(self._sockets)
         await self._stopped.wait()  # an event also counts when it is set before
         await self._close()
 
     async def _close(self) -> None:
         self._server.stop()
-        for browser in list(self._browsers):
+        for browser in list(self.browsers):
             browser.close(1001)
         with contextlib.suppress(asyncio.TimeoutError):  # a connection that just begins
             await asyncio.wait_for(self._server.close_all_connections(), CLOSE_TIMEOUT)
-        tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 class _Server(HTTPServer):
@@ -293,40 +267,15 @@ class _Server(HTTPServer):
         self._quiet.pop(server_conn, None)
         self._quiet[server_conn] = None
         if len(self._quiet) > MAX_CONNECTIONS:
-            self.make_room()
-        return super().start_request(server_conn, request_conn)
-
-    def make_room(self) -> bool:
-        """Close the connection that was quiet longest; whether there was one."""
-        for longest in self._quiet:
+            longest = next(iter(self._quiet))
             del self._quiet[longest]
             longest.stream.close()
-            return True
-        return False
+        return super().start_request(server_conn, request_conn)
 
     def on_close(self, server_conn: object) -> None:
         """Forget a connection that is closed, or has become a websocket."""
         self._quiet.pop(server_conn, None)
         super().on_close(server_conn)
-
-
-class _Listening(socket.socket):
-    """A bound socket that makes room for a connection for which no file is free, or waits.
-
-    tornado logs the error and tries again at once, as fast as it can.
-    """
-
-    make_room: Callable[[], bool]
-
-    def accept(self) -> tuple[socket.socket, Any]:
-        try:
-            return super().accept()
-        except OSError as error:
-            if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
-                raise
-            if not self.make_room():
-                time.sleep(ACCEPT_PAUSE)
-            raise BlockingIOError from None
 
 
 class _Guarded(tornado.web.RequestHandler):
@@ -341,30 +290,29 @@ class _Guarded(tornado.web.RequestHandler):
         access: Access = self.settings["access"]
         host = self.request.headers.get("Host", "")
         if not access.allows_host(host):
-            self.refuse(
+            self.answer(
+                403,
                 f"The page is not served under the name {host!r}. Use the address that the viewer "
-                "printed, or start the viewer with that name as host."
+                "printed, or start the viewer with that name as host.",
             )
         elif not access.allows_origin(self.request.headers.get("Origin"), host):
-            self.refuse("A page of another site may not ask.")
+            self.answer(403, "A page of another site may not ask.")
         elif not access.allows_token(self.given_token()):
-            self.refuse("The token is missing or wrong. Use the address that the viewer printed.")
+            self.answer(
+                403, "The token is missing or wrong. Use the address that the viewer printed."
+            )
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        self.answer(f"{status_code}")
+        self.answer(status_code, f"{status_code}")
 
     def given_token(self) -> str:
         """Token of the request: in its address, or as the cookie that the page has set."""
         given = self.get_query_argument("token", "") or self.get_cookie(self.settings["cookie"])
         return given or ""
 
-    def refuse(self, sentence: str) -> None:
-        """Answer that the request is not allowed."""
-        self.set_status(403)
-        self.answer(sentence)
-
-    def answer(self, sentence: str) -> None:
-        """Answer a sentence."""
+    def answer(self, status: int, sentence: str) -> None:
+        """Answer a status and a sentence."""
+        self.set_status(status)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{sentence}\n")
 
@@ -377,9 +325,9 @@ class _Nothing(_Guarded):
 
 
 class _Text(_Guarded):
-    """The page, one of its files, or the recording."""
+    """The page, one of its files, the recording, or the newest sonar image."""
 
-    def initialize(self, text: bytes, content_type: str) -> None:
+    def initialize(self, text: Callable[[], str | bytes], content_type: str) -> None:
         self._text = text
         self._content_type = content_type
 
@@ -393,19 +341,7 @@ class _Text(_Guarded):
             self.redirect(self.request.path, status=303)
             return
         self.set_header("Content-Type", self._content_type)
-        self.write(self._text)
-
-
-class _Image(_Guarded):
-    """The newest sonar image; the source gets images only while browsers ask."""
-
-    def initialize(self, state: PageState) -> None:
-        self._state = state
-
-    def get(self) -> None:
-        self._state.image_asked = time.monotonic()
-        self.set_header("Content-Type", content_type("recording"))
-        self.write(self._state.image)
+        self.write(self._text())
 
 
 class _Updates(_Guarded, WebSocketHandler):
@@ -452,16 +388,15 @@ class _Updates(_Guarded, WebSocketHandler):
                     version = newest
 
 
-def _bound(host: str, port: int) -> list[_Listening]:
+def _bound(host: str, port: int) -> list[socket.socket]:
     try:
-        bound = bind_sockets(port, host)
+        return bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
         remedy = "; choose another port, or 0 for any free one" if in_use else ""
         raise ValueError(
             f"the page cannot be served on {host}, port {port}: {error}{remedy}"
-        ) from (None)
-    return [_Listening(fileno=one.detach()) for one in bound]
+        ) from None
 
 
 def _url(host: str, port: int, token: str) -> str:

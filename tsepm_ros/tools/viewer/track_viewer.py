@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -14,24 +15,33 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
+from msg_adapters import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
+from tsepm_ros.session.drop_reasons import shortened
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.settings.settings import help_text
-from tsepm_ros.tools.viewer.live_frames import (
-    CLOUDS,
-    DIAGNOSTICS,
-    FIXED,
-    IMAGE,
-    OWN_SHIP,
-    TRACKS,
-    LiveFeed,
+from tsepm_ros.tools.viewer.live_frames import CLOUDS, FIXED, OWN_SHIP, TRACKS, LiveFrames
+from tsepm_ros.tools.viewer.page_content import (
+    PageState,
+    encode,
+    geographic_terms,
+    health_of_message,
+    image_frame,
+    make_server,
+    topics_of_message,
 )
-from tsepm_ros.tools.viewer.page_frames import topics_of_message
 
+DIAGNOSTICS, IMAGE = "/diagnostics", "image/plan"
 CLOUD_DEPTH = 10
 PAUSE = 0.008
 """Time for the messages of a scan to arrive, s."""
+GATHERING_TIME = 0.015
+"""The same in the server's thread, before the scan is drawn, s."""
+MAX_WAITING = 500
+"""Messages that wait for the server's thread."""
+IMAGE_TIME, MAX_IMAGE = 3.0, 1 << 16
+"""Time for which images are received after a browser asked for one, s; and their most bytes."""
 CHECK_PERIOD = 1.0
 """Time between checks whether anything publishes held tracks, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -42,6 +52,8 @@ SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 class TrackViewer(ParameterisedNode):
     """Subscribes to what the track initiator publishes, and serves a page of it.
 
+    Messages are read in the server's thread: the node's only takes them.
+
     Topics without a remapping of its own are those that the track initiator states on
     ``/diagnostics``: of the node that publishes the viewer's tracks; if none does, of the only node
     in the viewer's namespace, or in any namespace for a viewer without one.
@@ -51,6 +63,9 @@ class TrackViewer(ParameterisedNode):
         super().__init__("track_viewer", **node_options)
         options: ViewerNodeOptions = self.options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
+        self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
+        self._odometry: bytes | None = None
+        self._frames = LiveFrames(self._report)
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
@@ -59,34 +74,25 @@ class TrackViewer(ParameterisedNode):
         self._topics = self._given
         self._stated: dict[str, dict[str, str]] = {}  # topics by node
         self._shown, self._image = "", None  # type: tuple[str, Any]
-        topic = self._given[TRACKS]
-        with refusing():
-            self._feed = LiveFeed(
-                options,
-                f"Tracks on {topic}",
-                topic,
-                lambda sentence: self.warn(sentence.partition(":")[0], sentence),
-                partial(deserialize_message, message_type=Odometry),
-            )
-        try:
-            self._subscribe()
-        except BaseException:
-            self._feed.server.stop()  # nobody gets the node, which could be destroyed
-            raise
-        self.get_logger().info(f"open {self._feed.server.url}")
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self._feed.server.url
-
-    def _subscribe(self) -> None:
         self._qos = QosWatch(self)
         self._subscribe_topics()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
         # A node without a timer might never notice that the context was shut down by a signal.
         self.steady_timer(CHECK_PERIOD, self._check_publisher)
         self.refuse_unused_overrides()
+        topic = self._given[TRACKS]
+        info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic}
+        with refusing():
+            info |= geographic_terms(options.origin)
+            self._state = PageState(info, options.kept_scans)
+            self._server = make_server(options, info["title"], self._state)
+        self._server.start()  # the last: nobody would end it
+        self.get_logger().info(f"open {self.url}")
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self._server.url
 
     def _subscribe_topics(self) -> None:
         self._clouds = [
@@ -110,7 +116,7 @@ class TrackViewer(ParameterisedNode):
 
     def destroy_node(self) -> None:
         """Destroy the node and end the server."""
-        self._feed.server.stop()
+        self._server.stop()
         super().destroy_node()
 
     def _check_publisher(self) -> None:
@@ -123,15 +129,14 @@ class TrackViewer(ParameterisedNode):
                 f"several nodes publish tracks: {', '.join(nodes)}; --ros-args -r __ns:=NAMESPACE "
                 "or -r tracks/current:=TOPIC chooses",
             )
-        if self._feed.shows_image and self._image is None:
-            self._image = self.create_subscription(
-                OccupancyGrid, IMAGE, self._feed.take_image, NEWEST
-            )
-        elif self._image is not None and not self._feed.shows_image:
+        asked = time.monotonic() - self._state.image_asked < IMAGE_TIME
+        if asked and self._image is None:
+            self._image = self.create_subscription(OccupancyGrid, IMAGE, self._take_image, NEWEST)
+        elif self._image is not None and not asked:
             self.destroy_subscription(self._image)
             self._image = None
         self._follow(self._stated.get(self._shown, {}))
-        self._feed.published(self.count_publishers(self._topics[TRACKS]) > 0)
+        self._state.put_info(published=self.count_publishers(self._topics[TRACKS]) > 0)
 
     def _candidates(self) -> list[str]:
         """Nodes whose topics may be those to be shown."""
@@ -161,7 +166,7 @@ class TrackViewer(ParameterisedNode):
             subscription.end()
         self.destroy_subscription(self._own_ship)
         self._subscribe_topics()
-        self._feed.watching(topics[TRACKS])
+        self._state.put_info(title=f"Tracks on {topics[TRACKS]}", topic=topics[TRACKS])
         self.get_logger().info(f"shows {self._shown}, with tracks on {topics[TRACKS]}")
 
     def _hear(self, message: DiagnosticArray) -> None:
@@ -176,16 +181,41 @@ class TrackViewer(ParameterisedNode):
 
         The executor then wakes up once for all.
         """
-        self._feed.take(topic, message)
+        if topic == OWN_SHIP:
+            self._odometry = message  # waits for the next scan
+        else:
+            self._waiting.append((topic, message))
+            if len(self._waiting) == 1:
+                self._server.call_later(GATHERING_TIME, self._show)
         if time.monotonic() - self._gathered > 2.0 * PAUSE:
             time.sleep(PAUSE)
             self._gathered = time.monotonic()
+
+    def _take_image(self, grid: OccupancyGrid) -> None:
+        """Take a sonar image in the plane of the sensor."""
+        stamp, levels = ns_to_seconds(time_to_ns(grid.header.stamp)), bytes(grid.data)
+        if len(levels) <= MAX_IMAGE:
+            self._state.image = encode(image_frame(stamp, grid.info.resolution, levels))
+
+    def _show(self) -> None:
+        """Read what has arrived, in the server's thread."""
+        while self._waiting:
+            topic, message = self._waiting.popleft()
+            if topic != DIAGNOSTICS:
+                self._frames.take(topic, message)
+            elif (health := health_of_message(message)) is not None:
+                self._state.put_health(health)
+        odometry, self._odometry = self._odometry, None
+        if odometry is not None:
+            self._frames.take_own_ship(deserialize_message(odometry, Odometry))
+        for frame, facts in self._frames.take_frames():
+            self._state.put(frame, facts)
+
+    def _report(self, topic: str, error: MessageError) -> None:
+        """Warn of a message that cannot be read."""
+        self.warn(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run(TrackViewer, args, help_text("track_viewer", __doc__))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

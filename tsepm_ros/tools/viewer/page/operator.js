@@ -107,7 +107,7 @@ function sound(context) {
 
 /* ---- places on the earth ---- */
 
-/* Latitude and longitude, degrees, of a position: see geographic_terms in page_frames.py. Null
+/* Latitude and longitude, degrees, of a position: see geographic_terms in page_content.py. Null
    where they are not known. */
 function geographic({ geographic: known }, x, y) {
   if (!known || Math.hypot(x, y) > known.reach) return null;

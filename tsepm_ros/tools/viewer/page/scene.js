@@ -23,7 +23,7 @@ class Scene {
     this.span = null; // [min x, min y, max x, max y] of everything seen, m
   }
 
-  /* Take a message of the server, or a whole recording: see page_state.py. */
+  /* Take a message of the server, or a whole recording: see page_content.py. */
   merge(message) {
     if (message.all) this.clear();
     if (message.info) this.info = message.info;
@@ -155,7 +155,7 @@ function convertedImage({ stamp, cell, levels }) {
   return { stamp, cell, side: Math.round(Math.sqrt(bytes.length)), levels: bytes };
 }
 
-/* A frame in SI: the integers of page_frames.py are cm, mm/s, mrad, ms and percent. */
+/* A frame in SI: the integers of page_content.py are cm, mm/s, mrad, ms and percent. */
 function converted(frame) {
   const track = ([id, x, y, vx, vy, major, minor, angle, speedStd, sinceHit = 0]) => [
     id, 0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy,

@@ -1,4 +1,6 @@
-"""What the page draws: the scans of live topics or of a whole run, and health.
+"""What is on the page: its files, the scans that it draws, health, and what it shows now.
+
+What a page shows is kept by its server: bounded, and sent to each browser as what changed.
 
 One scan as the page draws it: a JSON object, the same live, replayed and in a file.
 
@@ -21,7 +23,7 @@ field         meaning
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
-`track_facts`; or once, in the info of the source: see `geographic_terms` and `sector`.
+`track_facts`; or once, in the info of the source: see `geographic_terms` and `RecordedScene`.
 
 Health has the levels, tasks and sentences of the diagnostics.
 """
@@ -29,10 +31,18 @@ Health has the levels, tasks and sentences of the diagnostics.
 from __future__ import annotations
 
 import base64
+import gzip
+import hashlib
+import html
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +55,17 @@ from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult, vessel_pose
+from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.whole_files import write_text
+
+if TYPE_CHECKING:
+    from tsepm_ros.tools.viewer.page_server import PageServer
 
 Frame = dict[str, Any]
 """A frame, or the facts of a track: what `json.dumps` takes."""
@@ -79,6 +95,7 @@ def make_frame(
     stamp: float,
     frame_id: str,
     *,
+    number: int = 0,
     detections: FloatArray | None = None,
     tracks: Sequence[ConfirmedTrack] = (),
     potential: Sequence[ConfirmedTrack] = (),
@@ -94,6 +111,7 @@ def make_frame(
         s.
     frame_id : str
         The fixed frame.
+    number : int, optional
     detections : (n, 2) ndarray, optional
         Positions in the fixed frame, m. Positions that are not finite are left out.
     tracks, potential, fixed : sequence of ConfirmedTrack, optional
@@ -109,6 +127,7 @@ def make_frame(
     dict
     """
     return {
+        "number": number,
         "stamp": stamp,
         "frame_id": frame_id,
         "own_ship": _pose(own_ship),
@@ -126,8 +145,6 @@ def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
     An ellipse of a covariance that is not finite has semi-axes of 0.
     """
     arrays = _finite(tracks)
-    if not len(arrays):
-        return []
     numbers = np.hstack(
         [
             arrays.track_id[:, None],
@@ -150,8 +167,6 @@ def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
     `msg_adapters.track_messages.drawn_candidates`.
     """
     arrays = _finite(tracks)
-    if not len(arrays):
-        return []
     scored = bool(np.isfinite(arrays.score).any())
     rows, evidence = drawn_candidates(arrays)
     order = np.argsort(evidence, kind="stable")[-MAX_POTENTIAL:]
@@ -290,12 +305,6 @@ def own_ship_velocity(poses: PoseHistory, stamp: float) -> list[float]:
     return list(poses.rates(np.array([stamp]), stamp)[0, :2].tolist())
 
 
-def sector(sensor: SensorModel, mounting_yaw: float | None) -> list[float]:
-    """Nearest and farthest range, m, start and end of the azimuth from the bow, rad."""
-    yaw = mounting_yaw or 0.0
-    return [sensor.min_range, sensor.max_range, sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]
-
-
 def geographic_terms(origin: str) -> Frame:
     """Latitude and longitude as polynomials in x and y, for the page, from geodesics.
 
@@ -319,19 +328,18 @@ def geographic_terms(origin: str) -> Frame:
     """
     if not origin:
         return {}
-    try:
-        from tsepm_ros.tools.bridge.geographic import GeographicReference
-    except ImportError:
-        raise ValueError(
-            "origin needs the library pyproj: pip install pyproj, or the package python3-pyproj"
-        ) from None
     reference = GeographicReference.read(origin)
     place = [reference.latitude, reference.longitude]
     to_pole = _DEGREE * (90.0 - abs(reference.latitude))
     reach = min(GEOGRAPHIC_REACH, GEOGRAPHIC_SHARE * to_pole)
     nodes = np.polynomial.chebyshev.chebpts1(2 * GEOGRAPHIC_ORDER)
     east, north = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
-    degrees = reference.geographic(reach * np.stack([east, north], axis=1)) - place
+    try:
+        degrees = reference.geographic(reach * np.stack([east, north], axis=1)) - place
+    except ImportError:
+        raise ValueError(
+            "origin needs the library pyproj: pip install pyproj, or the package python3-pyproj"
+        ) from None
     degrees[:, 1] = (degrees[:, 1] + 180.0) % 360.0 - 180.0
     orders = range(GEOGRAPHIC_ORDER + 1)
     powers = [(i, j) for i in orders for j in orders if i + j <= GEOGRAPHIC_ORDER]
@@ -454,9 +462,11 @@ class RecordedScene:
         self.title = title
         self._info: Frame = {"kind": "recording", "title": title, "north": north}
         self._info |= geographic_terms(origin)
-        if sensor is not None:
-            self._info["sector"] = sector(sensor, mounting_yaw)
-            self._info["mounting_yaw"] = mounting_yaw or 0.0
+        if sensor is not None:  # ranges, m, and the start and end of the azimuth from the bow
+            yaw = mounting_yaw or 0.0
+            azimuths = [sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]
+            self._info["sector"] = [sensor.min_range, sensor.max_range, *azimuths]
+            self._info["mounting_yaw"] = yaw
         self._poses = own_ship_history()
         self._truth = [np.round(path, 2).tolist() for path in truth]
         self._mounting_yaw = mounting_yaw
@@ -478,6 +488,7 @@ class RecordedScene:
         frame = make_frame(
             result.stamp,
             result.frame_id,
+            number=len(self._frames) + 1,
             detections=detections,
             tracks=result.current,
             potential=initiator.potential_tracks(),
@@ -485,7 +496,6 @@ class RecordedScene:
             own_ship=self._own_ship(result),
             restart=result.arrival is Arrival.RESTART,
         )
-        frame["number"] = len(self._frames) + 1
         self._frames.append(frame)
         fresh = [
             row
@@ -547,3 +557,249 @@ class RecordedScene:
             if detection_index < len(positions):
                 hits.append([stamp, *np.round(positions[detection_index], 2).tolist()])
         return hits
+
+
+SCRIPTS = ("scene.js", "operator.js", "plan.js", "panels.js", "watch.js")
+"""Scripts in the order in which the page loads them."""
+STYLE, SHELL = "watch.css", "watch.html"
+
+LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
+"""Where a page gets its frames: from updates, from the server's recording, or from itself."""
+
+_TYPES = {
+    **{".js": "text/javascript", ".css": "text/css"},
+    **{"": "text/html", "recording": "application/json"},
+}
+
+
+def page_file(name: str) -> str:
+    """Text of a file of the page."""
+    return (resources.files("tsepm_ros.tools.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+def content_type(name: str) -> str:
+    """Content type of a file of the page, of the page itself, or of a recording."""
+    return f"{_TYPES[Path(name).suffix or name]}; charset=utf-8"
+
+
+def served_page(source: str, title: str) -> str:
+    """HTML of the page for a server, which loads style and scripts from it.
+
+    Parameters
+    ----------
+    source : {"live", "recording"}
+    title : str
+    """
+    head = f'<link rel="stylesheet" href="{STYLE}">'
+    scripts = "\n".join(f'<script src="{name}"></script>' for name in SCRIPTS)
+    return _filled(source, title, head, scripts)
+
+
+def self_contained_page(title: str, recording: str) -> str:
+    """HTML of a page with everything in it, for a browser without a server.
+
+    The page allows itself nothing else: neither other scripts nor any connection.
+
+    Parameters
+    ----------
+    title : str
+    recording : str
+        The recording, JSON; the file holds it compressed.
+    """
+    style = page_file(STYLE)
+    scripts = [page_file(name) for name in SCRIPTS]
+    policy = (
+        f"default-src 'none'; style-src '{_digest(style)}'; "
+        f"script-src {' '.join(repr(_digest(script)) for script in scripts)}; "
+        "img-src data:; base-uri 'none'; form-action 'none'"
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{style}</style>'
+    # mtime 0: the same recording gives the same file.
+    data = base64.b64encode(gzip.compress(recording.encode(), 9, mtime=0)).decode()
+    parts = [f'<script type="text/plain" id="recording">{data}</script>']
+    parts += [f"<script>{script}</script>" for script in scripts]
+    return _filled(EMBEDDED, title, head, "\n".join(parts))
+
+
+def write_page(path: Path, title: str, recording: str) -> None:
+    """Write a self-contained page, see `self_contained_page`; its folder is made."""
+    page = self_contained_page(title, recording)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, page)
+
+
+def _filled(source: str, title: str, head: str, scripts: str) -> str:
+    page = page_file(SHELL)
+    for mark, text in (
+        ("<!--title-->", html.escape(title)),
+        ("<!--head-->", head),
+        ('data-source=""', f'data-source="{source}"'),
+        ("<!--scripts-->", scripts),
+    ):
+        page = page.replace(mark, text, 1)
+    return page
+
+
+def _digest(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+MAX_BYTES = 4_000_000
+"""Size of the frames that are kept, bytes; the newest frame is always kept."""
+
+
+class KeptFrame(NamedTuple):
+    """An encoded frame.
+
+    Attributes
+    ----------
+    number : int
+    version : int
+        Version of the state that this frame made.
+    ids : frozenset of str
+        Ids of its tracks.
+    text : str
+        JSON.
+    """
+
+    number: int
+    version: int
+    ids: frozenset[str]
+    text: str
+
+
+class PageState:
+    """The newest frames, the facts of their tracks and the health.
+
+    Every change gives the state a new version. A browser says which version it has, and gets the
+    difference: of the frames that it missed the newest only, so that a slow browser costs neither
+    memory nor time. A browser without a version gets everything.
+
+    All methods may be called from any thread.
+
+    Parameters
+    ----------
+    info : mapping
+        Title and kind of the source.
+    max_frames : int
+        Number of frames that are kept for browsers that join.
+    max_bytes : int, optional
+        Their total size.
+
+    Attributes
+    ----------
+    changed : callable
+        Called after each change, in the thread of the change.
+    image : str
+        The newest sonar image, JSON, see `image_frame`; browsers ask for it.
+    image_asked : float
+        When a browser last asked for it, s of the monotonic clock.
+    """
+
+    def __init__(
+        self, info: Mapping[str, Any], max_frames: int, max_bytes: int = MAX_BYTES
+    ) -> None:
+        self.changed: Callable[[], None] = lambda: None
+        self.image, self.image_asked = "null", -math.inf
+        self._lock = threading.Lock()
+        self._max_frames, self._max_bytes = max_frames, max_bytes
+        self._version = 1
+        self._info = dict(info)
+        self._parts = {"info": (encode(self._info), 1)}  # JSON and version, by key
+        self._frames: deque[KeptFrame] = deque()
+        self._facts: dict[str, tuple[str, int]] = {}
+
+    def put(self, frame: Frame, facts: Mapping[str, Frame] | None = None) -> None:
+        """Take a frame, with the facts of the tracks that are new in it.
+
+        A frame with the number of the newest one replaces it.
+        """
+        ids = frozenset(str(row[0]) for row in frame["tracks"])
+        text = encode(frame)
+        encoded_facts = {track_id: encode(fact) for track_id, fact in (facts or {}).items()}
+        with self._lock:
+            self._version += 1
+            frames = self._frames
+            if frames and frames[-1].number == frame["number"]:
+                frames.pop()
+            frames.append(KeptFrame(frame["number"], self._version, ids, text))
+            excess = sum(len(kept.text) for kept in frames) - self._max_bytes
+            while len(frames) > self._max_frames or (excess > 0 and len(frames) > 1):
+                excess -= len(frames.popleft().text)
+            for track_id, fact in encoded_facts.items():
+                self._facts[track_id] = fact, self._version
+            if self._version % self._max_frames == 0:  # facts of tracks in no frame are forgotten
+                shown = frozenset[str]().union(*(kept.ids for kept in frames))
+                self._facts = {key: fact for key, fact in self._facts.items() if key in shown}
+        self.changed()
+
+    def put_health(self, health: Mapping[str, Any]) -> None:
+        """Take the health, see `health_of_message`."""
+        self._put_part("health", health)
+
+    def put_info(self, **info: Any) -> None:
+        """Change the description of the source."""
+        if not info.items() <= self._info.items():
+            self._info.update(info)
+            self._put_part("info", self._info)
+
+    def asked_image(self) -> str:
+        """The newest sonar image for a browser; the source gets images only while browsers ask."""
+        self.image_asked = time.monotonic()
+        return self.image
+
+    def _put_part(self, key: str, content: Mapping[str, Any]) -> None:
+        with self._lock:
+            self._version += 1
+            self._parts[key] = encode(content), self._version
+        self.changed()
+
+    def since(self, version: int = 0) -> tuple[str, int]:
+        """What changed after a version.
+
+        Returns
+        -------
+        text : str
+            JSON: an object with those of the keys ``info``, ``frames``, ``facts`` (by track id) and
+            ``health`` that changed; ``all`` is true if `version` is 0, and the lists are complete.
+        version : int
+            The version that a browser has with it.
+        """
+        with self._lock:
+            facts = _changed(self._facts, version)
+            frames = list(self._frames)[0 if version == 0 else -1 :]
+            texts = [frame.text for frame in frames if frame.version > version]
+            parts = ['"all":true'] if version == 0 else []
+            parts += _changed(self._parts, version)
+            if facts:
+                parts.append(f'"facts":{{{",".join(facts)}}}')
+            if texts:
+                parts.append(f'"frames":[{",".join(texts)}]')
+            return "{" + ",".join(parts) + "}", self._version
+
+
+def _changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:
+    """Members of a JSON object that changed after a version."""
+    return [f'"{key}":{text}' for key, (text, changed) in texts.items() if changed > version]
+
+
+def make_server(
+    options: ViewerNodeOptions,
+    title: str,
+    state: PageState | None = None,
+) -> PageServer:
+    """Make a `PageServer`, see there.
+
+    Raises
+    ------
+    ValueError
+        If its library is not installed, or it cannot be bound.
+    """
+    try:
+        from tsepm_ros.tools.viewer.page_server import PageServer
+    except ImportError:
+        raise ValueError(
+            "the page needs the library tornado: pip install tornado, the extra viewer, or the "
+            "package python3-tornado"
+        ) from None
+    return PageServer(options, title, state)
