@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-_PACKAGES = {
+PACKAGES = {
     "ObjectClassification": "autoware_perception_msgs",
     "TrackedObject": "autoware_perception_msgs",
     "TrackedObjects": "autoware_perception_msgs",
@@ -39,6 +39,6 @@ _PACKAGES = {
 
 def __getattr__(name: str) -> Any:
     """Import the class of a message."""
-    if name not in _PACKAGES:
+    if name not in PACKAGES:
         raise AttributeError(f"there is no class {name!r} in {__name__}")
-    return getattr(importlib.import_module(f"{_PACKAGES[name]}.msg"), name)
+    return getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)

@@ -38,7 +38,7 @@ def ending_on_termination() -> Iterator[None]:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until the end of the block, which starts processes.
+    """Hold SIGINT and SIGTERM back until the end of the block, which imports or starts processes.
 
     The exception of a signal handler is lost if it is raised in the functions that Python calls
     around a fork, and elsewhere would leave a process behind that nobody ends. A forked process
@@ -65,7 +65,9 @@ def _executable(module: str, interrupted: int) -> Callable[[], int]:
 
     def main() -> int:
         try:
-            return importlib.import_module(module).main()
+            with signals_held():  # extension modules print tracebacks of what interrupts them
+                imported = importlib.import_module(module)
+            return imported.main()
         except KeyboardInterrupt:  # during the imports; afterwards the module has its own way
             print("interrupted", file=sys.stderr)
             return interrupted

@@ -28,7 +28,7 @@ from support.sonar_driver import START_NS, Driver, Ping, pings, points, stamp_ns
 from support.transforms import Transforms, level
 
 from msg_adapters import make_header
-from tsepm_ros.nodes import running
+from tsepm_ros.nodes import base_node
 
 SENT = pings(12)
 SOON = 0.5
@@ -206,7 +206,7 @@ def test_a_clock_that_stands_still_is_said_and_scans_do_not_wait_for_it(
     world, monkeypatch, clock_begins
 ):
     """By the wall clock: in the entry, in the log, and in the wait for own-ship data."""
-    monkeypatch.setattr(running, "MAX_STANDING", 0.5)
+    monkeypatch.setattr(base_node, "MAX_STANDING", 0.5)
     boat = Boat(world, own_ship_source="odometry", own_ship_timeout=0.2, use_sim_time=True)
     time, sent = SimulatedTime(boat), pings(12)
     if clock_begins:
