@@ -69,6 +69,23 @@ TRACK_DTYPE = np.dtype(
 )
 """One point of the cloud."""
 
+_BLOCKS_DTYPE = np.dtype(
+    [
+        ("xyz", "<f4", (3,)),
+        ("track_id", "<u4"),
+        ("numbers", "<f8", (22,)),
+        ("counts", "<u2", (2,)),
+        ("age", "<f8"),
+        ("stationary_probability", "<f8"),
+        ("signal_to_clutter_db", "<f8"),
+        ("revision", "<u2"),
+        ("existence_probability", "<f8"),
+        ("time_since_hit", "<f8"),
+    ],
+    align=True,
+)
+"""The same bytes with fields of equal type combined, for assignment of whole blocks."""
+
 OPTIONAL_FIELDS = {
     "stationary_probability": np.nan,
     "signal_to_clutter_db": np.nan,
@@ -130,25 +147,21 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     bad_ids = arrays.track_id[(arrays.track_id < 0) | (arrays.track_id > _MAX_ID)]
     if len(bad_ids):
         raise ValueError(f"track_id must be from 0 to {_MAX_ID}; got {bad_ids[0]}")
-    finite = {
-        **dict(zip(STATE_FIELDS, arrays.state.T, strict=True)),
-        **dict(zip(COVARIANCE_FIELDS, arrays.covariance.reshape(-1, 16).T, strict=True)),
-        **{name: getattr(arrays, name) for name in ("evaluation", "score", "age")},
-    }
-    others = {
-        "x": finite["state_x"],
-        "y": finite["state_y"],
-        "track_id": arrays.track_id,
-        **{
-            name: np.minimum(getattr(arrays, name), _MAX_COUNT)
-            for name in ("hit_count", "scan_count", "revision")
-        },
-        **{name: getattr(arrays, name) for name in _PLAIN if name != "age"},
-    }
-    points = np.zeros(len(arrays), TRACK_DTYPE)
-    for name, values in (finite | others).items():
-        points[name] = values
-    return points, all(bool(np.isfinite(values).all()) for values in finite.values())
+    records = np.zeros(len(arrays), _BLOCKS_DTYPE)
+    records["xyz"][:, :2] = arrays.state[:, 0::2]
+    records["track_id"] = arrays.track_id
+    numbers = records["numbers"]
+    numbers[:, :4] = arrays.state
+    numbers[:, 4:20] = arrays.covariance.reshape(-1, 16)
+    numbers[:, 20] = arrays.evaluation
+    numbers[:, 21] = arrays.score
+    records["counts"][:, 0] = np.minimum(arrays.hit_count, _MAX_COUNT)
+    records["counts"][:, 1] = np.minimum(arrays.scan_count, _MAX_COUNT)
+    for name in _PLAIN:
+        records[name] = getattr(arrays, name)
+    records["revision"] = np.minimum(arrays.revision, _MAX_COUNT)
+    is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
+    return records.view(TRACK_DTYPE), is_dense
 
 
 def read_track_cloud(cloud: messages.PointCloud2) -> NDArray[Any]:
