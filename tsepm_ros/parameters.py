@@ -237,8 +237,11 @@ def _leaf(name: str) -> str:
 def _nearest(name: str, known: Collection[str]) -> list[str]:
     """The names closest to an unknown name, compared with and without their groups."""
     texts = {text for other in known for text in (other, _leaf(other))}
-    close = difflib.get_close_matches(name.lower().replace("-", "_"), texts, 1, MIN_LIKENESS)
-    return [other for other in known if {other, _leaf(other)} & {*close}]
+    given = name.lower().replace("-", "_")
+    close = difflib.get_close_matches(given, texts, len(texts), MIN_LIKENESS)
+    likeness = [difflib.SequenceMatcher(None, text, given).ratio() for text in close]
+    best = {text for text, ratio in zip(close, likeness, strict=True) if ratio == likeness[0]}
+    return [other for other in known if {other, _leaf(other)} & best]
 
 
 def _question(names: Sequence[str]) -> str:

@@ -88,7 +88,7 @@ def test_every_reason_of_the_code_is_described_and_no_other():
 @pytest.mark.parametrize("name", DROP_REASONS)
 def test_a_description_says_what_is_lost_why_and_what_to_do(name):
     reason = DROP_REASONS[name]
-    assert reason.lost in ("detection", "scan", "pose", "target", "report", "chart")
+    assert reason.lost in ("detection", "scan", "message", "pose", "target", "report", "chart")
     assert reason.meaning and reason.remedy
     assert "|" not in reason.meaning + reason.remedy
 

@@ -70,12 +70,20 @@ def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
     publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
     publisher.publish(tracks(100.0, held(3, 1.0, 2.0)))
     viewer = world.make(TrackViewer, {"port": 0})
+    driver = world.observer.create_publisher(PointCloud2, "detections/placed", 10)
     with Watcher(viewer.url) as watcher:
         world.until(lambda: watcher.frames, "the tracks that are held")
         world.until(
             lambda: any(update.get("info", {}).get("published") for update in watcher.updates),
             "that the publisher is known",
         )
+        world.until(driver.get_subscription_count, "the viewer")
+        no_time = tracks(101.0)
+        no_time.header.stamp.nanosec = 10**9
+        for _ in range(3):
+            driver.publish(no_time)
+        publisher.publish(tracks(102.0, held(3, 1.0, 2.0)))
+        world.until(lambda: watcher.frames[-1]["stamp"] == 102.0, "the scan after them")
     assert watcher.frames[0]["tracks"][0][:3] == [3, 100, 200]
     assert watcher.facts["3"]["confirmed"] is None
     unreadable = tracks(100.0, held(3, 1.0, 2.0))

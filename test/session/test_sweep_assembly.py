@@ -182,7 +182,7 @@ def test_late_messages_are_dropped():
     messages = [message(n) for n in range(2 * STEPS - 10)]
     scans, reasons = fed(assembly(), [*messages[:50], *late, *messages[50:]])
     assert contents(scans) == numbers((0, STEPS), (STEPS, 2 * STEPS - 10))
-    assert reasons == ["scan_late"] * 2
+    assert reasons == ["message_late"] * 2
 
 
 def test_a_repeated_message_is_dropped_and_another_beam_of_its_stamp_is_not():
@@ -210,7 +210,7 @@ def test_a_clock_set_back_a_little_begins_anew_after_half_a_turn():
     second = [message(n, start=90.03) for n in range(50, 150)]
     scans, reasons = fed(assembly(), [*first, *second])
     assert contents(scans)[:2] == numbers((0, 36), (36, 50))
-    assert set(reasons) == {"scan_late"}
+    assert set(reasons) == {"message_late"}
     assert 18 <= len(reasons) <= 21
     assert sum(len(scan.scan) for scan in scans) == 150 - len(reasons)
 

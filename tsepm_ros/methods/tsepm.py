@@ -571,7 +571,7 @@ class Tsepm(WindowedMethod):
             return updated, PathCounts.none()
         # A hair above: the sum over all hits may round otherwise than the sum over some.
         least = clutter_statistic(updated, self.detections)
-        hopeless = least > self.threshold * (1.0 + 1e-9)
+        hopeless = ~(least <= self.threshold * (1.0 + 1e-9))
         return updated[~hopeless], PathCounts.of_paths(updated[hopeless])
 
     def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:

@@ -79,6 +79,7 @@ class LearnedFile:
     ) -> None:
         self._session, self._logger = session, logger
         self._path: Path | None = None
+        self._failed = False
         if path:
             self._read(path, max_age)
 
@@ -135,10 +136,13 @@ class LearnedFile:
             )
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_text(self._path, text)
+            self._failed = False
         except (OSError, ValueError) as error:
-            self._logger.warning(
-                shortened(f"learned_file {self._path} cannot be written: {error}"), once=True
-            )
+            if not self._failed:
+                self._logger.warning(
+                    shortened(f"learned_file {self._path} cannot be written: {error}")
+                )
+            self._failed = True
 
 
 class TrackInitiator(ParameterisedNode):

@@ -76,9 +76,9 @@ class DropReason:
     ----------
     task : str
         Entry on ``/diagnostics`` that counts the drops.
-    lost : {"detection", "scan", "pose", "target", "report", "chart"}
-        What one drop loses: one detection, one scan, one sample of own-ship data, one tracked
-        target, one message of the downstream tracker, or one message of `land`.
+    lost : {"detection", "scan", "message", "pose", "target", "report", "chart"}
+        What one drop loses: one detection, one scan, one message of a turn, one sample of own-ship
+        data, one tracked target, one message of the downstream tracker, or one message of `land`.
     meaning, remedy : str
     """
 
@@ -204,6 +204,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "the stamp is before that of the last scan, by less than `restart_jump`",
         "Look for scans that arrive out of order; after a clock was set back, the third late scan "
         "restarts the state",
+    ),
+    "message_late": DropReason(
+        DETECTIONS,
+        "message",
+        "the stamp of a message of a turn is before that of the message before it",
+        "Look for messages that arrive out of order",
     ),
     "scan_far_back": DropReason(
         DETECTIONS,

@@ -426,6 +426,6 @@ class Sweep:
             self._late_since = stamp
         self._late_stamp = stamp
         if stamp - self._late_since <= MAX_LATE_TIME * self._turn.seconds:
-            return [], [Rejection("scan_late", f"the message at {stamp:.3f} s is late")]
+            return [], [Rejection("message_late", f"the message at {stamp:.3f} s is late")]
         self._late_stamp = math.inf
         return self._end() + self._begin(message), []

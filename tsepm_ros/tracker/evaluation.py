@@ -251,10 +251,11 @@ def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
     )
     hits = paths.hits[likely]
     path, place = np.nonzero(hits != NO_HIT)
-    ids, hit = np.unique(hits[path, place], return_inverse=True)
-    best = largest_of(log_odds[likely][path], hit, len(ids))
-    of = window[ids]
-    return of["scan"], of["index"], expit(best)
+    hit = hits[path, place] - window.first_id
+    best = largest_of(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
+    found = np.flatnonzero(best > -np.inf)
+    of = window[found + window.first_id]
+    return of["scan"], of["index"], expit(best[found])
 
 
 MAX_PAIRS_TOGETHER = 50_000

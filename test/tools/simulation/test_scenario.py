@@ -70,6 +70,12 @@ REFUSED = [
     (course(speed=-1.0), "speed must be at least 0"),
     (course(closed="yes"), "closed must be true or false"),
     (course(yaw=1.0), "own_ship: unknown key 'yaw'"),
+    (
+        {"target": []},
+        "unknown key 'target'; known are name, scans, period, sensor, sound_speed, targets",
+    ),
+    ({"areas": []}, "areas are given under targets"),
+    ({"targets": [{"ranges": [100.0, 200.0]}]}, "targets[0]: azimuths is missing"),
     ({"scans": 0}, "scans"),
     ({"warm_up": -1}, "warm_up must be from 0 to"),
     ({"name": "a/b"}, "name must be a text without /"),

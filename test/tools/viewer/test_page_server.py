@@ -6,6 +6,7 @@ import asyncio
 import json
 import math
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -121,7 +122,8 @@ def test_a_page_of_another_site_is_refused(origin):
         assert get(server.url, headers={"Origin": origin}).code == 403
 
 
-def test_many_connections_with_half_a_request_leave_the_page_answered(capfd):
+@pytest.mark.parametrize("files", [None, 40], ids=["by number", "by free files"])
+def test_many_connections_with_half_a_request_leave_the_page_answered(files, capfd, monkeypatch):
     half = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     with served(live_state(1)) as server:
         before = len(os.listdir("/proc/self/fd"))
@@ -134,16 +136,21 @@ def test_many_connections_with_half_a_request_leave_the_page_answered(capfd):
             "print('held', flush=True)\n"
             "sys.stdin.read()\n"
         )
+        limits = resource.getrlimit(resource.RLIMIT_NOFILE)
         client = subprocess.Popen([sys.executable, "-c", script], stdin=-1, stdout=-1)
         browser = socket.socket()
         browser.settimeout(WAIT)
         try:
+            if files:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (before + files, limits[1]))
             assert client.stdout.readline() == b"held\n"
             browser.connect(address)
             browser.sendall(half + b"Connection: close\r\n\r\n")
             assert browser.recv(12) == b"HTTP/1.1 200"
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
             assert len(os.listdir("/proc/self/fd")) <= before + page_server.MAX_CONNECTIONS + 4
         finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
             browser.close()
             client.communicate()
     assert capfd.readouterr().err == ""

@@ -551,6 +551,8 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
         else:
             areas.append(_section(TargetArea, {"count": 1, **entry}, where))
     strengths = tuple(target.get("strength") for target in targets)
+    for key in sorted(set(values) & set(OF_TARGETS)):
+        raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
     known = {key: kind for key, kind in _kinds(Scenario).items() if key not in OF_TARGETS}
     scenario = Scenario(
         **_read(values, "scenario", known),
@@ -597,6 +599,10 @@ def _kinds(kind: type[Any]) -> dict[str, str]:
 def _section(kind: type[Any], content: Any, where: str) -> Any:
     """Make a dataclass from a mapping."""
     values = _read(content, where, _kinds(kind))
+    for one in dataclasses.fields(kind):
+        has_default = one.default_factory is not dataclasses.MISSING
+        if one.default is dataclasses.MISSING and not has_default and one.name not in values:
+            raise ValueError(f"{where}: {one.name} is missing")
     try:
         return kind(**values)
     except (TypeError, ValueError) as error:
@@ -610,6 +616,8 @@ def _read(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
     if unknown:
         raise ValueError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(kinds)}")
     for key, value in values.items():
+        if key in MAY_BE_NULL and value is None:
+            continue
         if key in READERS:
             values[key] = READERS[key](value, f"{where}.{key}")
         elif kinds[key] in ("int", "float"):
@@ -685,8 +693,9 @@ def _numbers(count: int, value: Any, where: str) -> FloatArray:
 
 TARGET = {"state": "", "features": "", "strength": ""}
 """Keys of a target whose state is given."""
-OF_TARGETS = ("targets", "areas", "target_features", "target_strengths")
+OF_TARGETS = ("areas", "target_features", "target_strengths")
 """Fields of a scenario that are given by its targets."""
+MAY_BE_NULL = ("strength", "clutter_strength")
 READERS: dict[str, Callable[[Any, str], Any]] = {
     "sensor": partial(_section, SensorModel),
     "own_ship": _own_ship,

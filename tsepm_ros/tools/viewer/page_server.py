@@ -14,6 +14,7 @@ import ipaddress
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -111,6 +112,8 @@ REQUEST_TIMEOUT = 20.0
 """Time for a connection to send a whole request, s."""
 MAX_CONNECTIONS = 50
 """Maximum number of connections without a websocket; the one that was quiet longest is closed."""
+ACCEPT_PAUSE = 0.1
+"""Pause in accepting connections while the process has no free file, s."""
 CLOSE_TIMEOUT = 2.0
 """Time for connections to close at the end, s."""
 MAX_REQUEST = 4096
@@ -243,6 +246,8 @@ class PageServer:
             idle_connection_timeout=REQUEST_TIMEOUT,
             body_timeout=REQUEST_TIMEOUT,
         )
+        for listening in self._sockets:
+            listening.make_room = self._server.make_room
         self._server.add_sockets(self._sockets)
         await self._stopped.wait()  # an event also counts when it is set before
         await self._close()
@@ -267,10 +272,17 @@ class _Server(HTTPServer):
         self._quiet.pop(server_conn, None)
         self._quiet[server_conn] = None
         if len(self._quiet) > MAX_CONNECTIONS:
-            longest = next(iter(self._quiet))
-            del self._quiet[longest]
-            longest.stream.close()
+            self.make_room()
         return super().start_request(server_conn, request_conn)
+
+    def make_room(self) -> bool:
+        """Close the connection that was quiet longest; whether there was one."""
+        longest = next(iter(self._quiet), None)
+        if longest is None:
+            return False
+        del self._quiet[longest]
+        longest.stream.close()
+        return True
 
     def on_close(self, server_conn: object) -> None:
         """Forget a connection that is closed, or has become a websocket."""
@@ -388,15 +400,35 @@ class _Updates(_Guarded, WebSocketHandler):
                     version = newest
 
 
-def _bound(host: str, port: int) -> list[socket.socket]:
+class _Listening(socket.socket):
+    """A bound socket that makes room for a connection for which no file is free, or waits.
+
+    tornado logs the error and tries again at once, as fast as it can.
+    """
+
+    make_room: Callable[[], bool]
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        try:
+            return super().accept()
+        except OSError as error:
+            if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                raise
+            if not self.make_room():
+                time.sleep(ACCEPT_PAUSE)
+            raise BlockingIOError from None
+
+
+def _bound(host: str, port: int) -> list[_Listening]:
     try:
-        return bind_sockets(port, host)
+        bound = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
         remedy = "; choose another port, or 0 for any free one" if in_use else ""
         raise ValueError(
             f"the page cannot be served on {host}, port {port}: {error}{remedy}"
         ) from None
+    return [_Listening(fileno=one.detach()) for one in bound]
 
 
 def _url(host: str, port: int, token: str) -> str:

@@ -64,6 +64,7 @@ class TrackViewer(ParameterisedNode):
         options: ViewerNodeOptions = self.options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
+        self._scheduled = False
         self._odometry: bytes | None = None
         self._frames = LiveFrames(self._report)
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP)}
@@ -185,7 +186,8 @@ class TrackViewer(ParameterisedNode):
             self._odometry = message  # waits for the next scan
         else:
             self._waiting.append((topic, message))
-            if len(self._waiting) == 1:
+            if not self._scheduled:
+                self._scheduled = True
                 self._server.call_later(GATHERING_TIME, self._show)
         if time.monotonic() - self._gathered > 2.0 * PAUSE:
             time.sleep(PAUSE)
@@ -193,16 +195,25 @@ class TrackViewer(ParameterisedNode):
 
     def _take_image(self, grid: OccupancyGrid) -> None:
         """Take a sonar image in the plane of the sensor."""
-        stamp, levels = ns_to_seconds(time_to_ns(grid.header.stamp)), bytes(grid.data)
+        levels = bytes(grid.data)
+        try:
+            stamp = ns_to_seconds(time_to_ns(grid.header.stamp))
+        except MessageError as error:
+            self._report(IMAGE, error)
+            return
         if len(levels) <= MAX_IMAGE:
             self._state.image = encode(image_frame(stamp, grid.info.resolution, levels))
 
     def _show(self) -> None:
         """Read what has arrived, in the server's thread."""
+        self._scheduled = False
         while self._waiting:
             topic, message = self._waiting.popleft()
             if topic != DIAGNOSTICS:
-                self._frames.take(topic, message)
+                try:
+                    self._frames.take(topic, message)
+                except MessageError as error:
+                    self._report(topic, error)
             elif (health := health_of_message(message)) is not None:
                 self._state.put_health(health)
         odometry, self._odometry = self._odometry, None

@@ -376,6 +376,8 @@ class PredictiveDensity(NamedTuple):
         parent, row : (p,) ndarray of int
             Path and detection of each child.
         """
+        if math.isinf(self.shape):
+            return np.zeros(len(parent))
         found = Excess(np.maximum(self.around[row], hits[parent]), self.expected[row])
         return np.minimum(-np.log(found.mean(1.0 / self.shape)), 0.0)
 
