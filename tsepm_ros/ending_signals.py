@@ -60,10 +60,14 @@ def signals_held() -> Iterator[None]:
             signal.raise_signal(arrived)
 
 
-def _executable(module: str, interrupted: int) -> Callable[[], int]:
-    """The function of an executable: the `main` of a module, imported when it is called."""
+def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
+    """The function of an executable: the `main` of a module, imported when it is called.
+
+    A signal before the module has its own handlers ends the executable with the given code.
+    """
 
     def main() -> int:
+        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(terminated))
         try:
             with signals_held():  # extension modules print tracebacks of what interrupts them
                 imported = importlib.import_module(module)
@@ -77,11 +81,11 @@ def _executable(module: str, interrupted: int) -> Callable[[], int]:
     return main
 
 
-tsepm = _executable("tsepm_ros.tools.commands.cli", INTERRUPTED)
-tsepm_demo = _executable("tsepm_ros.tools.demo", INTERRUPTED)
-track_initiator = _executable("tsepm_ros.nodes.track_initiator", 0)
-sonar_simulator = _executable("tsepm_ros.tools.players.sonar_simulator", 0)
-scan_player = _executable("tsepm_ros.tools.players.scan_player", 0)
-track_viewer = _executable("tsepm_ros.tools.viewer.track_viewer", 0)
-track_bridge = _executable("tsepm_ros.tools.bridge.track_bridge", 0)
-sonar_detector = _executable("tsepm_ros.nodes.sonar_detector", 0)
+tsepm = _executable("tsepm_ros.tools.commands.cli", INTERRUPTED, TERMINATED)
+tsepm_demo = _executable("tsepm_ros.tools.demo", INTERRUPTED, TERMINATED)
+track_initiator = _executable("tsepm_ros.nodes.track_initiator", 0, 0)
+sonar_simulator = _executable("tsepm_ros.tools.players.sonar_simulator", 0, 0)
+scan_player = _executable("tsepm_ros.tools.players.scan_player", 0, 0)
+track_viewer = _executable("tsepm_ros.tools.viewer.track_viewer", 0, 0)
+track_bridge = _executable("tsepm_ros.tools.bridge.track_bridge", 0, 0)
+sonar_detector = _executable("tsepm_ros.nodes.sonar_detector", 0, 0)

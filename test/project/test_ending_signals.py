@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros import ending_signals
 from tsepm_ros.ending_signals import (
     ENDING_SIGNALS,
     INTERRUPTED,
@@ -91,15 +90,21 @@ def test_an_executable_begins_without_the_imports_that_take_their_time(name):
     assert subprocess.run([sys.executable, "-c", script], timeout=60, check=False).returncode == 0
 
 
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", entry_points())
-def test_an_interrupt_during_the_imports_ends_with_a_word(name, monkeypatch, capsys):
-    def interrupted(module: str) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(ending_signals.importlib, "import_module", interrupted)
-    code = getattr(ending_signals, name)()
-    assert code == (INTERRUPTED if name.startswith("tsepm") else 0)
-    assert capsys.readouterr().err == "interrupted\n"
+def test_a_signal_during_the_imports_ends_cleanly_after_them(name, ending):
+    script = (
+        "import importlib, signal, sys; from tsepm_ros import ending_signals; "
+        f"importlib.import_module = lambda module: (signal.raise_signal({int(ending)}), print(2)); "
+        f"sys.exit(ending_signals.{name}())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60
+    )
+    codes = {signal.SIGINT: INTERRUPTED, signal.SIGTERM: TERMINATED}
+    assert done.returncode == (codes[ending] if name.startswith("tsepm") else 0)
+    assert done.stdout == "2\n"
+    assert done.stderr == ("interrupted\n" if ending == signal.SIGINT else "")
 
 
 @pytest.mark.parametrize("delay", [0.05, 0.15, 0.3])
