@@ -3,8 +3,6 @@
 The executables begin here, before the imports that take their time.
 """
 
-from __future__ import annotations
-
 import importlib
 import signal
 import sys
