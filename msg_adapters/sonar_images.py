@@ -190,6 +190,12 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
         )
     rows = data[: height * step].reshape(height, step)[:, : width * form.itemsize]
     picture = np.ascontiguousarray(rows).view(form).astype(form.newbyteorder("="))
+    if sensor.max_range == SensorModel().max_range:
+        raise MessageError(
+            "no_geometry",
+            "the message states no geometry: give sensor.max_range, min_range, azimuth_min and "
+            "azimuth_max of the image, as in the file of tsepm init --images yes",
+        )
     if layout.rows == "fan":
         range_, azimuth, intensity = _unwarped(picture, layout, sensor)
     else:

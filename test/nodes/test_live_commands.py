@@ -15,6 +15,7 @@ from support.patience import WAIT
 from support.ros_world import BEST_EFFORT, RELIABLE, remapped
 from support.sonar_driver import Driver, pings
 
+from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.replay.bag import Bag, BagWriter
@@ -53,10 +54,16 @@ def test_health_says_each_entry_of_every_node_or_of_the_one_named_and_ends_with_
         assert f"/{name}/track_initiator: overall" in said
 
 
+def test_health_of_a_detector(world):
+    world.make(SonarDetector)
+    code, said = ended(world, command(world, "health", "/sonar_detector"))
+    assert (code, said) == (1, "WARN  /sonar_detector: overall: no image on /image\n")
+
+
 def test_no_node_and_a_node_that_is_silent_are_stale(world):
     code, said = ended(world, command(world, "health", "--timeout", "1.5"))
     assert code == 3
-    assert "no track initiator was heard within 1.5 s" in said
+    assert "no node was heard within 1.5 s" in said
     world.make(TrackInitiator, named({"diagnostics_period": 1000.0}))
     code, said = ended(world, command(world, "health", "--timeout", "2"))
     assert code == 3

@@ -123,6 +123,18 @@ def test_both_nodes_start_a_track_on_a_target_that_moves_in_spite_of_a_picture_i
     )
 
 
+def test_an_image_without_a_geometry_is_dropped_and_no_tracker_is_told_a_default(world):
+    tracker = world.make(TrackInitiator, COVERAGE)
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    world.make(SonarDetector)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    sonar.ping()
+    world.until_logged("states no geometry: give sensor.max_range", level=WARN)
+    assert not heard
+    assert tracker.get_parameter("sensor.max_range").value == 40.5
+
+
 def test_a_tracker_is_told_the_coverage_of_the_images_whenever_it_starts_and_until_it_takes_it(
     world,
 ):

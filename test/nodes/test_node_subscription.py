@@ -36,7 +36,8 @@ def test_an_unsupported_type_is_named_once_and_a_good_driver_beside_it_is_read(w
         camera = elsewhere.add(Node("camera", context=elsewhere.context))
         camera.create_publisher(Image, "detections", 10)
         node = world.make(TrackInitiator, named(given))
-        world.until_logged("/detections", "sensor_msgs/msg/Image", POINT_CLOUD, level=ERROR)
+        image = "sensor_msgs/msg/Image", POINT_CLOUD, "sonar_detector reads images"
+        world.until_logged("/detections", *image, level=ERROR)
         world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
         assert len(world.logged(ERROR)) == 1
         said = "detections are published as sensor_msgs/msg/Image, which the node does not read"

@@ -359,7 +359,7 @@ ENTRIES: dict[str, Entry] = {
                     Level.ERROR,
                     "Detections are published as a type that the node does not read",
                     unread_type,
-                    "Restart the node, or set `detections_type`",
+                    "Restart the node, or set `detections_type`; for images start `sonar_detector`",
                 ),
                 Rule(
                     Level.WARN,

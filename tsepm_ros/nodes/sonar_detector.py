@@ -28,7 +28,7 @@ from msg_adapters.sonar_images import (
 )
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
-from tsepm_ros.diagnostics.health_figures import Level, Status
+from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.nodes.base_node import ParameterisedNode, run
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
 from tsepm_ros.session.turn import ImagePing
@@ -150,7 +150,7 @@ class SonarDetector(ParameterisedNode):
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"
-        status = Status("sonar detector", level, message, values)
+        status = Status(OVERALL, level, message, values)
         self._health.publish(
             diagnostics(
                 self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), [status]

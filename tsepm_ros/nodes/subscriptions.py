@@ -408,7 +408,9 @@ class DetectionsSubscription:
         """Why a type is not read; empty if it is."""
         if type_name not in self._readable:
             one_of = "one of " if len(self._readable) > 1 else ""
-            return f"which this node does not read; it reads {one_of}{', '.join(self._readable)}"
+            images = "; sonar_detector reads images" if self._topic == "detections" else ""
+            names = ", ".join(self._readable)
+            return f"which this node does not read; it reads {one_of}{names}{images}"
         try:
             message_class(type_name, self._readable)
         except MessageError as error:

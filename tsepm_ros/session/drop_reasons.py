@@ -145,6 +145,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "wrong_length": DropReason(
         DETECTIONS, "scan", "the lengths of the message's arrays do not match", _DRIVER
     ),
+    "no_geometry": DropReason(
+        DETECTIONS,
+        "scan",
+        "an image states no ranges and bearings, nor do parameters",
+        "Set `sensor.min_range`, `max_range`, `azimuth_min` and `azimuth_max` of `sonar_detector`",
+    ),
     "bad_encoding": DropReason(
         DETECTIONS,
         "scan",

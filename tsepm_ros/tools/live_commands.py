@@ -21,8 +21,8 @@ from tsepm_ros.nodes.base_node import refusing
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.tools.replay.bag import BagWriter, installed_class
 
-MIN_TIME = 1.0
-"""Time in which running nodes are discovered, s."""
+MIN_TIME = 2.0
+"""Time in which running nodes are discovered, and detectors report, s."""
 POLL_PERIOD = 0.1
 """Time between looks at the graph, s."""
 DEPTH = 1000
@@ -32,12 +32,12 @@ SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class HealthReader(Node):
-    """Reads one message of ``/diagnostics`` of each track initiator, or of one node.
+    """Reads one message of ``/diagnostics`` of each initiator and detector, or of one node.
 
     Parameters
     ----------
     name : str
-        Full name of a node; all track initiators if empty.
+        Full name of a node; all of them if empty.
     timeout : float
         Longest time for all messages, s.
 
@@ -70,7 +70,7 @@ class HealthReader(Node):
         return found + [(Level.STALE, f"{name}: {silence}") for name in sorted(self._silent)]
 
     def _hear(self, message: DiagnosticArray) -> None:
-        for status in message.status[:1]:  # track initiators begin with this entry
+        for status in message.status[:1]:  # nodes of this package begin with this entry
             if status.name == f"{status.hardware_id}: {OVERALL}":
                 self._heard[status.hardware_id] = message.status
 

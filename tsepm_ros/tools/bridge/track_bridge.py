@@ -169,7 +169,10 @@ class TrackBridge(ParameterisedNode):
         if self._options.own_ship_source == "none":
             return np.zeros(2), np.zeros(2)
         if self._odometry is None:
-            self._drop("no_own_ship", f"there is no message on {OWN_SHIP}: is it published?")
+            self._drop(
+                "no_own_ship",
+                f"there is no message on {OWN_SHIP}; a fixed sonar needs own_ship_source:=none",
+            )
             return None
         try:
             sample = read_own_ship(deserialize_message(self._odometry, Odometry))

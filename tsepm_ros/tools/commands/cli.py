@@ -152,7 +152,7 @@ def _health(options: argparse.Namespace) -> None:
     for level, sentence in entries:
         print(f"{level.name:5} {sentence}")
     if not entries:
-        print(f"no track initiator was heard within {options.timeout:g} s", file=sys.stderr)
+        print(f"no node was heard within {options.timeout:g} s", file=sys.stderr)
         raise SystemExit(int(Level.STALE))
     raise SystemExit(int(max((level for level, _ in entries), key=ORDER.index)))
 
