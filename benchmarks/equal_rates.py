@@ -77,6 +77,22 @@ def compare(points: Points) -> list[Comparison]:
     ]
 
 
+def detection_at(curve: Curve, false: FloatArray) -> FloatArray:
+    """P_D of a curve at rates of false starts per run, linear in their logarithm.
+
+    nan below the lowest rate of the curve; constant above the highest.
+    """
+    return np.interp(np.log(false), curve.log_false, curve.detection, left=np.nan)
+
+
+def false_at(curve: Curve, detection: FloatArray) -> FloatArray:
+    """False starts per run of a curve at values of P_D.
+
+    nan above the highest P_D of the curve; constant below the lowest.
+    """
+    return np.exp(np.interp(detection, curve.detection, curve.log_false, right=np.nan))
+
+
 def _compared(
     method: str,
     label: str,
@@ -87,8 +103,8 @@ def _compared(
 ) -> Comparison:
     """Compare a point with a curve, in the sample and in its resamples, (1 + b,) each."""
     pairs = list(zip(curves, false[:, None], detection[:, None], strict=True))
-    other_detection = np.concatenate([curve.detection_at(rate) for curve, rate, _ in pairs])
-    other_false = np.concatenate([curve.false_at(share) for curve, _, share in pairs])
+    other_detection = np.concatenate([detection_at(curve, rate) for curve, rate, _ in pairs])
+    other_false = np.concatenate([false_at(curve, share) for curve, _, share in pairs])
     return Comparison(
         method,
         label,

@@ -35,7 +35,7 @@ from tsepm_ros.tools.design.prediction import (
     Case,
     clutter_scans,
     false_tracks_per_hour,
-    score_thresholds,
+    first_estimate,
     score_window,
     target_statistics,
 )
@@ -302,7 +302,7 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     case = Case(sensor=sensor, scans=scans, target_speed=SPEED)
     score = ScoreOptions(false_tracks_per_hour=TARGET_RATE)
     score = replace(score, window=score_window(case, score))
-    [(_, planned)] = score_thresholds(case, score, [score.window])
+    planned = first_estimate(case, score, given_window=True).found[-1]
     given = {**asdict(case.common), **asdict(score)}
     simulation = {"seed": options.seed, "processes": options.workers, "progress": with_progress}
     simulated = target_statistics(case, "score", given, runs=options.runs, **simulation).detection

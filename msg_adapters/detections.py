@@ -676,13 +676,18 @@ def message_class(type_name: str, readable: Collection[str] | None = None) -> ty
         If the type is not supported, or its package is not installed.
     """
     check_supported(type_name, READERS if readable is None else readable)
-    package, _, name = type_name.split("/")
     try:
-        message_type: type = getattr(importlib.import_module(f"{package}.msg"), name)
+        return installed_class(type_name)
     except (ImportError, AttributeError) as error:
         raise MessageError(
             "package_not_installed",
-            f"message type {type_name!r} needs the package {package!r}, which is not installed "
-            f"or too old ({error})",
+            f"message type {type_name!r} needs the package {type_name.partition('/')[0]!r}, which "
+            f"is not installed or too old ({error})",
         ) from error
+
+
+def installed_class(type_name: str) -> type:
+    """The class of a message type; ImportError or AttributeError if it is not installed."""
+    package, _, name = type_name.split("/")
+    message_type: type = getattr(importlib.import_module(f"{package}.msg"), name)
     return message_type

@@ -161,7 +161,7 @@ def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
     return scale[:, None] * block * scale
 
 
-def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> messages.Odometry:
+def odometry_message(sample: PoseSample) -> messages.Odometry:
     """Build the own ship's odometry: the inverse of `read_own_ship`.
 
     Vertical speed and the rates of roll and pitch are 0, because a sample does not contain them.
@@ -172,10 +172,6 @@ def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> messa
     Parameters
     ----------
     sample : PoseSample
-    heading_known : bool, optional
-        False for a source without a heading. The message needs an orientation: it is that of the
-        sample (0, or the course over ground), and the variance of the yaw is
-        `UNOBSERVED_VARIANCE`. A reader still obtains the correct velocity in the fixed frame.
 
     Returns
     -------
@@ -203,13 +199,8 @@ def odometry_message(sample: PoseSample, *, heading_known: bool = True) -> messa
     twist.angular.x = -yaw_rate * math.sin(pitch)
     twist.angular.y = yaw_rate * math.cos(pitch) * math.sin(roll)
     twist.angular.z = yaw_rate * math.cos(pitch) * math.cos(roll)
-    covariance = sample.covariance
-    if not heading_known:
-        covariance = np.zeros((3, 3)) if covariance is None else np.array(covariance, np.float64)
-        covariance[2, :] = covariance[:, 2] = 0.0
-        covariance[2, 2] = UNOBSERVED_VARIANCE
-    if covariance is not None:
-        message.pose.covariance = odometry_covariance(covariance, (X, Y, YAW))
+    if sample.covariance is not None:
+        message.pose.covariance = odometry_covariance(sample.covariance, (X, Y, YAW))
     return message
 
 

@@ -253,8 +253,8 @@ STANDS, MOVES = 0.9, 0.1
 """Probabilities to stand still from which on, and up to which, a track is classified."""
 
 
-def track_uuid(instance: uuid.UUID, track_id: int) -> uuid.UUID:
-    """The UUID of a track of one run of the node.
+def track_uuid(instance: uuid.UUID, track_id: int) -> NDArray[np.uint8]:
+    """The UUID of a track of one run of the node, (16,).
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def track_uuid(instance: uuid.UUID, track_id: int) -> uuid.UUID:
         Drawn at the start: a later run's tracks have other UUIDs.
     track_id : int
     """
-    return uuid.uuid5(instance, str(track_id))
+    return np.frombuffer(uuid.uuid5(instance, str(track_id)).bytes, np.uint8)
 
 
 def radar_tracks(
@@ -287,7 +287,7 @@ def radar_tracks(
     unknown = _upper(UNOBSERVED_VARIANCE * np.eye(2))
     for track in tracks:
         made, stands = messages.RadarTrack(), track.stationary_probability
-        made.uuid.uuid = _uuid_bytes(instance, track.track_id)
+        made.uuid.uuid = track_uuid(instance, track.track_id)
         place, velocity = made.position, made.velocity
         place.x, velocity.x, place.y, velocity.y = track.state.tolist()
         if not math.isnan(stands):
@@ -316,7 +316,7 @@ def tracked_objects(
     message = messages.TrackedObjects(header=header)
     for track in tracks:
         made, existence = messages.TrackedObject(), track.existence_probability
-        made.object_id.uuid = _uuid_bytes(instance, track.track_id)
+        made.object_id.uuid = track_uuid(instance, track.track_id)
         made.existence_probability = 1.0 if math.isnan(existence) else existence
         made.classification = [messages.ObjectClassification(label=0, probability=1.0)]  # UNKNOWN
         made.shape.type = 1  # CYLINDER
@@ -340,10 +340,6 @@ def _set_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     twist.covariance = odometry_covariance(velocity, (X, Y))
     kinematics.orientation_availability = 1  # SIGN_UNKNOWN
     kinematics.is_stationary = track.stationary_probability >= STANDS
-
-
-def _uuid_bytes(instance: uuid.UUID, track_id: int) -> NDArray[np.uint8]:
-    return np.frombuffer(track_uuid(instance, track_id).bytes, np.uint8)
 
 
 def _upper(block: np.ndarray) -> Sequence[float]:

@@ -267,24 +267,3 @@ def test_rates_that_are_not_known_are_written_as_zeros_and_read_back_as_not_know
     parts = [getattr(vector, name) for vector in (twist.linear, twist.angular) for name in "xyz"]
     assert parts == [0.0] * 6
     assert np.isnan(read_own_ship(message).rates).all()
-
-
-@pytest.mark.parametrize(
-    ("covariance", "position"),
-    [
-        pytest.param(None, np.zeros((2, 2)), id="covariance-unknown"),
-        pytest.param(POSE_COVARIANCE, POSE_COVARIANCE[:2, :2], id="covariance"),
-    ],
-)
-def test_an_unknown_heading_has_a_large_variance_and_leaves_the_velocity_right(
-    covariance, position
-):
-    sample = _sample(yaw=0.7, rates=(3.0, -4.0, 0.0), covariance=covariance)
-    found = read_own_ship(odometry_message(sample, heading_known=False))
-    expected = np.diag([0.0, 0.0, 1e6])
-    expected[:2, :2] = position
-    np.testing.assert_array_equal(found.covariance, expected)
-    assert found.rates[:2] == pytest.approx((3.0, -4.0))
-    assert found.yaw == pytest.approx(0.7)
-    if covariance is not None:
-        assert covariance[2, 2] == 0.001  # the caller's array is left alone

@@ -275,10 +275,9 @@ def test_a_radar_track_has_state_covariances_and_a_uuid_of_its_run():
     assert (one.velocity.x, one.velocity.y) == (3.0, 4.0)
     assert one.position_covariance == [4.0, 1.0, 0.0, 9.0, 0.0, UNOBSERVED_VARIANCE]
     assert one.velocity_covariance == [0.3, 0.05, 0.0, 0.2, 0.0, UNOBSERVED_VARIANCE]
-    assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).bytes
-    assert track_uuid(INSTANCE, 5) == track_uuid(INSTANCE, 5)
-    assert track_uuid(INSTANCE, 5) != track_uuid(INSTANCE, 6)
-    assert track_uuid(INSTANCE, 5) != track_uuid(uuid.UUID(int=8), 5)
+    assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).tobytes()
+    assert track_uuid(INSTANCE, 5).tobytes() != track_uuid(INSTANCE, 6).tobytes()
+    assert track_uuid(INSTANCE, 5).tobytes() != track_uuid(uuid.UUID(int=8), 5).tobytes()
 
 
 @pytest.mark.parametrize(("probability", "kind"), [(math.nan, 0), (0.5, 0), (0.95, 1), (0.02, 2)])
@@ -381,9 +380,9 @@ def test_a_message_is_read_again_by_its_definition(make, name):
     (one,) = read.tracks if make is radar_tracks else read.objects
     if make is radar_tracks:
         np.testing.assert_allclose(one.velocity_covariance[[0, 1, 3]], [0.3, 0.05, 0.2], rtol=1e-6)
-        assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).bytes
+        assert bytes(one.uuid.uuid) == track_uuid(INSTANCE, 5).tobytes()
     else:
         assert one.existence_probability == 0.75
         assert one.kinematics.twist_with_covariance.twist.linear.x == 5.0
         assert one.kinematics.pose_with_covariance.covariance[7] == 9.0
-        assert bytes(one.object_id.uuid) == track_uuid(INSTANCE, 5).bytes
+        assert bytes(one.object_id.uuid) == track_uuid(INSTANCE, 5).tobytes()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from equal_rates import compare
+from equal_rates import compare, detection_at, false_at
 from result_tables import printed, write_table
 from support.run_summaries import run_of, start
 
@@ -17,12 +17,12 @@ CURVE = Curve.of(np.array([10.0, 1.0, 5.0, 0.1]), np.array([0.9, 0.7, 0.6, 0.3])
 def test_a_curve_has_its_best_points_is_linear_in_the_logarithm_and_says_nothing_beyond():
     np.testing.assert_allclose(np.exp(CURVE.log_false), [0.1, 1.0, 10.0])
     np.testing.assert_allclose(CURVE.detection, [0.3, 0.7, 0.9])
-    np.testing.assert_allclose(CURVE.detection_at(np.array([1.0, math.sqrt(10.0)])), [0.7, 0.8])
-    np.testing.assert_allclose(CURVE.false_at(np.array([0.7, 0.8])), [1.0, math.sqrt(10.0)])
-    assert np.isnan(CURVE.detection_at(np.array([0.09])))
-    assert np.isnan(CURVE.false_at(np.array([0.91])))
-    assert CURVE.detection_at(np.array([1000.0])) == 0.9
-    assert CURVE.false_at(np.array([0.1])) == pytest.approx(0.1)
+    np.testing.assert_allclose(detection_at(CURVE, np.array([1.0, math.sqrt(10.0)])), [0.7, 0.8])
+    np.testing.assert_allclose(false_at(CURVE, np.array([0.7, 0.8])), [1.0, math.sqrt(10.0)])
+    assert np.isnan(detection_at(CURVE, np.array([0.09])))
+    assert np.isnan(false_at(CURVE, np.array([0.91])))
+    assert detection_at(CURVE, np.array([1000.0])) == 0.9
+    assert false_at(CURVE, np.array([0.1])) == pytest.approx(0.1)
 
 
 def runs(found: int, false: int, total: int = 100):

@@ -1,17 +1,83 @@
 """With min_speed: fixed reflectors are not published, swimmers are, and soon."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixed_echoes import MAX_SPEED, MIN_SPEED, SURE, oracle
-from fixed_echoes_scenes import Scene, reflectors, swimmer
+from fixed_echoes import MAX_SPEED, MIN_SPEED
+from fixed_echoes_scenes import (
+    AZIMUTH_STD,
+    RANGE_STD,
+    Ping,
+    Scene,
+    Target,
+    reflectors,
+    swimmer,
+)
 from support.builders import reconfigured
 
 from tsepm_ros import make_initiator
 from tsepm_ros.tracker.options import CommonOptions
 
 REFLECTORS = Scene(detection_probability=0.8, pings=40)
+SURE = 0.9
+SHARE = 0.9
+"""Prior share of what stands still, as in the package."""
+PARTS = 0.5, 0.25, 0.125, 0.125
+"""Shares of moving targets of at most MAX_SPEED, half of it, ..., as in the package."""
+
+
+def oracle(pings: list[Ping], target: int, known: Target | None = None) -> Iterator[float]:
+    """Probability of moving by the true hits alone, ping by ping.
+
+    The test of the package on a least-squares fit to the true hits, by sums over a grid of
+    velocities. With a `known` target, its place and the time at which it sets off are known.
+    """
+    information, moment = np.zeros((4, 4)), np.zeros(4)
+    step = 0.04
+    axis = np.arange(-MAX_SPEED, MAX_SPEED + step / 2, step)
+    vx, vy = np.meshgrid(axis, axis)
+    speed = np.hypot(vx, vy)
+    if known is not None:
+        tight = np.zeros((2, 4))
+        tight[0, 0] = tight[1, 2] = 1.0
+        information += 1e8 * tight.T @ tight
+        moment += 1e8 * tight.T @ np.asarray(known.place)
+    for ping in pings:
+        scan = ping.scan
+        time = scan.stamp - (known.sets_off if known is not None else 0.0)
+        for row in np.flatnonzero(ping.origin == target):
+            if time < 0.0:
+                continue
+            x, y = ping.truth[target] - scan.sensor_pose[:2]
+            distance, angle = math.hypot(x, y), math.atan2(y, x)
+            turn = np.array(
+                [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+            )
+            error = turn @ np.diag([RANGE_STD, AZIMUTH_STD * distance]) ** 2 @ turn.T
+            azimuth = scan.azimuth[row]
+            seen = scan.range[row] * np.array([math.cos(azimuth), math.sin(azimuth)])
+            rows = np.array([[1.0, time, 0.0, 0.0], [0.0, 0.0, 1.0, time]])
+            weight = rows.T @ np.linalg.inv(error)
+            information += weight @ rows
+            moment += weight @ (seen + scan.sensor_pose[:2])
+        if np.linalg.matrix_rank(information) < 4:
+            yield 0.0
+            continue
+        covariance = np.linalg.inv(information)
+        mean = covariance @ moment
+        spread = covariance[1::2, 1::2]
+        inverse = np.linalg.inv(spread)
+        apart = np.stack([vx - mean[1], vy - mean[3]])
+        density = np.exp(-0.5 * np.einsum("iab,ij,jab->ab", apart, inverse, apart))
+        at_rest = math.exp(-0.5 * mean[1::2] @ inverse @ mean[1::2])
+        slow = density[speed < MIN_SPEED].mean()
+        fast = 0.0
+        for part, limit in zip(PARTS, MAX_SPEED / 2.0 ** np.arange(len(PARTS)), strict=True):
+            fast += part * density[(speed >= MIN_SPEED) & (speed <= limit)].mean()
+        yield (1 - SHARE) * fast / ((1 - SHARE) * fast + SHARE * 0.5 * (at_rest + slow))
 
 
 def initiator_of(scene: Scene, min_speed: float = MIN_SPEED, method: str = "score", **options):

@@ -35,7 +35,6 @@ from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import add_values, given_values, yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
-from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
 from tsepm_ros.tools.pictures.plan_position import save
 from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
@@ -43,6 +42,7 @@ from tsepm_ros.tools.pictures.run_scene import (
     headline,
     target_name,
 )
+from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
 from tsepm_ros.tools.terminal import progress_bar, text_table
 
@@ -148,23 +148,16 @@ def review(
     for message in sorted(collector.detections, key=lambda m: time_to_ns(m.header.stamp)):
         message_input.take_detections(message, now=0.0)
         results.extend(session.process())
-    tracks = [track for result in results for track in result.new]
     settings = session.settings
     views = [ScanView.of(result, settings.sensor, settings.mounting.yaw) for result in results]
-    scene = RunScene(f"{scenario.name}, seed {seed}, method {settings.session.method}", views)
     simulator = Simulator(scenario, seed)
-    scans = list(simulator)
-    stamps = [simulated.scan.stamp for simulated in scans]
-    processed = [result.stamp for result in results]
-    origins = origins_of(processed, stamps, [simulated.origin for simulated in scans])
-    scene.judged = judge_starts(simulator, tracks, origins)
-    scene.truth = [
-        np.array([(one.scan.stamp, *one.truth[target][0::2]) for one in scans])
-        for target in range(len(simulator.targets))
-    ]
+    recording, origins = simulated_recording(simulator)
+    title = f"{scenario.name}, seed {seed}, method {settings.session.method}"
+    scene = RunScene(title, views, recording.truth)
+    scene.judge(simulator, recording, origins)
     header, *rows = target_rows(scene)
     states = [track_states(np.array([record]))[0].tolist() for record in collector.tracks]
-    same = states == [track.state.tolist() for track in tracks]
+    same = states == [track.state.tolist() for track in scene.starts]
     missing = len(simulator.targets) - len(scene.true_starts)
     failure = ""
     if missing:

@@ -16,10 +16,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
 
+from msg_adapters.detections import installed_class
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level
 from tsepm_ros.nodes.base_node import refusing
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
-from tsepm_ros.tools.replay.bag import BagWriter, installed_class
+from tsepm_ros.tools.replay.bag import BagWriter
 
 MIN_TIME = 2.0
 """Time in which running nodes are discovered, and detectors report, s."""

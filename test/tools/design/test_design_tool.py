@@ -199,11 +199,12 @@ def test_bisection_finds_the_first_rule_that_keeps_the_rate():
 def test_a_design_knows_the_strength_of_its_targets():
     plain = Case(sensor=SensorModel())
     strong = dataclasses.replace(plain, ratio_db=6.0)
-    [(threshold, share)] = prediction.score_thresholds(plain, ScoreOptions(), [16])
-    [(lower, more)] = prediction.score_thresholds(strong, ScoreOptions(), [16])
-    assert lower < threshold and more > share + 0.2
+    [(threshold, passed)] = prediction.passages(plain, ScoreOptions(), [16])
+    [(lower, more)] = prediction.passages(strong, ScoreOptions(), [16])
+    assert lower < threshold and more[-1] > passed[-1] + 0.2
     off = dataclasses.replace(strong, common=CommonOptions(intensity="off"))
-    assert prediction.score_thresholds(off, ScoreOptions(), [16]) == [(threshold, share)]
+    [(same, as_many)] = prediction.passages(off, ScoreOptions(), [16])
+    assert same == threshold and as_many.tolist() == passed.tolist()
     with pytest.raises(ValueError, match="ratio must be"):
         Case(sensor=SensorModel(), ratio_db=1e3)
 

@@ -118,8 +118,9 @@ def test_fixed_echoes_stay_until_the_next_message_of_them():
 @pytest.mark.parametrize(("known", "heading"), [(True, 500), (False, None)])
 def test_the_own_ship_is_shown_in_its_own_frame_only_with_its_heading_if_known(known, heading):
     live = Live()
-    pose = PoseSample(100.0, 1.0, 2.0, 0.5, np.diag([1.0, 1.0, 0.01]), frame_id="odom")
-    live.take_own_ship(odometry_message(pose, heading_known=known))
+    variance = np.diag([1.0, 1.0, 0.01 if known else 1e6])
+    pose = PoseSample(100.0, 1.0, 2.0, 0.5, variance, frame_id="odom")
+    live.take_own_ship(odometry_message(pose))
     live.take(TRACKS, tracks(100.0))
     live.take(TRACKS, tracks(112.0, frame_id="sonar"))
     first, second = live.frames()

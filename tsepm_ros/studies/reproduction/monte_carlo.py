@@ -150,7 +150,6 @@ TABLE_1 = tuple(
 TABLE_1_DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
 TABLE_1_DENSITY = 1e-6
 """1/m^2."""
-TABLE_1_RUNS = 500
 GATE_PROBABILITY = 0.9
 MAX_SPEED = 10.0
 """m/s."""
@@ -367,21 +366,6 @@ def _table_1_counts(
     ]
 
 
-@dataclass(frozen=True)
-class Point:
-    """A scene of the figures.
-
-    Attributes
-    ----------
-    value : float
-        Value on the axis of its figure.
-    scenario : Scenario
-    """
-
-    value: float
-    scenario: Scenario
-
-
 def sensor_at(error: float) -> SensorModel:
     """The sensor of Section 5.1, its errors scaled to a major axis (m) at the target."""
     sensor = SensorModel()
@@ -401,15 +385,14 @@ def _scenario(sensor: SensorModel, density: float) -> Scenario:
     return dataclasses.replace(box, sensor=box_sensor)
 
 
-DENSITIES = tuple(
-    Point(density, _scenario(SensorModel(), density))
-    for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
-)
+DENSITIES = {
+    density: _scenario(SensorModel(), density) for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
+}
 """Scenes of Figs. 5 and 6."""
-ERRORS = tuple(
-    Point(error, _scenario(sensor_at(error), FIGURE_7_DENSITY))
+ERRORS = {
+    error: _scenario(sensor_at(error), FIGURE_7_DENSITY)
     for error in (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
-)
+}
 """Scenes of Figs. 7 and 8."""
 
 
@@ -446,18 +429,18 @@ def weighted(group: Candidates) -> FloatArray:
     return np.stack([*moments, group.state[np.argmin(group.evaluation)]])
 
 
-def run_comparison(point: Point, seed: list[int]) -> Result:
+def run_comparison(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every curve's method: target found, false and misplaced, starts.
 
     Further numbers of TSEPM: whether the target is found if a merged group is judged by any of its
     members; tracks that reach confirmation, and those left by pruning. ``weights`` has the errors
     of position, m, of each merged group with a member from the target, by each of `WEIGHTS`.
     """
-    scene = SimulatedScene.drawn(point.scenario, seed)
+    scene = SimulatedScene.drawn(scenario, seed)
     results: Result = {"weights": []}
     for name, (method, options) in CURVES.items():
         given = {"max_speed": MAX_SPEED, **SHARED_OPTIONS, **options}
-        initiator = make_initiator(method, sensor=point.scenario.sensor, **given)
+        initiator = make_initiator(method, sensor=scenario.sensor, **given)
         if method == "tsepm":
             made = initiator.method
             initiator = Tracker(Grouping(made.sensor, made.common, made.options))

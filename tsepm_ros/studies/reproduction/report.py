@@ -216,19 +216,14 @@ class Panel:
         Title, labels and limits, as `Axes.set` takes them.
     marks : sequence of float
         Values of x with a vertical line.
-    image : (m, n) ndarray, optional
-        Drawn below the lines.
     """
 
     lines: Sequence[Line]
     settings: Mapping[str, Any] = field(default_factory=dict)
     marks: Sequence[float] = ()
-    image: Any = None
 
     def draw(self, axis: Any) -> None:
         """Draw it on an axis of matplotlib."""
-        if self.image is not None:
-            axis.figure.colorbar(axis.imshow(self.image, cmap="Blues"))
         for line in self.lines:
             line.draw(axis)
         for mark in self.marks:

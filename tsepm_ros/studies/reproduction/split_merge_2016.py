@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros.methods.tsepm import Candidates
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, members_of_groups
+from tsepm_ros.numerics.arrays import BoolArray, IntArray, members_of_groups
 from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, Started
 from tsepm_ros.studies.reproduction.report import (
     Cell,
-    Line,
-    Panel,
     Part,
-    Picture,
     Result,
     Setting,
     Table,
@@ -177,7 +172,6 @@ def _table_i_parts() -> list[Part]:
         + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
         + f". Of Table II's tracks {', '.join(map(str, majority))} share more than half of their "
         f"hits with the true track {TRUE_TRACK}: they are its repetitions.",
-        _shared_picture(),
     ]
 
 
@@ -187,22 +181,6 @@ def _split_text(first: int, second: int) -> str:
     if place == 0:
         return f"{first} and {second} have different first measurements, so they never were one"
     return f"{first} and {second} split at hit {place + 1}"
-
-
-def _shared_picture() -> Picture:
-    pairs = itertools.permutations(TABLE_I, 2)
-    merging_pairs = [pair for pair in pairs if may_merge(*pair)]
-    places = np.array(merging_pairs).T - 1
-    dots = Line(places[0], places[1], "conditions (i) and (iii) hold", {"ls": "", "marker": "o"})
-    names = list(TABLE_I)
-    ticks = {"xticks": range(len(names)), "yticks": range(len(names))}
-    settings = ticks | {"xticklabels": names, "yticklabels": names}
-    return Picture(
-        "split_merge_2016_table_i",
-        "Table I of Split-merge 2016: measurements that its thirteen tracks share",
-        [Panel([dots], settings | {"title": "Measurements shared"}, image=SHARED_HITS)],
-        (6.0, 5.0),
-    )
 
 
 def _scene_parts(runs: list[Result]) -> list[Part]:
@@ -244,28 +222,4 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
             for text, number in zip(("before merging", "after it"), detected, strict=True)
         )
         + ".",
-        _counts_picture(split, merged),
     ]
-
-
-def _counts_picture(split: FloatArray, merged: FloatArray) -> Picture:
-    panels = []
-    for counts, published, text in (
-        (split, AFTER_SPLITTING, "after splitting"),
-        (merged, AFTER_MERGING, "after merging"),
-    ):
-        top = int(np.quantile(counts, 0.98)) + 2
-        share = np.bincount(np.minimum(counts.ravel(), top).astype(int), minlength=top + 1)
-        bars = Line(np.arange(top + 1), share / counts.size, style={"drawstyle": "steps-mid"})
-        settings = {
-            "title": f"Tracks {text}; dashed: published, {published}",
-            "xlabel": "tracks in the square of interest (the last: that many or more)",
-            "ylabel": "share of squares",
-        }
-        panels.append(Panel([bars], settings, [published]))
-    return Picture(
-        "split_merge_2016_counts",
-        "Split-merge 2016: tracks in the 3 km square round a target, and those of the published "
-        "run",
-        panels,
-    )

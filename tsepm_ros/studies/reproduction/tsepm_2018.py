@@ -18,7 +18,6 @@ from tsepm_ros.studies.reproduction.monte_carlo import (
     ERRORS,
     FIGURE_7_DENSITY,
     FIGURE_7_MARKS,
-    GATE_FACTOR,
     GATE_PROBABILITY,
     MAX_SPEED,
     OWN_GATE,
@@ -29,11 +28,9 @@ from tsepm_ros.studies.reproduction.monte_carlo import (
     TABLE_1,
     TABLE_1_DENSITY,
     TABLE_1_DETECTION_PROBABILITIES,
-    TABLE_1_RUNS,
     TARGET,
     WEIGHTS,
     Counted,
-    Point,
     Table1Row,
     run_comparison,
     run_table_1,
@@ -63,10 +60,9 @@ from tsepm_ros.tools.evaluation.intervals import (
     proportion,
     root_mean_square,
 )
-from tsepm_ros.tools.evaluation.simulated_run import measurement_sigma
+from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tracker.measurement import position_covariance
 from tsepm_ros.tracker.pruning import READINGS
-from tsepm_ros.tracker.sensor import SensorModel
 
 FITTED_MARGIN = 159.78
 """g that fits most of P_F(1), m. The fit confirms only the form of the equation."""
@@ -74,10 +70,6 @@ MIN_SHOWN = 7
 """Minimum N of the rows of P_D and P_F(2) in the report."""
 MAX_DETECTION_DIFFERENCE = 1e-4
 MAX_FALSE_DIFFERENCE = 1e-3
-
-
-TRUE_MARGIN = GATE_FACTOR * measurement_sigma(SensorModel(), TARGET)
-"""The gate margin g from the larger axis of the error at the target, m."""
 
 
 def detection(row: Table1Row) -> list[float]:
@@ -138,7 +130,9 @@ DENOMINATORS = {
 
 
 def reproduce(
-    setting: Setting, by_density: Sequence[Point] = DENSITIES, by_error: Sequence[Point] = ERRORS
+    setting: Setting,
+    by_density: Mapping[float, Scenario] = DENSITIES,
+    by_error: Mapping[float, Scenario] = ERRORS,
 ) -> list[Part]:
     """The parts of the source's chapter."""
     return [*table_1_parts(setting), *figure_parts(setting, by_density, by_error)]
@@ -166,7 +160,6 @@ def table_1_parts(setting: Setting) -> list[Part]:
         *_detection_parts(stated, predicted),
         *_before_parts(),
         *_after_parts(after, closest),
-        _table_1_picture(after, closest),
     ]
 
 
@@ -339,46 +332,19 @@ def _falls(values: Sequence[Estimate]) -> str:
     return "yes" if all(falls) else "no"
 
 
-def _table_1_picture(after: Mapping[str, list[Estimate]], shown: Sequence[str]) -> Picture:
-    names = [row.name for row in TABLE_1]
-    chains = (
-        (f"chain, g = {FITTED_MARGIN:.1f} m (fitted)", FITTED_MARGIN, "o"),
-        (f"chain, g = {STATED_MARGIN:.0f} m (sigma at 5000 m)", STATED_MARGIN, "s"),
-        (f"chain, g = {TRUE_MARGIN:.0f} m (sigma at 7071 m)", TRUE_MARGIN, "^"),
-    )
-    marks = {"color": "k", "marker": "x", "ls": ""}
-    before = [Line(names, [row.false_before for row in TABLE_1], "published", marks)] + [
-        Line(names, [false_before(row, g) for row in TABLE_1], name, {"marker": mark, "ls": ""})
-        for name, g, mark in chains
-    ]
-    simulated = [Line(names, [row.false_after for row in TABLE_1], "published", marks)] + [
-        Line(names, after[name], name, {"fmt": "o", "ms": 4}) for name in shown
-    ]
-    settings = {"yscale": "log", "ylim": (1e-4, 1.0)}
-    return Picture(
-        "tsepm_2018_table_1",
-        f"Table 1 of TSEPM 2018 ({TABLE_1_RUNS} runs there): P_F before and after pruning and "
-        "merging, published and here",
-        [
-            Panel(before, settings | {"title": "P_F(1)"}),
-            Panel(simulated, settings | {"title": "P_F(2)"}),
-        ],
-        (13.0, 5.2),
-    )
-
-
 @dataclass(frozen=True)
 class Curves:
     """The runs of two figures.
 
     Attributes
     ----------
-    points : sequence of Point
+    scenes : mapping of float to Scenario
+        By the value along the figure.
     runs : sequence of sequence of dict
         Per point.
     """
 
-    points: Sequence[Point]
+    scenes: Mapping[float, Scenario]
     runs: Sequence[Sequence[Result]]
 
     def found(self, name: str, place: int = 0) -> list[Estimate]:
@@ -392,7 +358,7 @@ class Curves:
 
     def density(self, name: str) -> list[Estimate]:
         """False and misplaced tracks per scan and km^2 along the curve."""
-        units = [point.scenario.scans * point.scenario.area / 1e6 for point in self.points]
+        units = [scene.scans * scene.area / 1e6 for scene in self.scenes.values()]
         return [
             mean_count(column(runs, name, 1)) / unit
             for runs, unit in zip(self.runs, units, strict=True)
@@ -401,7 +367,7 @@ class Curves:
     def table(self, name: str, heading: str, spec: str) -> Table:
         """P_D, and false and misplaced tracks per start; the report shows those of `SHOWN`."""
         columns = {heading: spec}
-        values: list[Sequence[Cell]] = [[point.value for point in self.points]]
+        values: list[Sequence[Cell]] = [[*self.scenes]]
         for curve in CURVES:
             columns |= {f"{curve}: P_D": ".2f", f"{curve}: P_F": ".2g"}
             values += [self.found(curve), self.per_start(curve)]
@@ -429,7 +395,7 @@ class Curves:
         `theory` is P_D of one start without clutter as a function of the value; `marks` are values
         with a vertical line.
         """
-        x = np.array([point.value for point in self.points])
+        x = np.array([*self.scenes])
         panels = []
         for heading, values_of in (
             ("P_D", self.found),
@@ -504,10 +470,10 @@ def one_start(error: float) -> float:
 
 
 def figure_parts(
-    setting: Setting, by_density: Sequence[Point], by_error: Sequence[Point]
+    setting: Setting, by_density: Mapping[float, Scenario], by_error: Mapping[float, Scenario]
 ) -> list[Part]:
     """The curves, the burden, the weights of merging and the gate."""
-    results = setting.results(run_comparison, [*by_density, *by_error])
+    results = setting.results(run_comparison, [*by_density.values(), *by_error.values()])
     densities = Curves(by_density, results[: len(by_density)])
     errors = Curves(by_error, results[len(by_density) :])
     return [
@@ -544,7 +510,7 @@ def _merging_parts(densities: Curves) -> list[Part]:
     published, *others = errors.reshape(-1, len(WEIGHTS)).T
     return [
         f"**The burden** ({literal}). Merging is said to reduce it. At "
-        f"{densities.points[-1].value:.0e} per m², {reached:.3g} tracks per run reach M hits in 8 "
+        f"{max(densities.scenes):.0e} per m², {reached:.3g} tracks per run reach M hits in 8 "
         f"scans, pruning leaves {left:.3g}, and merging {wrong + found:.3g}.",
         f"**Merging by evaluation values** (Eq. 31, {literal}): the position of {len(published)} "
         "merged groups with a member from the target has an rms error of "

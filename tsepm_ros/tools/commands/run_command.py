@@ -45,7 +45,6 @@ from tsepm_ros.tools.commands.arguments import (
     scenario_names,
     seed,
 )
-from tsepm_ros.tools.evaluation.simulated_run import judge_starts, origins_of
 from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
@@ -305,17 +304,11 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
     recording, origins = simulated_recording(simulator)
     sensor = {f"sensor.{key}": value for key, value in dataclasses.asdict(scenario.sensor).items()}
     run = _recorded(recording, options, "odometry", **sensor)
-
-    def judge(scene: RunScene) -> None:
-        processed = [view.stamp for view in scene.scans]
-        stamps = [scan.time for scan in recording.scans]
-        scene.judged = judge_starts(simulator, scene.starts, origins_of(processed, stamps, origins))
-
     method = run.session.settings.session.method
     return dataclasses.replace(
         run,
         title=f"{scenario.name}, seed {options.seed}, method {method}",
-        judge=judge,
+        judge=lambda scene: scene.judge(simulator, recording, origins),
     )
 
 

@@ -142,11 +142,10 @@ MAX_PLACEMENT_TRIES = 1000
 
 @dataclass(frozen=True, eq=False)
 class _Target:
-    """A target: position (x, y) in the middle of the run, velocity, and its range, in SI units."""
+    """A target: position (x, y) in the middle of the run, and velocity, in SI units."""
 
     centre: FloatArray
     velocity: FloatArray
-    range: float
 
     def at(self, times: FloatArray) -> FloatArray:
         """Positions at times from the middle of the run, (n, 2), m."""
@@ -188,7 +187,7 @@ def _fits(case: Case, target: _Target, others: list[_Target], times: FloatArray)
     """Whether a target's detections and gates end before those of the others."""
     return all(
         float(np.hypot(*(target.at(times) - other.at(times)).T).min())
-        >= _clearance(case, target.range) + _clearance(case, other.range)
+        >= _clearance(case, target) + _clearance(case, other)
         for other in others
     )
 
@@ -205,7 +204,6 @@ def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
         target = _Target(
             range_ * np.array([math.cos(azimuth), math.sin(azimuth)]),
             case.target_speed * np.array([math.cos(heading), math.sin(heading)]),
-            range_,
         )
         x, y = target.at(times).T
         if sensor.covers(np.hypot(x, y), np.arctan2(y, x)).all():
@@ -236,23 +234,19 @@ def _scene(
     )
 
 
-def _clearance(case: Case, range_: float) -> float:
+def _clearance(case: Case, target: _Target) -> float:
     """Distance at which a target's detections and gates end, m: two of these are between two."""
-    return PATCH_SIGMAS * _sigma(case, range_) + case.common.max_speed * case.interval
+    sigma = measurement_sigma(case.sensor, target.centre)
+    return PATCH_SIGMAS * sigma + case.common.max_speed * case.interval
 
 
 def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
     """Box of a target's clutter: its path, its errors and the reach of clutter paths."""
     path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
     reach = case.common.max_speed * case.interval * math.sqrt(case.scans)
-    half = path + PATCH_SIGMAS * _sigma(case, target.range) + reach
+    half = path + PATCH_SIGMAS * measurement_sigma(case.sensor, target.centre) + reach
     x, y = target.centre
     return x - half, x + half, y - half, y + half
-
-
-def _sigma(case: Case, range_: float) -> float:
-    """Larger axis of the measurement error, m."""
-    return measurement_sigma(case.sensor, np.array([range_, 0.0]))
 
 
 SEGMENTS = 8
@@ -509,23 +503,10 @@ def passages(
     ]
 
 
-def score_thresholds(
-    case: Case, options: ScoreOptions, windows: Sequence[int]
-) -> list[tuple[float, float]]:
-    """For each window the threshold of `score`, and the share that passes it in the case's scans.
-
-    See `passages`.
-    """
-    return [
-        (threshold, float(passed[case.scans - 1]))
-        for threshold, passed in passages(case, options, windows)
-    ]
-
-
 def score_window(case: Case, options: ScoreOptions) -> int:
     """The shortest window beyond which P_D hardly increases."""
     windows = [window for window in WINDOWS if window <= max(case.scans, WINDOWS[0])]
-    shares = np.array([share for _, share in score_thresholds(case, options, windows)])
+    shares = np.array([passed[case.scans - 1] for _, passed in passages(case, options, windows)])
     return windows[int(np.argmax(shares >= shares.max() - MIN_DETECTION_INCREASE))]
 
 

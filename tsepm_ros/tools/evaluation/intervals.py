@@ -96,14 +96,10 @@ def mean_count(counts: ArrayLike, tails: tuple[float, float] = TAILS) -> Estimat
     return Estimate(total / r, scale * low, scale * float(gammaincinv(events + 1.0, tails[1])))
 
 
-def root(square: Estimate) -> Estimate:
-    """Square root of an estimate; ends of its interval below 0 count as 0."""
-    return square.mapped(lambda value: math.sqrt(max(value, 0.0)))
-
-
 def root_mean_square(values: ArrayLike) -> Estimate:
-    """Root mean square with the root of the mean square's interval."""
-    return root(mean(np.square(np.asarray(values, float))))
+    """Root mean square with the root of the mean square's interval, whose ends are at least 0."""
+    square = mean(np.square(np.asarray(values, float)))
+    return square.mapped(lambda value: math.sqrt(max(value, 0.0)))
 
 
 def rms_ratio(errors: ArrayLike, bounds: ArrayLike) -> Estimate:

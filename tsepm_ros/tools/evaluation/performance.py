@@ -57,20 +57,6 @@ class Curve:
         kept = np.diff(best, prepend=-np.inf) > 0.0
         return cls(np.log(false[order][kept]), best[kept])
 
-    def detection_at(self, false: FloatArray) -> FloatArray:
-        """P_D at rates of false starts per run, linear in their logarithm.
-
-        nan below the lowest rate of the curve; constant above the highest.
-        """
-        return np.interp(np.log(false), self.log_false, self.detection, left=np.nan)
-
-    def false_at(self, detection: FloatArray) -> FloatArray:
-        """False starts per run at values of P_D.
-
-        nan above the highest P_D of the curve; constant below the lowest.
-        """
-        return np.exp(np.interp(detection, self.detection, self.log_false, right=np.nan))
-
 
 Job = tuple[Scenario, list[int], OperatingPoint]
 """A run: its scenario, its seed, and the operating point of the track starter."""
@@ -276,16 +262,10 @@ def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
     writer = csv.writer(file, lineterminator="\n")
     names = [f"{name}{end}" for name in HEADINGS for end in ("", "_low", "_high")]
     writer.writerow(["scenario", "scans", "runs", "seed", "method", "point", "options", *names])
-    for result in evaluated:
-        for point, measures in zip(result.points, result.measures, strict=True):
-            options = json.dumps(dict(point.options))
-            which = [result.scenario.name, result.scans, plan.runs, plan.seed]
-            writer.writerow([*which, point.method, point.label, options, *_numbers(measures)])
-
-
-def _numbers(measures: Measures) -> list[float]:
-    estimates = (getattr(measures, name) for name in HEADINGS)
-    return [end for part in estimates for end in (part.value, part.low, part.high)]
+    for row in measures_rows(evaluated):
+        which = [row["scenario"], row["scans"], plan.runs, plan.seed, row["method"], row["point"]]
+        numbers = ["nan" if end is None else end for name in HEADINGS for end in row[name]]
+        writer.writerow([*which, json.dumps(row["options"]), *numbers])
 
 
 def measures_rows(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:

@@ -34,7 +34,7 @@ NO_TARGET = -1
 SIGMAS = 3.0
 
 
-class Outcome(enum.Enum):
+class Outcome(enum.StrEnum):
     """Outcome of a confirmed track."""
 
     TRUE = "true"

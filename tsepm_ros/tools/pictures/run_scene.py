@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult, vessel_pose
-from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
+from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, judge_starts, origins_of
+from tsepm_ros.tools.replay.recording import Recording
+from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -84,6 +87,22 @@ class RunScene:
     scans: list[ScanView] = field(default_factory=list)
     truth: list[FloatArray] = field(default_factory=list)
     judged: list[Judged] | None = None
+
+    def judge(
+        self, simulator: Simulator, recording: Recording, origins: Sequence[IntArray]
+    ) -> None:
+        """Judge the starts by the truth.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        recording : Recording
+        origins : sequence of (n,) ndarray of int
+            As `simulated_recording` returns them; scans that were dropped are not in the scene.
+        """
+        processed = [view.stamp for view in self.scans]
+        stamps = [scan.time for scan in recording.scans]
+        self.judged = judge_starts(simulator, self.starts, origins_of(processed, stamps, origins))
 
     @property
     def starts(self) -> list[ConfirmedTrack]:

@@ -38,6 +38,7 @@ from msg_adapters import (
     truth_markers,
     truth_tracks,
 )
+from msg_adapters.detections import installed_class
 from tsepm_ros.nodes.base_node import (
     OVERRIDABLE,
     ParameterError,
@@ -57,7 +58,6 @@ from tsepm_ros.tools.replay.bag import (
     Bag,
     BagMessage,
     find_topics,
-    installed_class,
 )
 from tsepm_ros.tools.replay.recording import RecordedScan, read_recording, source_of
 

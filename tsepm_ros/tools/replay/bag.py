@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from msg_adapters import MessageError, message_class, supported_types
+from msg_adapters.detections import installed_class
 from msg_adapters.sonar_images import IMAGES
 from tsepm_ros.tools.replay.recording import MCAP, SQLITE, kind_of
 
@@ -360,13 +361,6 @@ LAYOUTS = {
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
 }
 """Definitions of the supported message types that ROS itself does not have, for bags without."""
-
-
-def installed_class(kind: str) -> type:
-    """The class of a message type; ImportError or AttributeError if it is not installed."""
-    package, _, name = kind.split("/")
-    found: type = getattr(import_module(f"{package}.msg"), name)
-    return found
 
 
 def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
