@@ -31,13 +31,6 @@ VELOCITY = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 CHANGE = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.5, 0.5]])
 """Probability of each mode, along the second axis, after each in the scan before."""
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(80)
-ANGLES = 2.0 * math.pi * np.arange(160) / 160.0
-RADII = (NODES + 1.0) / 2.0
-DISC = (RADII[:, None, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)).reshape(-1, 2)
-DISC_AREA = np.repeat(WEIGHTS / 2.0 * RADII * 2.0 * math.pi / 160.0, 160)
-"""Points of the unit disc and their areas: Gauss-Legendre along the radius, equal angles."""
-
 Columns = dict[str, np.ndarray]
 
 
@@ -292,21 +285,30 @@ def sigma(covariance: np.ndarray) -> float:
     return math.sqrt(np.linalg.eigvalsh(covariance)[-1])
 
 
+def in_disc(
+    mean: np.ndarray, covariance: np.ndarray, radius: float, radii: int = 80, angles: int = 160
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Probability of a disc, and mean and covariance in it, by sums over a polar grid."""
+    nodes, weights = np.polynomial.legendre.leggauss(radii)
+    along, angle = radius * (nodes + 1.0) / 2.0, 2.0 * math.pi * np.arange(angles) / angles
+    v = np.outer(along, np.exp(1j * angle)).ravel().view(float).reshape(-1, 2)
+    area = np.repeat(weights * radius / 2.0 * along * 2.0 * math.pi / angles, angles)
+    error = v - mean
+    square = (error @ np.linalg.inv(covariance) * error).sum(axis=1)
+    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(covariance)))
+    mean = mass @ v / mass.sum()
+    apart = v - mean
+    return float(mass.sum()), mean, (mass[:, None] * apart).T @ apart / mass.sum()
+
+
 def limited(
     state: np.ndarray, covariance: np.ndarray, max_speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The state given a speed of at most v_max, if the mean is faster: sums over a polar grid."""
+    """The state given a speed of at most v_max, if the mean is faster."""
     mean, spread = VELOCITY @ state, VELOCITY @ covariance @ VELOCITY.T
     if math.hypot(*mean) <= max_speed:
         return state, covariance
-    v, area = max_speed * DISC, max_speed**2 * DISC_AREA
-    error = v - mean
-    square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
-    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
-    mass /= mass.sum()
-    within = mass @ v
-    apart = v - within
-    second = (mass[:, None] * apart).T @ apart
+    _, within, second = in_disc(mean, spread, max_speed)
     gain = covariance @ VELOCITY.T @ np.linalg.inv(spread)
     return state + gain @ (within - mean), covariance + gain @ (second - spread) @ gain.T
 

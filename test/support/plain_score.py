@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from support.plain_held_tracks import DISC, DISC_AREA, VELOCITY
+from support.plain_held_tracks import VELOCITY, in_disc
 from support.plain_tsepm import (
     MEASUREMENT_MATRIX,
     Detection,
@@ -119,10 +119,7 @@ def at_max_speed(grown: Grown, max_speed: float) -> Grown:
         if len(one.keys) < 2:
             return one
         spread = VELOCITY @ one.covariance @ VELOCITY.T
-        error = max_speed * DISC - VELOCITY @ one.state
-        square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
-        mass = max_speed**2 * float(DISC_AREA @ np.exp(-0.5 * square))
-        inside = mass / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
+        inside, *_ = in_disc(VELOCITY @ one.state, spread, max_speed)
         gain = math.log(max(inside, 1e-300)) - math.log(1.0 - math.exp(-2.0))
         return replace(one, score=one.score + gain)
 
