@@ -17,7 +17,7 @@ from msg_adapters import (
 pytest.importorskip("rosbags", reason="bags need the library rosbags")
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from support.bag_files import Entry, write_bag
+from support.bag_files import Entry, of_definition, write_bag
 from support.driver_messages import MAKERS, echoes_of
 
 from tsepm_ros.own_ship.pose_history import PoseSample
@@ -37,20 +37,9 @@ def type_name(message: Any) -> str:
     return f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
 
 
-def converted(store: Any, value: Any) -> Any:
-    """A message of ROS, or of a stand-in, as one of rosbags."""
-    if hasattr(value, "__slots__") and type_name(value) in store.types:
-        kind = store.types[type_name(value)]
-        names = [field.name for field in dataclasses.fields(kind) if field.name[0] != "_"]
-        return kind(**{name: converted(store, getattr(value, name)) for name in names})
-    if isinstance(value, list):
-        return [converted(store, one) for one in value]
-    return np.asarray(value) if hasattr(value, "typecode") else value
-
-
 def through_a_bag(store: Any, tmp_path: Any, message: Any) -> Any:
     name = type_name(message)
-    data = bytes(store.serialize_cdr(converted(store, message), name))
+    data = bytes(store.serialize_cdr(of_definition(store, message, name), name))
     with Bag(write_bag(tmp_path / "bag", [Entry(1.0, "/a", name, data)], store=store)) as bag:
         [found] = bag.messages(["/a"])
         return bag.read(found)

@@ -62,17 +62,6 @@ def test_a_bearing_that_is_not_known_to_be_from_the_bow_has_no_place_in_the_clou
     assert read_detections(cloud).scan.azimuth[0] == -0.25
 
 
-@pytest.mark.filterwarnings("error")
-def test_built_cloud_carries_bad_values_as_they_are(header):
-    cloud = detections_cloud(header, range=[NAN, -1.0, 5.0], azimuth=[1.0, 1.0, INF])
-    assert read_detections(cloud).dropped == {
-        "range_not_finite": 1,
-        "range_not_positive": 1,
-        "azimuth_not_finite": 1,
-    }
-    assert not cloud.is_dense
-
-
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

@@ -341,23 +341,6 @@ TrackedObject[] objects
 """The fields of the packages' message files."""
 
 
-def of_definition(store, value, name):
-    """A message as one of the types that rosbags makes of the definitions."""
-    fields = store.fielddefs[name][1]
-    made = {}
-    for field, (kind, described) in fields:
-        given = getattr(value, field)
-        if kind.name == "NAME":
-            made[field] = of_definition(store, given, described)
-        elif kind.name == "BASE":
-            made[field] = given
-        elif described[0][0].name == "NAME":
-            made[field] = [of_definition(store, one, described[0][1]) for one in given]
-        else:
-            made[field] = np.asarray(given, described[0][1][0])
-    return store.types[name](**made)
-
-
 @pytest.mark.parametrize(
     ("make", "name"),
     [
@@ -367,6 +350,8 @@ def of_definition(store, value, name):
 )
 def test_a_message_is_read_again_by_its_definition(make, name):
     rosbags = pytest.importorskip("rosbags.typesys", reason="rosbags makes types of definitions")
+    from support.bag_files import of_definition
+
     store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
     types = {}
     for one, text in DEFINITIONS.items():

@@ -27,7 +27,6 @@ NODES = (
 LONGEST = 1.0
 """Longest time from the start, or from the setting of the handlers, to the signal, s."""
 WAIT = 60.0
-SHARED_MEMORY = Path("/dev/shm")
 
 
 def handlers_set(process: subprocess.Popen[bytes]) -> bool:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tsepm_ros import SensorModel, SonarImage, make_detector, make_initiator
+from tsepm_ros import SonarImage, make_detector
 
 B, M = 64, 200
 RANGE, AZIMUTH = 1.0 + 0.1 * np.arange(M), np.linspace(-1.0, 1.0, B)
@@ -207,17 +207,3 @@ def test_cells_that_tremble_are_the_same_cells():
         distance = RANGE * (1.0 + 1e-4 * rng.standard_normal())
         counts.add(len(detector.process(SonarImage(float(k), distance, AZIMUTH, noise(rng)))))
     assert len(counts) > 1  # of a single image exactly the stated number is taken
-
-
-def test_the_tracker_takes_the_scans():
-    rng, detector = np.random.default_rng(15), make_detector(false_detections_per_ping=5)
-    initiator = make_initiator("score", sensor=SensorModel(max_range=21.0), max_speed=2.0)
-    tracks = []
-    for image in images(20, lambda k: with_echo(noise(rng), 30, 100 + 2 * k, 20.0, (2, 2))):
-        tracks += initiator.process(detector.process(image))
-    assert tracks
-
-
-def test_an_unknown_option_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match=r"no option 'p_fa'; it has false_detections_per_ping"):
-        make_detector(p_fa=0.1)

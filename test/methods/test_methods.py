@@ -15,8 +15,7 @@ from support.patience import patient
 from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.methods.registry import method_class
-from tsepm_ros.parameters import ParameterGroup, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter
 from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -221,13 +220,6 @@ def test_options_may_change_between_scans(method):
         made.process(scan)
     kept = reconfigured(made, made.sensor, CommonOptions(max_speed=8.0), made.options)
     assert kept
-
-
-@EVERY_METHOD
-def test_every_method_describes_itself(method):
-    kind = method_class(method)
-    assert kind.__doc__
-    assert all(row.description for row in table(kind.Options))
 
 
 # --- a new method is one module and one row ------------------------------------------------------

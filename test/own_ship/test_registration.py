@@ -243,18 +243,6 @@ def test_the_velocity_of_the_sensor_does_not_depend_on_when_odometry_arrives(del
     np.testing.assert_allclose(found, [[expected, expected]], rtol=1e-9)
 
 
-def test_a_velocity_that_the_odometry_gives_is_the_sensor_s():
-    rng = np.random.default_rng(10)
-    one = session()
-    for stamp, error in enumerate(rng.normal(0.0, 1.0, 20).tolist()):
-        rates = (4.0 + 0.1 * stamp, -1.0, 0.0)
-        one.add_own_ship(
-            PoseSample(float(stamp), 4.0 * stamp + error, 0.0, 0.0, rates=rates, frame_id="o")
-        )
-    found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED)).sensor_velocity
-    np.testing.assert_allclose(found, [[4.52, -1.0], [4.9, -1.0]])
-
-
 def test_range_rates_are_not_used_where_the_sensor_s_velocity_is_unknown_or_impossible():
     one = session()
     for stamp in np.arange(0.0, 20.0, 0.1):

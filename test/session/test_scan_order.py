@@ -57,77 +57,45 @@ def classified(stamps, **options) -> list[Arrival]:
 TENS = [0.0, 10.0, 20.0, 30.0, 40.0]
 FALLING = [*TENS, 25.0, 15.0, 5.0]
 LOOP = [0.0, 12.0, 24.0]
+LETTERS = {"n": NEXT, "s": SAME, "l": LATE, "r": RESTART, "g": GAP}
 CASES = {
-    "any first stamp is the next": ([-5.0, -4.9], [NEXT] * 2, {}),
-    "an equal stamp is the same scan again": (
-        [10.0, 10.0, 10.0, 22.0],
-        [NEXT, SAME, SAME, NEXT],
-        {},
-    ),
-    "a step back of the jump is late": ([100.0, 40.0], [NEXT, LATE], {}),
-    "beyond the jump it is a restart": ([100.0, 39.999], [NEXT, RESTART], {}),
-    "a late scan is forgotten": ([40.0, 20.0, 30.0, 41.0], [NEXT, LATE, LATE, NEXT], {}),
-    "after a restart stamps count from there": (
-        [1000.0, 10.0, 22.0, 9.0],
-        [NEXT, RESTART, NEXT, LATE],
-        {},
-    ),
-    "a restart is said once": ([*LOOP, 100.0, *LOOP], [NEXT] * 4 + [RESTART, NEXT, NEXT], {}),
-    "the window of median intervals is no gap": ([*TENS, 120.0], [NEXT] * 6, {}),
-    "a gap is longer than that": ([*TENS, 120.1], [NEXT] * 5 + [GAP], {}),
-    "a shorter window has shorter gaps": ([*TENS, 70.1], [NEXT] * 5 + [GAP], {"window": 3}),
-    "the first intervals are too few": ([0.0, 1.0, 2.0, 1000.0], [NEXT] * 4, {}),
-    "no sonar pings so seldom": ([0.0, 1.0, 2.0, 1e6], [NEXT] * 3 + [GAP], {}),
-    "three intervals are enough": ([0.0, 1.0, 2.0, 3.0, 1000.0], [NEXT] * 4 + [GAP], {}),
+    "any first stamp is the next": ([-5.0, -4.9], "nn"),
+    "an equal stamp is the same scan again": ([10.0, 10.0, 10.0, 22.0], "nssn"),
+    "a step back of the jump is late": ([100.0, 40.0], "nl"),
+    "beyond the jump it is a restart": ([100.0, 39.999], "nr"),
+    "a late scan is forgotten": ([40.0, 20.0, 30.0, 41.0], "nlln"),
+    "after a restart stamps count from there": ([1000.0, 10.0, 22.0, 9.0], "nrnl"),
+    "a restart is said once": ([*LOOP, 100.0, *LOOP], "nnnnrnn"),
+    "the window of median intervals is no gap": ([*TENS, 120.0], "nnnnnn"),
+    "a gap is longer than that": ([*TENS, 120.1], "nnnnng"),
+    "a shorter window has shorter gaps": ([*TENS, 70.1], "nnnnng", {"window": 3}),
+    "the first intervals are too few": ([0.0, 1.0, 2.0, 1000.0], "nnnn"),
+    "no sonar pings so seldom": ([0.0, 1.0, 2.0, 1e6], "nnng"),
+    "three intervals are enough": ([0.0, 1.0, 2.0, 3.0, 1000.0], "nnnng"),
     "one long interval does not move the median": (
         [0.0, 10.0, 20.0, 90.0, 100.0, 180.0, 260.1],
-        [NEXT] * 6 + [GAP],
-        {},
+        "nnnnnng",
     ),
-    "a given gap holds from the first scan": (
-        [0.0, 30.0, 60.1],
-        [NEXT] * 2 + [GAP],
-        {"max_gap": 30},
-    ),
-    "scanning goes on after a gap": (
-        [*TENS, 500.0, 510.0, 520.0],
-        [NEXT] * 5 + [GAP, NEXT, NEXT],
-        {},
-    ),
-    "a restart forgets the intervals": (
-        [1000.0, 1001.0, 1002.0, 1003.0, 0.0, 500.0],
-        [NEXT] * 4 + [RESTART, NEXT],
-        {},
-    ),
-    "late scans that follow one another are a restart": (
-        [*TENS, *TENS],
-        [NEXT] * 5 + [LATE, LATE, RESTART, NEXT, NEXT],
-        {},
-    ),
-    "a loop of three scans is a restart at its third": (
-        LOOP * 2,
-        [NEXT] * 3 + [LATE, LATE, RESTART],
-        {},
-    ),
-    "a stamp far ahead costs two scans": (
-        [0.0, 10.0, 55.0, 20.0, 30.0, 40.0, 50.0],
-        [NEXT] * 3 + [LATE, LATE, RESTART, NEXT],
-        {},
-    ),
-    "falling stamps are no restart": ([*FALLING, 1.0], [NEXT] * 5 + [LATE] * 4, {}),
-    "until they rise": ([*FALLING, 6.0, 7.0], [NEXT] * 5 + [LATE] * 4 + [RESTART], {}),
+    "a given gap holds from the first scan": ([0.0, 30.0, 60.1], "nng", {"max_gap": 30}),
+    "scanning goes on after a gap": ([*TENS, 500.0, 510.0, 520.0], "nnnnngnn"),
+    "a restart forgets the intervals": ([1000.0, 1001.0, 1002.0, 1003.0, 0.0, 500.0], "nnnnrn"),
+    "late scans that follow one another are a restart": ([*TENS, *TENS], "nnnnnllrnn"),
+    "a loop of three scans is a restart at its third": (LOOP * 2, "nnnllr"),
+    "a stamp far ahead costs two scans": ([0.0, 10.0, 55.0, 20.0, 30.0, 40.0, 50.0], "nnnllrn"),
+    "falling stamps are no restart": ([*FALLING, 1.0], "nnnnnllll"),
+    "until they rise": ([*FALLING, 6.0, 7.0], "nnnnnllllr"),
     "single late scans never restart": (
         [0.0, 10.0, 5.0, 20.0, 6.0, 30.0, 7.0, 40.0],
-        [NEXT, NEXT, LATE, NEXT, LATE, NEXT, LATE, NEXT],
-        {},
+        "nnlnlnln",
     ),
 }
+"""Stamps, the letter of each one's arrival, and options."""
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_stamp_is_classified_by_those_before(case):
-    stamps, arrivals, options = CASES[case]
-    assert classified(stamps, **options) == arrivals
+    stamps, letters, *options = CASES[case]
+    assert classified(stamps, **dict(*options)) == [LETTERS[letter] for letter in letters]
 
 
 @pytest.mark.parametrize(

@@ -162,13 +162,6 @@ def test_other_values_are_refused_with_a_sentence(name, value, sentence):
     assert str(refused.value) == sentence
 
 
-def test_a_sound_speed_is_that_of_water_or_none():
-    for speed in (0.0, 100.0, 1500.0):
-        assert InitiatorNodeOptions(sound_speed=speed).sound_speed == speed
-    with pytest.raises(ValueError, match="sound_speed must be 0 or at least 100"):
-        InitiatorNodeOptions(sound_speed=1.5)  # in km/s
-
-
 @pytest.mark.parametrize("value", [np.array([1.0, 2.0]), 10**400], ids=["array", "beyond float64"])
 def test_what_is_no_float64_is_refused_with_a_sentence(value):
     with pytest.raises(ValueError, match="length must be"):
@@ -237,18 +230,6 @@ def test_parameters_of_a_method_that_is_not_chosen_are_not_used_and_misspelt_one
         make_groups(TRACK_INITIATOR, {"hough.min_hit": 4})
     chosen = make_groups(TRACK_INITIATOR, {"method": "hough", "hough.min_hits": 4})
     assert settings_from(chosen).method_options.min_hits == 4
-
-
-def test_groups_are_made_from_full_names():
-    made = make_groups(
-        TRACK_INITIATOR,
-        {"sensor.azimuth_std": 0.02, "max_speed": 7, "tsepm.min_hits": 4, "hold_time": 9.0},
-    )
-    assert made[SensorModel].azimuth_std == 0.02
-    assert made[CommonOptions].max_speed == 7.0
-    assert made[method_class("tsepm").Options].min_hits == 4
-    assert made[CommonOptions].hold_time == 9.0
-    assert made[InitiatorNodeOptions] == InitiatorNodeOptions()
 
 
 @pytest.mark.parametrize(
@@ -435,17 +416,6 @@ def test_the_last_of_two_values_on_the_command_line_counts():
 def test_what_is_no_assignment_is_refused(text):
     with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
         parse_values([text])
-
-
-def test_small_numbers_keep_their_point_in_yaml():
-    # YAML 1.1, which ROS reads, takes 1e-06 for a text.
-    line = next(
-        line
-        for line in as_yaml("track_initiator", TRACK_INITIATOR).splitlines()
-        if "sensor.clutter_density:" in line
-    )
-    assert "1.0e-06" in line
-    assert math.isclose(yaml.safe_load(line)["sensor.clutter_density"], 1e-6)
 
 
 BOMB = "a: &a {x: 1, y: 2}\n" + "".join(

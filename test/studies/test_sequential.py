@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from support.builders import detections, whitened
+from scipy.linalg import block_diag
+from support.builders import detections, fit_matrix, whitened
 
 from tsepm_ros import SensorModel
 from tsepm_ros.studies.sequential import ESTIMATORS, estimate, kalman, line
-from tsepm_ros.tracker.initial_state import unweighted, weighted
 
 TIMES = np.array([-60.0, -48.0, -24.0, -12.0, -5.0])
 VELOCITY = np.array([3.0, -4.0])
@@ -17,30 +17,30 @@ def truth(times=TIMES):
     return np.array([1000.0, 2000.0]) + times[:, None] * VELOCITY
 
 
-def test_without_process_noise_the_filter_is_weighted_least_squares():
-    rng = np.random.default_rng(1)
-    tau = np.tile(TIMES, (4, 1))
-    positions = truth() + rng.normal(0, 2, (4, 5, 2))
-    covariances = np.tile(COVARIANCES, (4, 1, 1, 1))
-    start, _ = unweighted(tau, positions, covariances)
-    state, covariance = weighted(tau, positions, covariances, start)
-    found = kalman(tau, positions, covariances, 0.0)
-    np.testing.assert_allclose(found[0], state, atol=1e-8)
-    np.testing.assert_allclose(found[1], covariance, atol=1e-8)
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_the_filter_is_generalised_least_squares_with_the_process_noise(noise):
+    """A position differs by the integral of (s - t_i) dW(s) from that of the last velocity."""
+    tau, positions = TIMES[None], truth() + np.random.default_rng(1).normal(0, 2, (1, 5, 2))
+    one, other = np.meshgrid(TIMES, TIMES)
+    begin = np.maximum(one, other)
+    integral = -(begin**3 / 3.0 - (one + other) * begin**2 / 2.0 + one * other * begin)
+    weight = np.linalg.inv(block_diag(*COVARIANCES) + noise * np.kron(integral, np.eye(2)))
+    design = fit_matrix(TIMES)
+    expected = np.linalg.inv(design.T @ weight @ design)
+    state, covariance = kalman(tau, positions, COVARIANCES[None], noise)
+    np.testing.assert_allclose(
+        state[0], expected @ design.T @ weight @ positions.ravel(), rtol=1e-8
+    )
+    np.testing.assert_allclose(covariance[0], expected, rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.parametrize(("name", "noise"), [("line", 0.0), ("kalman", 0.0)])
-def test_the_covariance_is_that_of_the_errors(name, noise):
+def test_the_covariance_of_a_line_is_that_of_the_errors():
     rng = np.random.default_rng(2)
     n = 20_000
     roots = np.linalg.cholesky(COVARIANCES)
     errors = (roots @ rng.standard_normal((n, 5, 2, 1)))[..., 0]
-    tau = np.tile(TIMES, (n, 1))
-    covariances = np.tile(COVARIANCES, (n, 1, 1, 1))
-    args = (tau, truth() + errors, covariances)
-    states = line(*args)[0] if name == "line" else kalman(*args, noise)[0]
-    args = (TIMES[None], truth()[None], COVARIANCES[None])
-    covariance = (line(*args) if name == "line" else kalman(*args, noise))[1][0]
+    states, _ = line(np.tile(TIMES, (n, 1)), truth() + errors, np.tile(COVARIANCES, (n, 1, 1, 1)))
+    covariance = line(TIMES[None], truth()[None], COVARIANCES[None])[1][0]
     np.testing.assert_allclose(whitened(states, covariance), np.eye(4), atol=0.06)
 
 

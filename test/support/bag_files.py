@@ -124,6 +124,22 @@ def simulated(
     return sorted(entries, key=lambda entry: entry.time)
 
 
+def of_definition(store: Any, value: Any, name: str) -> Any:
+    """A message of ROS, or of a stand-in, as one of the types that rosbags makes of definitions."""
+    made = {}
+    for field, (kind, described) in store.fielddefs[name][1]:
+        given = getattr(value, field)
+        if kind.name == "NAME":
+            made[field] = of_definition(store, given, described)
+        elif kind.name == "BASE":
+            made[field] = given
+        elif described[0][0].name == "NAME":
+            made[field] = [of_definition(store, one, described[0][1]) for one in given]
+        else:
+            made[field] = np.asarray(given, described[0][1][0])
+    return store.types[name](**made)
+
+
 def serialized(entry: Entry) -> bytes:
     if isinstance(entry.message, bytes):
         return entry.message

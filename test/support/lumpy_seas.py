@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tsepm_ros import Scan, SensorModel
+from tsepm_ros import SensorModel
 
 CELL = 50.0
 """Of the density, m."""
@@ -41,10 +41,6 @@ class LumpySea:
         range_, azimuth = np.hypot(x, y), np.arctan2(y, x)
         covered = (range_ > self.sensor.min_range) & (range_ < self.sensor.max_range)
         return range_[covered], azimuth[covered]
-
-    def scans(self, number: int) -> list[Scan]:
-        """Scans of clutter alone, 12 s apart."""
-        return [Scan(12.0 * index, *self.scan()) for index in range(number)]
 
     def density_at(self, range_: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
         """True density, 1/m^2."""

@@ -1,15 +1,16 @@
-"""Maintenance of held tracks in plain loops: by track, detection and mode of motion.
+"""One scan of held tracks, written from the equations: loops over track, mode and detection.
 
-Written from the equations, for small scenes: interacting multiple models (Blom, Bar-Shalom 1988),
-integrated probabilistic data association with a Markov chain two (Musicki, Evans, Stankovic 1994;
-with modes: Musicki, Suvorova 2008) and targets that compete for detections (Musicki, La Scala
-2008). Detections are converted by `plain_tsepm`. Every constant stands here again.
+Interacting multiple models (Blom, Bar-Shalom 1988), integrated probabilistic data association with
+a Markov chain two (Musicki, Evans, Stankovic 1994; with modes: Musicki, Suvorova 2008) and targets
+that compete for detections (Musicki, La Scala 2008). Detections are converted by `plain_tsepm`.
+Every constant stands here again. Tracks are a mapping of columns, with the modes of motion, going
+on and turning, along the second axis.
 """
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,57 +27,11 @@ from support.plain_tsepm import (
 
 P_G = 0.99
 GATE, GATE_WITH_RANGE_RATE = chi2.ppf(P_G, [2, 3]).tolist()
-ON, TURN = 0, 1
 VELOCITY = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+CHANGE = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.5, 0.5]])
+"""Probability of each mode, along the second axis, after each in the scan before."""
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(80)
-ANGLES = 2.0 * math.pi * np.arange(160) / 160.0
-RADII = (NODES + 1.0) / 2.0
-DISC = (RADII[:, None, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)).reshape(-1, 2)
-DISC_AREA = np.repeat(WEIGHTS / 2.0 * RADII * 2.0 * math.pi / 160.0, 160)
-"""Points of the unit disc and their areas: Gauss-Legendre along the radius, equal angles."""
-
-
-@dataclass(frozen=True)
-class Mode:
-    """A target's state if it moves in a mode, and the probability of that."""
-
-    probability: float
-    state: np.ndarray
-    covariance: np.ndarray
-
-
-@dataclass(frozen=True)
-class Track:
-    """A held track."""
-
-    id: int
-    stamp: float
-    modes: tuple[Mode, Mode]
-    existence: float
-    last_detected: float
-    visible: float = 1.0
-    covered_scans: float = 0.0
-    agreeing: int = 0
-    unlisted_since: float = 0.0
-    proven: float = 0.005
-    published: bool = True
-    hit_variance: float = math.nan
-
-    @property
-    def mean(self) -> tuple[np.ndarray, np.ndarray]:
-        """State and covariance over the modes."""
-        return mixture([(mode.probability, mode.state, mode.covariance) for mode in self.modes])
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A detection with the data for its association."""
-
-    detection: Detection
-    clutter: float
-    range_rate: float
-    sensor_velocity: np.ndarray
+Columns = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -85,7 +40,6 @@ class Rule:
 
     settings: Parameters
     hold_time: float
-    tracked_timeout: float
     detection_probability: float
     range_rate_std: float
     max_range: float
@@ -93,286 +47,175 @@ class Rule:
 
 
 @dataclass
-class PlainMaintenance:
-    """The held tracks, and the results of the last scan."""
+class PlainStep:
+    """The tracks before a scan, and after `take` those after it and what the scan told."""
 
     rule: Rule
-    tracks: list[Track] = field(default_factory=list)
-    ended: dict[str, list[int]] = field(default_factory=dict)
-    """Ids by the reason of their end."""
-    association: dict[tuple[int, int], float] = field(default_factory=dict)
-    report: float | None = None
-    declined: list[int] = field(default_factory=list)
-    detected: float = 0.0
-    covered: float = 0.0
+    tracks: Columns
+    ended: dict[int, str] = field(default_factory=dict)
+    association: list[tuple[int, float]] = field(default_factory=list)
+    density: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    covered: tuple[np.ndarray, np.ndarray] = (np.zeros(0), np.zeros(0))
 
-    def add(self, id_: int, stamp: float, state: Any, covariance: Any, existence: float) -> None:
-        """Hold a new track."""
-        self.tracks.append(begun(id_, stamp, state, covariance, existence, stamp))
-
-    def follow(self, stamp: float, listed: Mapping[int, tuple[float, Any, Any]]) -> None:
-        """Take the report of a downstream tracker: stamp, state and covariance of each id."""
-        timeout, kept = self.rule.tracked_timeout, []
-        heard = self.report is not None and abs(stamp - self.report) <= timeout
-        for track in self.tracks:
-            since = track.unlisted_since if heard else max(track.unlisted_since, stamp)
-            if track.id in listed:
-                time, state, covariance = listed[track.id]
-                new = begun(track.id, time, state, covariance, 0.99, -math.inf)
-                kept.append(
-                    replace(
-                        track,
-                        stamp=time,
-                        modes=new.modes,
-                        existence=0.99,
-                        proven=0.99,
-                        last_detected=max(track.last_detected, time),
-                        unlisted_since=-math.inf,
-                        published=True,
-                    )
-                )
-            elif stamp - since > timeout:
-                self.declined.append(track.id)
-            else:
-                kept.append(replace(track, unlisted_since=since))
-        ids = [track.id for track in self.tracks]
-        self.tracks = kept
-        for id_, (time, state, covariance) in listed.items():
-            if id_ not in ids:
-                self.tracks.append(begun(id_, time, state, covariance, 0.99, -math.inf))
-        self.report = stamp
-
-    def step(
+    def take(
         self,
         scan: Mapping[str, Any],
-        clutter: Sequence[float],
-        detectable: Callable[[np.ndarray], float],
-        whole_coverage: bool = True,
-    ) -> list[float]:
-        """Take a scan, of a part of the coverage or all; returns the held density at detections."""
+        elapsed: float,
+        clutter: np.ndarray,
+        detectable: Callable[[np.ndarray], np.ndarray],
+        whole_coverage: bool,
+    ) -> None:
+        """Take a scan of a part of the coverage or all, some seconds after the tracks' stamp."""
         rule, stamp = self.rule, scan["stamp"]
-        self.ended, self.declined, self.association = {"tracker": self.declined}, [], {}
-        if self.report is not None and abs(stamp - self.report) > rule.tracked_timeout:
-            self.report = None
-        self.end("not_detected", [t.last_detected >= stamp - rule.hold_time for t in self.tracks])
-        longest = max((abs(stamp - track.stamp) for track in self.tracks), default=0.0)
-        predicted = [
-            predict(track, stamp, longest, rule.settings.max_speed) for track in self.tracks
-        ]
-        p_d = [detectable(track.mean[0][[0, 2]]) for track in predicted]
-        predicted = [
-            waited(track, p > 0.0) if p > 0.0 or whole_coverage else track
-            for track, p in zip(predicted, p_d, strict=True)
-        ]
-        plots = clusters_of(scan, clutter, rule)
-        near = [neighbours(track, plots, stamp) for track in predicted]
-        with_rates = any(has_rate(plot, rule) for plot in plots)
-        fits = [
-            [
-                {j: fit(mode, plots[j], plots[some[0]], stamp, with_rates, rule) for j in some}
-                for mode in track.modes
-            ]
-            for track, some in zip(predicted, near, strict=True)
-        ]
+        self.end(self.tracks["last_detected"] >= stamp - rule.hold_time, "not_detected")
+        t = self.tracks
+        predict(t, elapsed, rule.settings.max_speed)
+        place, _ = mixture(t["probability"], t["state"], t["covariance"])
+        p_d = detectable(place[:, [0, 2]])
+        t["seen"] = p_d > 0.0
+        wait(t, t["seen"] | whole_coverage)
+        plots = convert_scan(scan, 0, rule.settings)
+        near = [neighbours(one, plots, stamp) for one in place]
+        likelihood, state, covariance = fits(t, plots, near, scan, rule)
         # L_ijm = s_i P_D N_ijm / lambda_j, and b_i = 1 - s_i P_D P_G.
-        density = np.array([plot.clutter for plot in plots])
-        visible = np.array([track.visible for track in predicted])
-        empty = 1.0 - visible * p_d * P_G
-        ratios = np.zeros((len(predicted), 2, len(plots)))
-        for i, m in itertools.product(range(len(predicted)), (ON, TURN)):
-            for j, one in fits[i][m].items():
-                ratios[i, m, j] = one.likelihood
-        ratios *= visible[:, None, None] * rule.detection_probability / density
-        weights = np.array([[m.probability for m in t.modes] for t in predicted]).reshape(-1, 2)
-        existence = np.array([track.existence for track in predicted])
-        mean = np.einsum("im,imj->ij", weights, ratios)
-        alone = factors(existence, empty, mean, mean)
-        left = np.array([np.delete(alone, i, axis=0).prod(axis=0) for i in range(len(predicted))])
-        left = left.reshape(mean.shape)
+        empty = 1.0 - t["visible"] * p_d * P_G
+        ratio = likelihood * t["visible"][:, None, None] * rule.detection_probability / clutter
+        mean = np.einsum("im,imj->ij", t["probability"], ratio)
+        alone = factors(t["existence"], empty, mean, mean)
+        left = [np.delete(alone, i, axis=0).prod(axis=0) for i in range(len(alone))]
+        left = np.reshape(left, mean.shape)
         competing = mean / left
-        density = density * (factors(existence, empty, mean, competing).prod(axis=0) - 1.0)
-        self.tracks, learned, located, explained = [], [], {}, {}
-        for i, track in enumerate(predicted):
-            listed = self.report is not None and track.unlisted_since == -math.inf
-            limit = math.inf if listed else rule.settings.max_speed
-            track, detected = update(track, fits[i], ratios[i] / left[i], empty[i], limit)
-            if near[i]:
-                error = plots[near[i][0]].detection.covariance
-                wide = track.mean[1][np.ix_([0, 2], [0, 2])]
-                located[track.id] = largest(wide) <= 2.0**2 * largest(error)
-            origin = competing[i] / (empty[i] + competing[i].sum()) * track.existence
-            self.association |= {(track.id, j): float(origin[j]) for j in near[i]}
-            for j in np.flatnonzero(origin > 0.5):
-                track = replace(track, hit_variance=largest(plots[j].detection.covariance))
-            explained[track.id] = origin.sum()
-            covered = track.covered_scans + (p_d[i] > 0.0)
-            if p_d[i] > 0.0:
-                learned.append((detected * track.proven / track.existence, covered))
-            self.tracks.append(replace(track, covered_scans=covered * (1.0 - detected)))
-        self.learn(learned)
-        seen = {track.id: p > 0.0 for track, p in zip(predicted, p_d, strict=True)}
-        self.end("missed", [t.existence >= 0.01 or not seen[t.id] for t in self.tracks])
-        self.end("left", [track.existence >= 0.01 for track in self.tracks])
-        self.tracks = counted(self.tracks, located, explained)
-        self.end("duplicate", [track.agreeing < 5 for track in self.tracks])
-        self.tracks = [replace(track, published=self.shown(track)) for track in self.tracks]
-        return density.tolist()
+        of_held = factors(t["existence"], empty, mean, competing).prod(axis=0)
+        self.density = clutter * (of_held - 1.0)
+        detected = update(t, state, covariance, ratio / left[:, None], empty, rule, stamp)
+        scans = t["covered_scans"] + t["seen"]
+        t["covered_scans"] = scans * (1.0 - detected)
+        sample = detected * t["proven"] / t["existence"]
+        self.covered = sample[t["seen"]], scans[t["seen"]]
+        origin = competing / (empty + competing.sum(axis=1))[:, None] * t["existence"][:, None]
+        self.association = [(j, origin[i, j]) for i, some in enumerate(near) for j in some]
+        t["explained"], t["located"] = origin.sum(axis=1), np.zeros(len(origin), bool)
+        for i, some in enumerate(near):
+            if some:
+                spread = t["spread"][i][np.ix_([0, 2], [0, 2])]
+                t["located"][i] = sigma(spread) <= 2.0 * plots[some[0]].major_axis_std
+            for j in np.flatnonzero(origin[i] > 0.5):
+                t["hit_sigma"][i] = plots[j].major_axis_std
+        self.end((t["existence"] >= 0.01) | ~t["seen"], "missed")
+        self.end(self.tracks["existence"] >= 0.01, "left")
+        count(self.tracks)
+        self.end(self.tracks["agreeing_scans"] < 5, "duplicate")
+        self.tracks["published"] = self.shown()
 
-    def shown(self, track: Track) -> bool:
-        """Whether a track is published, not withheld.
+    def end(self, kept: np.ndarray, why: str) -> None:
+        self.ended |= dict.fromkeys(self.tracks["track_id"][~kept].tolist(), why)
+        self.tracks = {name: column[kept] for name, column in self.tracks.items()}
 
-        Its place is as well known as the last detection's, up to 4.5 times, or as the extent of a
+    def shown(self) -> np.ndarray:
+        """Which tracks are published, not withheld.
+
+        The place is as well known as the last detection's, up to 4.5 times, or as the extent of a
         target, and to a quarter of the range; it exists with 0.5, or with 0.9 if it was withheld.
         """
-        error = math.sqrt(largest(track.mean[1][np.ix_([0, 2], [0, 2])]))
-        known = max(4.5 * math.sqrt(track.hit_variance), self.rule.target_extent)
-        if self.report is not None and track.unlisted_since == -math.inf:
-            return True  # the downstream tracker lists it
-        exists = track.existence >= (0.5 if track.published else 0.9)
-        return exists and error <= known and error <= self.rule.max_range / 4.0
-
-    def learn(self, learned: Sequence[tuple[float, float]]) -> None:
-        """P_D from the probability of a detection and the scans since the last, of each track."""
-        covered = sum(detected * scans for detected, scans in learned)
-        keep = math.exp(-covered / 200.0)
-        self.detected = keep * self.detected + sum(detected for detected, _ in learned) / P_G
-        self.covered = keep * self.covered + covered
-
-    def learned_detection_probability(self, given: float) -> float:
-        """Mean of the beta distribution, the stated one worth five scans."""
-        return min(max((5.0 * given + self.detected) / (5.0 + self.covered), 0.05), 0.999)
-
-    def end(self, why: str, kept: Sequence[bool]) -> None:
-        """End tracks, but for those that the downstream tracker lists while it is heard."""
-        alive = self.report is not None
-        keeps = [
-            keep or (alive and track.unlisted_since == -math.inf)
-            for keep, track in zip(kept, self.tracks, strict=True)
-        ]
-        self.ended[why] = [t.id for t, keep in zip(self.tracks, keeps, strict=True) if not keep]
-        self.tracks = [t for t, keep in zip(self.tracks, keeps, strict=True) if keep]
-
-
-def begun(
-    id_: int, stamp: float, state: Any, covariance: Any, existence: float, unlisted: float
-) -> Track:
-    """A track of which only a state is known: it turns as often as targets do in the long run."""
-    turning = (1.0 / 30.0) / (1.0 / 30.0 + 0.5)
-    state, covariance = np.array(state, float), np.array(covariance, float)
-    modes = Mode(1.0 - turning, state, covariance), Mode(turning, state, covariance)
-    error = largest(covariance[np.ix_([0, 2], [0, 2])])
-    return Track(id_, stamp, modes, existence, stamp, unlisted_since=unlisted, hit_variance=error)
-
-
-def mixture(parts: Sequence[tuple[float, np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of Gaussians with weights."""
-    mean = sum(weight * state for weight, state, _ in parts)
-    return mean, sum(
-        weight * (covariance + np.outer(state - mean, state - mean))
-        for weight, state, covariance in parts
-    )
-
-
-def predict(track: Track, stamp: float, longest: float, max_speed: float) -> Track:
-    """The track at a scan; turning, the variance of velocity grows to v_max^2 / 4 in 5 s."""
-    time = stamp - track.stamp
-    change = np.array([[29.0 / 30.0, 1.0 / 30.0], [0.5, 0.5]])
-    modes = []
-    for to in (ON, TURN):
-        weights = [change[of, to] * track.modes[of].probability for of in (ON, TURN)]
-        state, covariance = mixture(
-            [
-                (weight / sum(weights), mode.state, mode.covariance)
-                for weight, mode in zip(weights, track.modes, strict=True)
-            ]
+        t = self.tracks
+        error = np.array([sigma(one[np.ix_([0, 2], [0, 2])]) for one in t["spread"]])
+        known = np.minimum(
+            np.maximum(4.5 * t["hit_sigma"], self.rule.target_extent), self.rule.max_range / 4.0
         )
-        noise = 0.01 + (max_speed**2 / 4.0 / max(longest, 5.0) if to == TURN else 0.0)
+        return (t["existence"] >= np.where(t["published"], 0.5, 0.9)) & (error <= known)
+
+
+def mixture(
+    weight: np.ndarray, state: np.ndarray, covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of Gaussians along the last axis of their weights."""
+    mean = np.einsum("...k,...ki->...i", weight, state)
+    apart = state - mean[..., None, :]
+    spread = covariance + apart[..., :, None] * apart[..., None, :]
+    return mean, np.einsum("...k,...kij->...ij", weight, spread)
+
+
+def predict(t: Columns, time: float, max_speed: float) -> None:
+    """Carry the tracks on; turning, the variance of velocity grows to v_max^2 / 4 in 5 s."""
+    mixed = t["probability"][:, :, None] * CHANGE
+    before, f = (t["state"], t["covariance"]), transition_matrix(time)
+    t["probability"] = mixed.sum(axis=1)
+    t["state"], t["covariance"] = np.empty_like(before[0]), np.empty_like(before[1])
+    for to, turning in enumerate((0.0, max_speed**2 / 4.0 / max(time, 5.0))):
         block = np.array([[time**2 / 3.0, time / 2.0], [time / 2.0, 1.0]])
-        q = np.kron(np.eye(2), noise * abs(time) * block)
-        f = transition_matrix(time)
-        modes.append(Mode(sum(weights), f @ state, f @ covariance @ f.T + q))
-    return replace(track, stamp=stamp, modes=(modes[ON], modes[TURN]))
+        q = np.kron(np.eye(2), (0.01 + turning) * time * block)
+        state, covariance = mixture(mixed[..., to] / t["probability"][:, [to]], *before)
+        t["state"][:, to], t["covariance"][:, to] = state @ f.T, f @ covariance @ f.T + q
 
 
-def waited(track: Track, covered: bool) -> Track:
-    """The track after a scan's time in the chain of visible, faded and gone.
+def wait(t: Columns, counts: np.ndarray) -> None:
+    """A scan's time in the chain of visible, faded and gone, where the scan counts.
 
     A visible target fades once in 25 scans, a faded one is visible again after 8 in the mean; a
     target vanishes once in 50 scans, or leaves for good after 8 outside the coverage.
     """
-    stays = 1.0 - 1.0 / 50.0 if covered else 1.0 - 1.0 / 8.0
-    return replace(
-        track,
-        existence=stays * track.existence,
-        proven=stays * track.proven,
-        visible=24.0 / 25.0 * track.visible + (1.0 - track.visible) / 8.0,
-    )
+    stays = np.where(t["seen"], 1.0 - 1.0 / 50.0, 1.0 - 1.0 / 8.0)
+    for name in ("existence", "proven"):
+        t[name] = np.where(counts, stays, 1.0) * t[name]
+    visible = 24.0 / 25.0 * t["visible"] + (1.0 - t["visible"]) / 8.0
+    t["visible"] = np.where(counts, visible, t["visible"])
 
 
-def clusters_of(scan: Mapping[str, Any], clutter: Sequence[float], rule: Rule) -> list[Plot]:
-    """Detections of a scan."""
-    detections = convert_scan(scan, 0, rule.settings)
-    rates = scan.get("features", {}).get("range_rate", [math.nan] * len(detections))
-    moves = np.array(scan.get("sensor_velocity", (0.0, 0.0)))
-    return [
-        Plot(*values, moves) for values in zip(detections, map(float, clutter), rates, strict=True)
-    ]
+def neighbours(state: np.ndarray, plots: list[Detection], stamp: float) -> list[int]:
+    """The eight plots nearest to where a track is in the middle of the scan, nearest first."""
+    times = [plot.time - stamp for plot in plots] or [0.0]
+    centre = POSITION @ transition_matrix((min(times) + max(times)) / 2.0) @ state
+    return sorted(range(len(plots)), key=lambda j: math.dist(plots[j].point, centre))[:8]
 
 
-def has_rate(plot: Plot, rule: Rule) -> bool:
-    """Whether a range rate was measured, and counts."""
-    return rule.range_rate_std > 0.0 and not math.isnan(plot.range_rate)
+def fits(
+    t: Columns, plots: list[Detection], near: list[list[int]], scan: Mapping[str, Any], rule: Rule
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Likelihood (n, 2, d) of near plots, and the states if they are the targets'.
 
-
-def neighbours(track: Track, plots: Sequence[Plot], stamp: float) -> list[int]:
-    """The eight plots nearest to where the track is in the middle of the scan, nearest first."""
-    if not plots:
-        return []
-    times = [plot.detection.time - stamp for plot in plots]
-    state, _ = track.mean
-    middle = (min(times) + max(times)) / 2.0
-    centre = POSITION @ transition_matrix(middle) @ state
-    away = [math.dist(plot.detection.point, centre) for plot in plots]
-    return sorted(range(len(plots)), key=lambda j: away[j])[:8]
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How well a plot fits a track in a mode, and the track's state if it is the target's."""
-
-    likelihood: float
-    state: np.ndarray
-    covariance: np.ndarray
-
-
-def fit(mode: Mode, plot: Plot, nearest: Plot, stamp: float, with_rates: bool, rule: Rule) -> Fit:
-    """Compare a plot at its own time; S is that of the track's nearest plot at that plot's time.
-
+    A plot is compared at its own time; S is that of the track's nearest plot at that plot's time.
     So is the Kalman gain. Where plots have range rates, S and the gain are each plot's own.
     """
-    x, p = mode.state, mode.covariance
-    nearest = plot if with_rates else nearest
-    h_nearest = POSITION @ transition_matrix(nearest.detection.time - stamp)
-    h = POSITION @ transition_matrix(plot.detection.time - stamp)
-    r = covariance_at(h_nearest @ x, nearest.detection.sensing, rule.settings)
-    s = h_nearest @ p @ h_nearest.T + r
-    v = plot.detection.point - h @ x
-    distance = float(v @ np.linalg.inv(s) @ v)
-    likelihood = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
-    kalman_gain = p @ h_nearest.T @ np.linalg.inv(s)
-    x, p = x + kalman_gain @ v, p - kalman_gain @ s @ kalman_gain.T
-    gate = GATE_WITH_RANGE_RATE if has_rate(plot, rule) else GATE
-    if distance <= gate and has_rate(plot, rule):
-        error, variance, gradient = range_rate_innovation(x, p, plot, stamp, rule)
-        distance += error**2 / variance
-        likelihood *= math.exp(-(error**2) / variance / 2.0) / math.sqrt(2.0 * math.pi * variance)
-        kalman_gain = p @ gradient / variance
-        x, p = x + kalman_gain * error, p - variance * np.outer(kalman_gain, kalman_gain)
-    return Fit(likelihood if distance <= gate else 0.0, x, p)
+    stamp, shape = scan["stamp"], (len(near), 2, len(plots))
+    rates = np.array(scan.get("features", {}).get("range_rate", np.full(len(plots), math.nan)))
+    has_rate = np.isfinite(rates) & (rule.range_rate_std > 0.0)
+    likelihood, states, covariances = (np.zeros((*shape, *more)) for more in ((), (4,), (4, 4)))
+    for (i, some), m in itertools.product(enumerate(near), (0, 1)):
+        for j in some:
+            plot, nearest = plots[j], plots[j if has_rate.any() else some[0]]
+            x, p = t["state"][i, m], t["covariance"][i, m]
+            h_nearest = POSITION @ transition_matrix(nearest.time - stamp)
+            h = POSITION @ transition_matrix(plot.time - stamp)
+            s = h_nearest @ p @ h_nearest.T
+            s = s + covariance_at(h_nearest @ x, nearest.sensing, rule.settings)
+            v = plot.point - h @ x
+            distance = v @ np.linalg.inv(s) @ v
+            scale = 2.0 * math.pi * math.sqrt(np.linalg.det(s))
+            gain = p @ h_nearest.T @ np.linalg.inv(s)
+            x, p = x + gain @ v, p - gain @ s @ gain.T
+            if distance <= GATE_WITH_RANGE_RATE and has_rate[j]:
+                moves = np.array(scan["sensor_velocity"])
+                error, variance, gradient = range_rate_innovation(
+                    x, p, plot, rates[j], moves, stamp, rule.range_rate_std
+                )
+                distance += error**2 / variance
+                scale *= math.sqrt(2.0 * math.pi * variance)
+                gain = p @ gradient / variance
+                x, p = x + gain * error, p - variance * np.outer(gain, gain)
+            if distance <= (GATE_WITH_RANGE_RATE if has_rate[j] else GATE):
+                likelihood[i, m, j] = math.exp(-distance / 2.0) / scale
+            states[i, m, j], covariances[i, m, j] = x, p
+    return likelihood, states, covariances
 
 
 def range_rate_innovation(
-    x: np.ndarray, p: np.ndarray, plot: Plot, stamp: float, rule: Rule
+    x: np.ndarray,
+    p: np.ndarray,
+    plot: Detection,
+    measured: float,
+    sensor_velocity: np.ndarray,
+    stamp: float,
+    std: float,
 ) -> tuple[float, float, np.ndarray]:
     """Range rate less the expected, c = u.(v - w), to second order; its variance; its gradient.
 
@@ -380,9 +223,9 @@ def range_rate_innovation(
     variance B and C between them, the mean of what is left out is C / r, its variance
     (A B + C^2) / r^2.
     """
-    at = transition_matrix(plot.detection.time - stamp)
-    offset = POSITION @ at @ x - plot.detection.sensing.position
-    relative = VELOCITY @ at @ x - plot.sensor_velocity
+    at = transition_matrix(plot.time - stamp)
+    offset = POSITION @ at @ x - plot.sensing.position
+    relative = VELOCITY @ at @ x - sensor_velocity
     r = math.hypot(*offset)
     u = offset / r
     rate = float(u @ relative)
@@ -390,8 +233,8 @@ def range_rate_innovation(
     across = np.array([-u[1], u[0]])
     place, speed = across @ POSITION @ at, across @ VELOCITY @ at
     a, b, c = place @ p @ place, speed @ p @ speed, place @ p @ speed
-    variance = gradient @ p @ gradient + rule.range_rate_std**2 + (a * b + c * c) / r**2
-    return plot.range_rate - rate - c / r, float(variance), gradient
+    variance = gradient @ p @ gradient + std**2 + (a * b + c * c) / r**2
+    return measured - rate - c / r, float(variance), gradient
 
 
 def factors(
@@ -405,133 +248,84 @@ def factors(
 
 
 def update(
-    track: Track,
-    fits: Sequence[Mapping[int, Fit]],
-    ratios: np.ndarray,
-    empty: float,
-    max_speed: float,
-) -> tuple[Track, float]:
-    """The track after a scan, and the probability that its target was detected."""
-    wholes, modes = [], []
-    for mode, fit_of, ratio_of in zip(track.modes, fits, ratios, strict=True):
-        whole = empty + ratio_of.sum()  # 1 - delta of the mode
-        parts = [(empty / whole, mode.state, mode.covariance)]
-        parts += [(ratio_of[j] / whole, one.state, one.covariance) for j, one in fit_of.items()]
-        wholes.append(whole)
-        modes.append(Mode(mode.probability * whole, *limited(*mixture(parts), max_speed)))
-    whole = sum(mode.probability for mode in modes)
-    r, q = track.existence, track.proven
-    existence = whole * r / (1.0 - r + whole * r)
-    proof = 1.0  # as if P_D were one half
-    if empty < 1.0:
-        proof = 1.0 - 0.5 * P_G + (whole - empty) * 0.5 * P_G / (1.0 - empty)
-    proven = proof * q / (1.0 - q + proof * q)
-    detected = (1.0 - empty / whole) * existence
-    return (
-        replace(
-            track,
-            modes=tuple(replace(mode, probability=mode.probability / whole) for mode in modes),
-            existence=existence,
-            proven=proven,
-            visible=1.0 - (1.0 - track.visible) / whole,
-            last_detected=track.stamp if detected >= 0.5 else track.last_detected,
-        ),
-        detected,
-    )
+    t: Columns,
+    state: np.ndarray,
+    covariance: np.ndarray,
+    ratio: np.ndarray,
+    empty: np.ndarray,
+    rule: Rule,
+    stamp: float,
+) -> np.ndarray:
+    """Update the tracks; returns the probabilities that the targets were detected."""
+    weight = np.append(np.broadcast_to(empty[:, None, None], (len(empty), 2, 1)), ratio, axis=2)
+    of_mode = weight.sum(axis=2)  # 1 - delta of the mode
+    state = np.append(t["state"][:, :, None], state, axis=2)
+    covariance = np.append(t["covariance"][:, :, None], covariance, axis=2)
+    state, covariance = mixture(weight / of_mode[..., None], state, covariance)
+    for row in np.ndindex(of_mode.shape):
+        state[row], covariance[row] = limited(state[row], covariance[row], rule.settings.max_speed)
+    probability = t["probability"] * of_mode
+    whole = probability.sum(axis=1)
+    probability /= whole[:, None]
+    proof = np.ones(len(whole))  # as if P_D were one half
+    some = empty < 1.0
+    proof[some] += 0.5 * P_G * ((whole - empty)[some] / (1.0 - empty[some]) - 1.0)
+    mean, spread = mixture(probability, state, covariance)
+    t |= {"probability": probability, "state": state, "covariance": covariance}
+    t |= {"mean": mean, "spread": spread, "visible": 1.0 - (1.0 - t["visible"]) / whole}
+    for name, factor in (("existence", whole), ("proven", proof)):
+        t[name] = factor * t[name] / (1.0 - t[name] + factor * t[name])
+    detected = (1.0 - empty / whole) * t["existence"]
+    t["last_detected"] = np.where(detected >= 0.5, stamp, t["last_detected"])
+    return detected
 
 
-def largest(covariance: np.ndarray) -> float:
-    """Variance along the major axis."""
-    return float(np.linalg.eigvalsh(covariance)[-1])
+def sigma(covariance: np.ndarray) -> float:
+    """Standard deviation along the major axis."""
+    return math.sqrt(np.linalg.eigvalsh(covariance)[-1])
+
+
+def in_disc(
+    mean: np.ndarray, covariance: np.ndarray, radius: float, radii: int = 80, angles: int = 160
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Probability of a disc, and mean and covariance in it, by sums over a polar grid."""
+    nodes, weights = np.polynomial.legendre.leggauss(radii)
+    along, angle = radius * (nodes + 1.0) / 2.0, 2.0 * math.pi * np.arange(angles) / angles
+    v = np.outer(along, np.exp(1j * angle)).ravel().view(float).reshape(-1, 2)
+    area = np.repeat(weights * radius / 2.0 * along * 2.0 * math.pi / angles, angles)
+    error = v - mean
+    square = (error @ np.linalg.inv(covariance) * error).sum(axis=1)
+    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(covariance)))
+    mean = mass @ v / mass.sum()
+    apart = v - mean
+    return float(mass.sum()), mean, (mass[:, None] * apart).T @ apart / mass.sum()
 
 
 def limited(
     state: np.ndarray, covariance: np.ndarray, max_speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The state given a speed of at most v_max, if the mean is faster: sums over a polar grid."""
+    """The state given a speed of at most v_max, if the mean is faster."""
     mean, spread = VELOCITY @ state, VELOCITY @ covariance @ VELOCITY.T
     if math.hypot(*mean) <= max_speed:
         return state, covariance
-    v, area = max_speed * DISC, max_speed**2 * DISC_AREA
-    error = v - mean
-    square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
-    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
-    inside = float(mass.sum())
-    mass /= inside
-    within = mass @ v
-    apart = v - within
-    second = (mass[:, None] * apart).T @ apart
+    _, within, second = in_disc(mean, spread, max_speed)
     gain = covariance @ VELOCITY.T @ np.linalg.inv(spread)
     return state + gain @ (within - mean), covariance + gain @ (second - spread) @ gain.T
 
 
-def counted(
-    tracks: Sequence[Track], located: Mapping[int, bool], explained: Mapping[int, float]
-) -> list[Track]:
-    """The tracks with the scans in which each, located, agreed with an older located one nearby.
+def count(t: Columns) -> None:
+    """Count the scans in which each track, located, agreed with an older located one nearby.
 
     They do not agree while both together explain more than 1.5 detections. A scan in which a track
     is located and does not agree begins the count again.
     """
-    updated = []
-    for i, track in enumerate(tracks):
-        state, covariance = track.mean
-        away = {
-            k: math.dist(POSITION @ state, POSITION @ other.mean[0])
-            for k, other in enumerate(tracks)
-            if k != i
-        }
+    places = t["mean"][:, [0, 2]]
+    for i in np.flatnonzero(t["located"]):
+        away = np.hypot(*(places - places[i]).T)
         agrees = False
-        for k in sorted(away, key=lambda k: away[k])[:7]:
-            error, total = state - tracks[k].mean[0], covariance + tracks[k].mean[1]
-            alone = explained[track.id] + explained[tracks[k].id] <= 1.5
-            if alone and located.get(track.id) and located.get(tracks[k].id):
-                agrees |= k < i and float(error @ np.linalg.solve(total, error)) <= 7.78
-        begins_again = not agrees and located.get(track.id, False)
-        agreeing = 0 if begins_again else track.agreeing + agrees
-        updated.append(replace(track, agreeing=agreeing))
-    return updated
-
-
-Way = list[tuple[float, np.ndarray]]
-"""Poses of the sensor, each with the range of its echo."""
-
-
-def way_of_sensor(scan: Mapping[str, Any]) -> Way:
-    """Poses of the sensor by the range of the echo, ascending; or one pose for all."""
-    poses = np.reshape(scan.get("sensor_pose", (0.0, 0.0, 0.0)), (-1, 3))
-    if len(poses) == 1:
-        return [(0.0, poses[0])]
-    echoes = zip(scan["range"], poses, strict=True)
-    return sorted(((float(r), pose) for r, pose in echoes), key=lambda echo: echo[0])
-
-
-def pose_for(way: Way, position: np.ndarray) -> np.ndarray:
-    """Pose of the sensor as the echo of a position arrives, by linear interpolation."""
-    distance = math.dist(position, way[len(way) // 2][1][:2])
-    for (near, begin), (far, end) in itertools.pairwise(way):
-        if near <= distance < far:
-            return begin + (distance - near) / (far - near) * (end - begin)
-    return way[0][1] if distance < way[0][0] else way[-1][1]
-
-
-class Coverage:
-    """Where the sensor detects: its poses by range, and the edges."""
-
-    def __init__(
-        self, min_range: float, max_range: float, azimuth_min: float, azimuth_max: float
-    ) -> None:
-        self.ranges, self.azimuths = (min_range, max_range), (azimuth_min, azimuth_max)
-        self.way: Way = [(0.0, np.zeros(3))]
-
-    def move(self, scan: Mapping[str, Any]) -> None:
-        """Take the poses of a scan; without any, the last stay."""
-        self.way = way_of_sensor(scan) or self.way
-
-    def covers(self, position: np.ndarray) -> bool:
-        """Whether the sensor covers a position, from where it is as the echo arrives."""
-        pose = pose_for(self.way, position)
-        offset = position - pose[:2]
-        low, high = self.azimuths
-        turned = (math.atan2(offset[1], offset[0]) - pose[2] - low) % (2.0 * math.pi)
-        return self.ranges[0] <= math.hypot(*offset) <= self.ranges[1] and turned <= high - low
+        for k in np.argsort(away, kind="stable")[1:8]:
+            error, total = t["mean"][i] - t["mean"][k], t["spread"][i] + t["spread"][k]
+            alone = t["explained"][i] + t["explained"][k] <= 1.5
+            if k < i and alone and t["located"][k]:
+                agrees |= bool(error @ np.linalg.solve(total, error) <= 7.78)
+        t["agreeing_scans"][i] = t["agreeing_scans"][i] + 1 if agrees else 0

@@ -6,6 +6,7 @@ window, and others with the same last detection that are ten thousand times as l
 are converted by `plain_tsepm`.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from support.plain_held_tracks import DISC, DISC_AREA, VELOCITY, Way, pose_for, way_of_sensor
+from support.plain_held_tracks import VELOCITY, in_disc
 from support.plain_tsepm import (
     MEASUREMENT_MATRIX,
     Detection,
@@ -26,6 +27,8 @@ from support.plain_tsepm import (
 
 Key = tuple[int, int]
 """A detection: its scan, and its place in it."""
+Way = list[tuple[float, np.ndarray]]
+"""Poses of the sensor, each with the range of its echo."""
 
 
 @dataclass
@@ -116,10 +119,7 @@ def at_max_speed(grown: Grown, max_speed: float) -> Grown:
         if len(one.keys) < 2:
             return one
         spread = VELOCITY @ one.covariance @ VELOCITY.T
-        error = max_speed * DISC - VELOCITY @ one.state
-        square = (error @ np.linalg.inv(spread) * error).sum(axis=-1)
-        mass = max_speed**2 * float(DISC_AREA @ np.exp(-0.5 * square))
-        inside = mass / (2.0 * math.pi * math.sqrt(np.linalg.det(spread)))
+        inside, *_ = in_disc(VELOCITY @ one.state, spread, max_speed)
         gain = math.log(max(inside, 1e-300)) - math.log(1.0 - math.exp(-2.0))
         return replace(one, score=one.score + gain)
 
@@ -303,3 +303,21 @@ def start(detection: Detection, stamp: float, rule: Rule) -> Hypothesis:
     covariance[1, 1] = covariance[3, 3] = rule.settings.max_speed**2 / 4.0
     back = transition_matrix(stamp - detection.time)
     return Hypothesis((detection.key,), back @ state, back @ covariance @ back.T, 0.0)
+
+
+def way_of_sensor(scan: Mapping[str, Any]) -> Way:
+    """Poses of the sensor by the range of the echo, ascending; or one pose for all."""
+    poses = np.reshape(scan.get("sensor_pose", (0.0, 0.0, 0.0)), (-1, 3))
+    if len(poses) == 1:
+        return [(0.0, poses[0])]
+    echoes = zip(scan["range"], poses, strict=True)
+    return sorted(((float(r), pose) for r, pose in echoes), key=lambda echo: echo[0])
+
+
+def pose_for(way: Way, position: np.ndarray) -> np.ndarray:
+    """Pose of the sensor as the echo of a position arrives, by linear interpolation."""
+    distance = math.dist(position, way[len(way) // 2][1][:2])
+    for (near, begin), (far, end) in itertools.pairwise(way):
+        if near <= distance < far:
+            return begin + (distance - near) / (far - near) * (end - begin)
+    return way[0][1] if distance < way[0][0] else way[-1][1]

@@ -84,14 +84,6 @@ def test_bearings_from_north_give_the_same_tracks_as_those_from_the_bow(density)
         np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-9)
 
 
-def test_the_heading_s_error_does_not_move_bearings_from_north():
-    scene = scenario()
-    one = sailing(scene, np.diag([4.0, 9.0, 0.01]))
-    one.add_scan(from_north(next(iter(Simulator(scene, 1))).scan, scene), 0.0)
-    (result,) = one.process()
-    np.testing.assert_array_equal(result.scan.sensor_pose_covariance, np.diag([4.0, 9.0, 0.0]))
-
-
 @pytest.mark.parametrize(("sensor", "dropped"), [(SECTOR, 1), (SensorModel(), 0)])
 @pytest.mark.parametrize("source", ["none", "odometry"])
 def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source):

@@ -2,14 +2,11 @@
 
 import dataclasses
 import math
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
-from support.patience import WAIT
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.numerics.arrays import keep_best
@@ -116,30 +113,6 @@ def test_another_number_of_hits_starts_over_and_says_so():
     assert not reconfigured(made, made.sensor, made.common, options)
     tracks = [made.process(scan_at(24.0 + 12.0 * k, [HERE])) for k in range(2)]
     assert [len(new) for new in tracks] == [0, 1]
-
-
-def test_importing_the_package_imports_no_ros_and_no_matplotlib():
-    # Every module but the nodes, what reads messages for them, and the pictures.
-    code = """
-import importlib, pkgutil, sys
-import tsepm_ros
-of_tools = ("demo", "live_commands", "players", "pictures", "viewer.track_viewer", "bridge")
-without = ("tsepm_ros.nodes", *(f"tsepm_ros.tools.{name}" for name in of_tools))
-names = [
-    info.name
-    for info in pkgutil.walk_packages(tsepm_ros.__path__, "tsepm_ros.", onerror=print)
-    if not info.name.startswith(without)
-]
-for name in names:
-    importlib.import_module(name)
-assert len(names) > 20, names
-loaded = {name.partition(".")[0] for name in sys.modules}
-print(sorted(loaded & {"rclpy", "rpyutils", "sensor_msgs", "matplotlib"}))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=WAIT
-    )
-    assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr
 
 
 def test_a_figure_of_the_sensor_is_asked_for_where_it_belongs():

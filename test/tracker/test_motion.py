@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from support.builders import scan_at
+from support.plain_held_tracks import in_disc as plain_in_disc
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
@@ -17,22 +18,6 @@ V_MAX = 10.0
 def turned(angle: float, major: float, minor: float) -> np.ndarray:
     axes = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     return axes @ np.diag([major**2, minor**2]) @ axes.T
-
-
-def summed(mean: np.ndarray, covariance: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Probability, mean and covariance in the disc by sums over a polar grid."""
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    speed = V_MAX * (nodes[:, None] + 1.0) / 2.0
-    angle = 2.0 * math.pi * np.arange(600) / 600.0
-    v = np.stack([speed * np.cos(angle), speed * np.sin(angle)], axis=-1).reshape(-1, 2)
-    area = np.repeat(weights * V_MAX / 2.0 * speed[:, 0] * 2.0 * math.pi / 600.0, 600)
-    error = v - mean
-    square = (error @ np.linalg.inv(covariance) * error).sum(axis=1)
-    mass = area * np.exp(-0.5 * square) / (2.0 * math.pi * math.sqrt(np.linalg.det(covariance)))
-    inside = float(mass.sum())
-    mean = mass @ v / inside
-    apart = v - mean
-    return inside, mean, (mass[:, None] * apart).T @ apart / inside
 
 
 def with_velocity(seed: int, mean, covariance) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +42,7 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
     towards = rng.uniform(-math.pi, math.pi)
     out = rng.uniform(0.0, V_MAX + 2.0 * major)
     mean = out * np.array([math.cos(towards), math.sin(towards)])
-    inside, expected, spread = summed(mean, covariance)
+    inside, expected, spread = plain_in_disc(mean, covariance, V_MAX, 200, 600)
     found = in_disc(mean[None], covariance[None], np.array([V_MAX]))
     assert found[0][0] == pytest.approx(math.log(inside), abs=1e-9)
     np.testing.assert_allclose(found[1][0], expected, atol=1e-9 * V_MAX)

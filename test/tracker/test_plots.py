@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plots_scenes import Swimmers, box
+from scipy.cluster.hierarchy import fcluster, linkage
 from support.held import tracks
-from support.plain_plots import plain_groups
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters import grouping
@@ -40,17 +40,20 @@ def groups_of(label) -> set[frozenset[int]]:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_groups_are_those_of_plain_loops(seed):
+def test_groups_are_those_of_complete_linkage(seed):
     rng = np.random.default_rng(seed)
     n, size = int(rng.integers(0, 50)), rng.uniform(5.0, 80.0)
     range_ = rng.uniform(100.0, 100.0 + size, n)
     azimuth = np.pi + rng.uniform(-size, size, n) / 200.0  # across the jump of the azimuth
     extent = ClusterExtent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
     scan = Scan(0.0, range_, azimuth)
-    plain = plain_groups(
-        list(zip(scan.range, scan.azimuth, strict=True)), extent.along, extent.across, extent.beam
-    )
-    assert groups_of(grouped(scan.range, scan.azimuth, extent)) == plain
+    one, two = np.triu_indices(n, 1)
+    turn = np.angle(np.exp(1j * (azimuth[one] - azimuth[two])))
+    width = 0.5 * (range_[one] + range_[two]) * abs(turn)
+    width /= extent.across + 0.5 * (range_[one] + range_[two]) * extent.beam
+    distance = np.maximum(abs(range_[one] - range_[two]) / extent.along, width)
+    expected = fcluster(linkage(distance, "complete"), 1.0, "distance") if n > 1 else np.zeros(n)
+    assert groups_of(grouped(scan.range, scan.azimuth, extent)) == groups_of(expected)
 
 
 def test_a_saturated_receiver_is_cut_in_cells_in_time():

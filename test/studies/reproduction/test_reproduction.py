@@ -164,27 +164,17 @@ def test_the_gate_is_hit_as_often_as_by_simulation_and_falls_below_what_is_claim
 
 
 def test_tracks_of_table_i_merge_by_sets():
-    """Conditions (i) and (iii) by Python's sets, groups by joining them until nothing changes."""
+    """Conditions (i) and (iii) by Python's sets, groups by walks from pair to pair."""
     tracks = {index: set(hits) for index, hits in split_merge_2016.TABLE_I.items()}
     assert all(len(hits) == 5 for hits in tracks.values())
-    groups = [{index} for index in tracks]
-    joined = True
-    while joined:
-        joined = False
-        for one, other in itertools.combinations(groups, 2):
-            if any(
-                max(tracks[a])[0] == max(tracks[b])[0] and len(tracks[a] & tracks[b]) > 2.5
-                for a in one
-                for b in other
-            ):
-                one |= other
-                groups.remove(other)
-                joined = True
-                break
-    assert {frozenset(group) for group in split_merge_2016.table_i_groups()} == {
-        frozenset(group) for group in groups
-    }
-    assert len(groups) == 5
+    pairs = [
+        [max(one)[0] == max(two)[0] and len(one & two) > 2.5 for two in tracks.values()]
+        for one in tracks.values()
+    ]
+    reached = np.linalg.matrix_power(np.array(pairs, float), len(pairs)) > 0.0
+    expected = {frozenset(np.array(list(tracks))[row].tolist()) for row in reached}
+    assert {frozenset(group) for group in split_merge_2016.table_i_groups()} == expected
+    assert len(expected) == 5
 
 
 def test_the_text_s_pairs_meet_the_conditions_and_leave_eight():

@@ -11,6 +11,7 @@ pytest.importorskip("rosbags", reason="bags need the library rosbags")
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bag_files import (
+    GRID,
     LATENCY,
     ODOMETRY,
     PARAMETERS,
@@ -19,9 +20,9 @@ from support.bag_files import (
     STORE,
     Entry,
     cloud,
+    grid,
     serialized,
     simulated,
-    small_scenario,
     storage_file,
     write_bag,
 )
@@ -274,19 +275,6 @@ def test_topics_that_are_missing_wrong_or_several_are_refused_by_name(topics, gi
 # Running
 
 
-@BOTH
-def test_the_targets_of_a_simulated_bag_are_found(tmp_path, storage):
-    results, session = run(write_bag(tmp_path / "bag", simulated(), storage))
-    assert [result.stamp for result in results] == [1000.0 + 4 * k for k in range(10)]
-    assert {result.frame_id for result in results} == {"odom"}
-    assert not session.dropped
-    at = results[-1].stamp - 1000.0
-    for state in small_scenario().targets:
-        place = state[0::2] + at * state[1::2]
-        held = results[-1].current.state[:, 0::2]
-        assert np.hypot(*(held - place).T).min() < 30.0
-
-
 def fingerprint(results):
     """Every bit of what the node would publish on `tracks` and `tracks/current`."""
     parts = [part for result in results for part in (result.new, result.current)]
@@ -322,6 +310,16 @@ def test_poses_and_charts_that_cannot_be_read_are_dropped_with_a_reason(tmp_path
     assert session.dropped["own_ship_invalid"] == 1
     assert sum(number for reason, number in session.dropped.items() if "land" in reason) == 1
     assert sum(session.dropped.values()) == 2
+
+
+@pytest.mark.parametrize(("time", "before"), [(999.0, 0), (1022.0, 5)])
+def test_a_chart_counts_from_when_it_was_recorded(tmp_path, time, before):
+    everything = grid(time, "odom", np.ones((100, 100), bool), 100.0, -5000.0, -5000.0)
+    entries = sorted([*simulated(), Entry(time, "/land", GRID, everything)], key=lambda e: e.time)
+    results, session = run(write_bag(tmp_path / "bag", entries))
+    used = [result.statistics.detections > 0 for result in results]
+    assert used == [True] * before + [False] * (10 - before)
+    assert session.dropped["on_land"] == sum(len(result.scan) for result in results[before:])
 
 
 @pytest.mark.parametrize(("late", "lost"), [(1.5, 0), (30.0, 10)])

@@ -56,25 +56,16 @@ def test_rows_with_the_same_scan_number_or_without_one_of_the_same_time_are_one_
 
 
 def test_every_column_becomes_its_field(write):
-    text = (
-        "intensity,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,time_offset_s,"
-        "range_width_m,azimuth_width_rad,range_rate_mps,elevation_rad,two_way_travel_time_s\n"
-        "1,2,3,4,5,6,7,8,9,10,11,12\n"
+    columns = (
+        "intensity,range_m,azimuth_rad,range_std_m,azimuth_std_rad,time_offset_s,range_width_m"
     )
+    columns += ",azimuth_width_rad,range_rate_mps,elevation_rad,two_way_travel_time_s"
+    names = [re.sub("_(m|s|mps|rad)$", "", column) for column in columns.split(",")]
+    numbers = [float(number) for number in range(1, 12)]
+    text = f"time_s,{columns}\n0,{','.join(map(str, numbers))}\n"
     (scan,) = read_recording(write(detections=text)).scans
-    assert {name: value.tolist() for name, value in scan.fields.items()} == {
-        "intensity": [1],
-        "range": [3],
-        "azimuth": [4],
-        "range_std": [5],
-        "azimuth_std": [6],
-        "time_offset": [7],
-        "range_width": [8],
-        "azimuth_width": [9],
-        "range_rate": [10],
-        "elevation": [11],
-        "two_way_travel_time": [12],
-    }
+    found = {name: values.tolist() for name, values in scan.fields.items()}
+    assert found == {name: [number] for name, number in zip(names, numbers, strict=True)}
 
 
 def test_spaces_and_a_byte_order_mark_do_no_harm(tmp_path):

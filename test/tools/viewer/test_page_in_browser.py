@@ -172,7 +172,6 @@ def test_keys_step_and_pause(replay):
 
 
 def test_each_thing_is_drawn_in_its_place_and_colour_and_layers_can_be_hidden(replay):
-    settled(replay)
     named = replay.value("plan.colour")
     assert named["track"] in colours(replay, 1200.0, 0.0)
     assert named["ship"] in colours(replay, 0.0, 500.0)
@@ -193,7 +192,6 @@ def test_each_thing_is_drawn_in_its_place_and_colour_and_layers_can_be_hidden(re
 
 
 def test_the_sonar_image_is_drawn_from_the_sensor_once_it_is_switched_on(replay):
-    settled(replay)
     levels = np.full((64, 64), -1, np.int8)
     levels[40:44, 40:44] = 100  # ahead and to port
     image = image_frame(24.0, 50.0, levels.tobytes())
@@ -209,7 +207,6 @@ def test_the_sonar_image_is_drawn_from_the_sensor_once_it_is_switched_on(replay)
 
 
 def test_a_click_on_a_track_shows_its_history_and_reason(replay):
-    settled(replay)
     replay.click(*place(replay, 1200.0, 0.0))
     replay.until("!byId('selected').hidden")
     shown = text(replay, "#selected")
@@ -225,7 +222,6 @@ def test_a_click_on_a_track_shows_its_history_and_reason(replay):
 
 
 def test_a_track_without_a_detection_is_dashed_and_says_for_how_long_it_coasts(replay):
-    settled(replay)
     replay.click(*place(replay, 1200.0, 0.0))
     replay.until("!byId('selected').hidden")
     assert "Track 3held" in text(replay, "#selected")
@@ -241,7 +237,6 @@ def test_a_track_without_a_detection_is_dashed_and_says_for_how_long_it_coasts(r
 
 
 def test_a_trail_is_dashed_where_the_track_coasted_and_broken_where_it_was_withheld(replay):
-    settled(replay)
     replay.value(
         "scene.histories.get(3)[2].coasts = true; scene.histories.get(3).splice(4, 1);"
         "window.parts = []; const { context } = plan;"
@@ -279,7 +274,6 @@ def test_a_track_of_the_list_that_has_ended_says_so(replay):
 
 
 def test_wheel_drag_and_two_fingers_change_the_view(replay):
-    settled(replay)
     x, y = place(replay, 1200.0, 0.0)
     scale = replay.value("plan.scale")
     replay.mouse("mouseWheel", x, y, deltaX=0, deltaY=-400)
@@ -294,7 +288,6 @@ def test_wheel_drag_and_two_fingers_change_the_view(replay):
     replay.press("#fit")
     settled(replay)
     assert replay.value("plan.scale") == pytest.approx(scale)
-    settled(replay)
 
     def touch(kind, *points):
         replay.call(
@@ -428,7 +421,6 @@ def test_the_page_always_says_whether_the_alarm_watches(replay):
 
 
 def test_a_track_of_the_alarm_is_first_in_the_list_and_framed_on_the_plan(replay):
-    settled(replay)
     error = replay.value("plan.colour.error")
     assert error not in colours(replay, 1200.0, 0.0, 14)
     replay.value(
@@ -491,7 +483,6 @@ def test_the_track_list_has_closest_approach_and_time_since_the_last_detection(r
 
 
 def test_latitude_and_longitude_are_shown_where_the_origin_is_known(replay):
-    settled(replay)
     replay.value("select(3)")
     assert "Latitude" not in text(replay, "#selected")
     assert replay.value("byId('save-geojson').hidden")
@@ -533,7 +524,6 @@ def test_the_tracks_are_saved_as_csv_and_geojson(replay):
 
 
 def test_a_line_of_range_and_bearing_is_drawn_by_hand(replay):
-    settled(replay)
     centre = replay.value("plan.center")
     replay.press("#measure")
     begin, end = place(replay, 0.0, 0.0), place(replay, 300.0, 400.0)
@@ -557,7 +547,6 @@ def plane(words: str) -> tuple[float, float]:
 
 
 def test_the_pointer_s_range_bearing_and_position_are_read_out(replay):
-    settled(replay)
     replay.mouse("mouseMoved", *place(replay, 1000.0, 500.0))
     replay.until("!byId('cursor').hidden")
     x, y = plane(text(replay, "#cursor"))
@@ -568,7 +557,6 @@ def test_the_pointer_s_range_bearing_and_position_are_read_out(replay):
 
 
 def test_the_sector_is_drawn_from_the_bow_and_live_is_that_of_the_diagnostics(replay):
-    settled(replay)
     accent = replay.value(
         "scene.info.sector = [100, 2000, -0.5, 0.5]; showPanels();"
         "window.arcs = []; const { context } = plan, arc = context.arc;"
@@ -592,7 +580,6 @@ def test_the_sector_is_drawn_from_the_bow_and_live_is_that_of_the_diagnostics(re
 
 
 def test_no_label_covers_another(replay):
-    settled(replay)
     boxes = replay.value(
         """(() => {
             const frame = scene.frames.at(-1);

@@ -200,6 +200,11 @@ def test_the_data_sheet_counts_until_tracks_tell_otherwise():
     expected = (0.6 * DATA_SHEET_SCANS + 1.0 / 0.99) / (DATA_SHEET_SCANS + 3.0)
     # The prior does not fade, and what was known before was nothing.
     assert known.estimate(0.6) == pytest.approx(expected)
+    known.update(np.array([0.5]), np.array([4.0]), 0.99)
+    kept = math.exp(-2.0 / 200.0)
+    detected, covered = kept * 1.0 / 0.99 + 0.5 / 0.99, kept * 3.0 + 2.0
+    expected = (0.6 * DATA_SHEET_SCANS + detected) / (DATA_SHEET_SCANS + covered)
+    assert known.estimate(0.6) == pytest.approx(expected)
 
 
 def test_a_miss_and_a_detection_stay_possible():

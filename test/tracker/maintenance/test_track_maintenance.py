@@ -193,7 +193,20 @@ def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
     follow_tracker(hold, 112.0, 2)
     follow_tracker(hold, 160.1, 2)
     step(hold, 161.0)
-    assert (list(hold.ended), ids(hold)) == ([1], [2])
+    assert (hold.ended, ids(hold)) == ({1: "tracker"}, [2])
+
+
+def test_what_a_tracker_lists_exists_as_it_says_and_ends_by_no_rule_while_it_is_heard():
+    hold, ended = holding(1, 2), {}
+    follow_tracker(hold, 0.0, 1)
+    assert (hold.held.existence[0], hold.held.proven[0]) == (0.99, 0.99)
+    for stamp in range(1, 60):
+        step(hold, stamp, detectable=P_D)
+        ended |= hold.ended
+    assert (ended, published(hold)) == ({2: "missed"}, [1])
+    assert hold.held.existence[0] < MIN_EXISTENCE
+    step(hold, 61.0, detectable=P_D)
+    assert (hold.ended, ids(hold)) == ({1: "missed"}, [])
 
 
 def test_clearing_forgets_the_tracker():
