@@ -6,7 +6,7 @@ import pytest
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
-from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
+from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
 
 SENSOR = SensorModel(
     range_std=0.1, min_range=1.0, max_range=21.0, azimuth_min=-1.0, azimuth_max=1.0
@@ -54,3 +54,13 @@ def test_reverberation_falls_walls_stand_and_streaks_come():
     assert wall[24:40, 85:95].max() > 4.0
     streaks = amplitude(ImageModel(cells=(64, 200), streaks=3.0))
     assert np.sort(np.median(streaks, axis=1))[-1] > 5.0
+
+
+def test_single_bearings_are_the_image_with_times_and_poses():
+    model = ImageModel(cells=(8, 50), sweep_time=0.7)
+    fields = {"own_ship": OwnShipMotion(speed=2.0)}
+    [(whole, _)] = drawn(model, **fields)
+    single = list(drawn(model, **fields).single_bearings())
+    assert [one.stamp for one in single] == pytest.approx(np.linspace(0.0, 0.7, 8))
+    assert np.concatenate([one.intensity for one in single]) == pytest.approx(whole.intensity)
+    assert single[-1].sensor_pose == pytest.approx([1.4, 0.0, 0.0])
