@@ -230,7 +230,7 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         stamp=np.full(len(records), stamp),
         state=track_states(records),
         covariance=track_covariances(records),
-        hits=[()] * len(records),
+        hits=np.fromiter(((),) * len(records), object),
         hit_count=records["hit_count"].astype(np.int64),
         scan_count=records["scan_count"].astype(np.int64),
         revision=records["revision"].astype(np.int64),

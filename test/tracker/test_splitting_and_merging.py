@@ -121,16 +121,19 @@ def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
     assert merging.own_starts(starts, two, frozenset()).tolist() == [9]
     assert merging.own_starts(starts, one, frozenset()).tolist() == [-1]
     assert merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
-    twice = starts.joined(starts)
+    twice = TrackArrays.joined(starts, starts)
     assert merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
 
 
 def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
     starts = starts_at((0.0, 0.0))
     others = tuple((k, 9) for k in range(len(starts.hits[0]) - 1))
-    most = replace(starts, hits=[(*starts.hits[0][:-1], (99, 0))], track_id=np.array([4]))
-    few = replace(starts, hits=[(starts.hits[0][0], *others)], track_id=np.array([5]))
-    assert merging.published_owners(starts, few.joined(most)).tolist() == [4]
+    of_most, of_few = (*starts.hits[0][:-1], (99, 0)), (starts.hits[0][0], *others)
+    most, few = (
+        replace(starts, hits=np.fromiter([hits], object), track_id=np.array([track_id]))
+        for hits, track_id in ((of_most, 4), (of_few, 5))
+    )
+    assert merging.published_owners(starts, TrackArrays.joined(few, most)).tolist() == [4]
     assert merging.published_owners(starts, few).tolist() == [-1]
 
 

@@ -318,7 +318,7 @@ class Tsepm(WindowedMethod):
             )
             for count in range(2, self.options.min_hits)
         ]
-        tracks = TrackArrays.of([]).joined(*map(self.tracks, several))
+        tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
         return tracks.numbered(np.arange(len(tracks)))
 
     def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:

@@ -73,7 +73,7 @@ def with_rows(table: T, rows: IntArray, **values: Any) -> T:
     return changed(table, **columns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rows:
     """Columns of equal length, the fields of a subclass: arrays, or tables of such columns."""
 

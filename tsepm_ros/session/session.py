@@ -183,7 +183,7 @@ class ScanResult:
     @property
     def starts(self) -> TrackArrays:
         """New tracks and corrected ones, as they go out on the topic `tracks`."""
-        return self.new.joined(self.revised) if len(self.revised) else self.new
+        return TrackArrays.joined(self.new, self.revised) if len(self.revised) else self.new
 
     def in_frame(self) -> ScanResult:
         """The result with tracks in the axes of the fixed frame, for everything that names it."""

@@ -106,7 +106,7 @@ def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> Track
     """A start beside the first held track, m, with these hits."""
     state = hold.held.tracks.state[:1] + np.array([0.0, 0.0, aside, 0.0])
     new = tracks(90, stamp=hold.held.tracks.stamp[0])
-    return replace(new, state=state, hits=[hits])
+    return replace(new, state=state, hits=np.fromiter([hits], object))
 
 
 def silent(min_speed: float = 0.0) -> TrackMaintenance:
@@ -159,7 +159,7 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     assert hold.held.hit_sigma[0] == pytest.approx(50.0), "the start's, not the lost track's"
     assert hold.held.proven[0] >= UNPROVEN
     assert found.age[0] == 96.0, "since its first hit of all"
-    assert found.hits == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
+    assert found.hits.tolist() == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
     assert hold.ended == {}
 
 

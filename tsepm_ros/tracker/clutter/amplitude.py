@@ -34,7 +34,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import kolmogorov
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
@@ -388,8 +387,6 @@ LEAST_CHANGE = 0.05
 """Sum of the changes of weights of a ping's references that is worth the while."""
 SATURATED = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
-SMALLEST_P_VALUE = 0.001
-"""Probability (Kolmogorov-Smirnov) below which two references are not of one law."""
 
 
 class ClutterAmplitudes:
@@ -573,8 +570,6 @@ class ClutterAmplitudes:
         self._places.withdraw(at, values, gone, age[place])
 
     def _learn_law(self) -> None:
-        if self._law is not None:
-            self._drop_other_laws(self._law)
         rows, before = self._references, self._level
         self._places.renew()
         by_range = self._places.by_range(rows["at"])
@@ -594,31 +589,6 @@ class ClutterAmplitudes:
         self._new = 0.0
         lowest, highest = map(law.quantile, WINSORISED)
         self._bounds = lowest, highest, float(np.clip(law.values, lowest, highest).std())
-
-    def _drop_other_laws(self, law: AmplitudeLaw) -> None:
-        """Drop the pings before a change of level that has changed the law too, as of the unit."""
-        rows, width = self._references, law.quantile(0.75) - law.quantile(0.25)
-        far = np.flatnonzero(np.abs(rows["level"] - rows["level"][-1]) > width)
-        if not len(far):
-            return
-        since = int(far[-1]) + 1
-        old, new = np.split(rows["value"], [since])
-        if min(len(old), len(new)) >= MIN_REFERENCES and not of_one_shape(old, new):
-            self._level = float(rows["level"][-1])
-            self._references = rows[since:]
-
-
-def of_one_shape(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two samples may be of one law but for their levels.
-
-    By the test of Kolmogorov and Smirnov (asymptotic).
-    """
-    samples = one - np.median(one), other - np.median(other)
-    both = np.concatenate(samples)
-    shares = [np.searchsorted(np.sort(each), both, side="right") / len(each) for each in samples]
-    distance = np.abs(shares[0] - shares[1]).max()
-    root = math.sqrt(len(one) * len(other) / len(both))
-    return bool(kolmogorov(root * distance) >= SMALLEST_P_VALUE)
 
 
 def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:
