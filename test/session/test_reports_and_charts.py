@@ -8,8 +8,8 @@ import pytest
 from support.sessions import arrived, held, moving, ping, play, play_empty, sail, session, settings
 
 from tsepm_ros import ConfirmedTrack, LandMask, Scan
+from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.session.session import Session
-from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 

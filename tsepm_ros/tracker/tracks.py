@@ -203,7 +203,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         }
         numbers["state"] = numbers["state"].reshape(-1, 4)
         numbers["covariance"] = numbers["covariance"].reshape(-1, 4, 4)
-        hits = np.fromiter((track.hits for track in tracks), object)
+        hits = np.fromiter([track.hits for track in tracks], object)
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
@@ -316,10 +316,10 @@ def tracks_from_hits(
         state=state,
         covariance=covariance,
         hits=np.fromiter(
-            (
+            [
                 tuple(pairs[begin:end])
                 for begin, end in zip((ends - count).tolist(), ends.tolist(), strict=True)
-            ),
+            ],
             object,
         ),
         hit_count=count,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +16,13 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
 )
-from tsepm_ros.tracker.maintenance.external_tracker import LISTED
 from tsepm_ros.tracker.maintenance.stationary import Status, StraightFits
 from tsepm_ros.tracker.measurement import Histories, major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.tracks import TrackArrays
 
+LISTED = -math.inf
+"""Value of the time since which a track is unlisted, for a listed track."""
 UNPROVEN = 0.005
 """Probability that a new track's target exists, by which the detection probability is learned.
 
