@@ -44,7 +44,7 @@ from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, summed
 from tsepm_ros.own_ship.registration import exchanged
-from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
+from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -230,7 +230,7 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         stamp=np.full(len(records), stamp),
         state=track_states(records),
         covariance=track_covariances(records),
-        hits=[()] * len(records),
+        hits=np.fromiter(((),) * len(records), object),
         hit_count=records["hit_count"].astype(np.int64),
         scan_count=records["scan_count"].astype(np.int64),
         revision=records["revision"].astype(np.int64),

@@ -45,7 +45,7 @@ class TsepmContender(Contender):
 
     def hits(self) -> list[Hits]:
         """See `Contender.hits`."""
-        return self._new.hits
+        return list(self._new.hits)
 
     def states(self) -> FloatArray:
         """See `Contender.states`."""

@@ -29,7 +29,7 @@ def literals(path: Path) -> Iterator[str]:
         elif isinstance(node, ast.Assign) and isinstance(node.value, ast.IfExp):
             if getattr(node.targets[0], "id", "") == "reason":
                 yield from texts(node.value)
-        elif isinstance(node, ast.Dict) and path.name == "external_tracker.py":
+        elif isinstance(node, ast.Dict) and path.name == "inputs.py":
             yield from (key.value for key in node.keys if is_text(key))
 
 

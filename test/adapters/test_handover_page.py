@@ -13,8 +13,8 @@ from msg_adapters import (
     track_odometry,
     tracker_report,
 )
+from tsepm_ros.session.inputs import usable
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.maintenance.external_tracker import usable
 from tsepm_ros.tracker.scan import FEATURES
 
 STAMP = 1_700_000_000_123_456_789

@@ -45,7 +45,7 @@ MAX_IN_PACKAGE = 22
 MAX_AT_THE_TOP = 22
 OTHER_TESTS = {"adapters", "benchmarks", "campaigns", "examples", "golden", "project", "support"}
 """Folders of test/ that are no package of tsepm_ros."""
-BUDGETS = {"first": (86, 11_005), "tools": (46, 5_221), "studies": (14, 1_665)}
+BUDGETS = {"first": (85, 10_787), "tools": (46, 5_199), "studies": (14, 1_629)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

@@ -8,8 +8,8 @@ import pytest
 from support.sessions import arrived, held, moving, ping, play, play_empty, sail, session, settings
 
 from tsepm_ros import ConfirmedTrack, LandMask, Scan
+from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.session.session import Session
-from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -85,7 +85,7 @@ BAD_TRACKED = {
 def test_a_bad_tracked_target_is_dropped_and_the_others_are_kept(fault):
     values, reason = BAD_TRACKED[fault]
     one = session()
-    tracks = tracked(0.0, 70).joined(tracked(0.0, 71, 72, **values), tracked(0.0, 73))
+    tracks = TrackArrays.joined(tracked(0.0, 70), tracked(0.0, 71, 72, **values), tracked(0.0, 73))
     one.add_tracked(TrackerReport(0.0, "sonar", tracks))
     assert one.dropped == {f"tracked_{reason}": 2}
     assert one.heard == [f"tracked_{reason}"]

@@ -21,6 +21,7 @@ from support.sessions import (
 
 from tsepm_ros import Scan
 from tsepm_ros.methods.score import Score
+from tsepm_ros.session import inputs
 from tsepm_ros.session.inputs import MAX_INTERVAL, Arrival, ScanOrder
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
@@ -182,8 +183,9 @@ def test_a_bad_scan_in_between_leaves_the_others_as_they_were(reason):
     assert clean.tracker.totals.confirmed > 0
 
 
-def test_the_queue_of_waiting_scans_is_bounded_also_over_a_restart():
-    one = NotedSession(moving_settings(), queue_length=QUEUE_LENGTH)
+def test_the_queue_of_waiting_scans_is_bounded_also_over_a_restart(monkeypatch):
+    monkeypatch.setattr(inputs, "QUEUE_LENGTH", QUEUE_LENGTH)
+    one = NotedSession(moving_settings())
     for k in range(QUEUE_LENGTH + 3):
         one.add_scan(ping(float(k)), 0.0)
     assert one.figures().waiting == QUEUE_LENGTH
@@ -192,7 +194,7 @@ def test_the_queue_of_waiting_scans_is_bounded_also_over_a_restart():
     assert [result.stamp for result in one.process(0.0)] == [
         float(k) for k in range(3, QUEUE_LENGTH + 3)
     ]
-    one = NotedSession(moving_settings(), queue_length=QUEUE_LENGTH)
+    one = NotedSession(moving_settings())
     sail(one, 999.0, 1100.0)
     one.add_scan(ping(1000.0), 0.0)
     assert len(list(one.process(0.0))) == 1

@@ -163,7 +163,7 @@ def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
         found = detections([[0.0, 0.0], [500.0, 500.0]], float(scan), 4.0)
         found["scan"], found["index"], found["strength"] = scan, [7, 3], [strength, 100.0]
         recent.append(found)
-    both = track(3).joined(track(1))
+    both = TrackArrays.joined(track(3), track(1))
     _, (number, total), sigma = figures(recent, both)
     assert number.tolist() == [2.0, 1.0]
     assert total.tolist() == [5.5, 1.5]

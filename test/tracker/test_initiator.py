@@ -130,34 +130,6 @@ def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
     assert keep_best(cost, limit).tolist() == expected.tolist()
 
 
-def busy_scans() -> list[Scan]:
-    """Twelve scans with clutter ten times denser than the sensor model's, and two targets."""
-    rng = np.random.default_rng(9)
-    scans = []
-    for k in range(12):
-        points = rng.uniform(-3000, 3000, (360, 2)).tolist()
-        points += [(1000.0 + 60.0 * k, 500.0), (-800.0, 900.0 - 50.0 * k)]
-        scans.append(scan_at(12.0 * k, points))
-    return scans
-
-
-@pytest.mark.parametrize("evaluation", ["normalized_distance", "clutter_statistic"])
-def test_what_is_cut_keeps_its_gates_so_that_no_others_start(evaluation):
-    def counts(**limits: int):
-        initiator = make_initiator(
-            "tsepm", sensor=SensorModel(), min_hits=4, window=6, evaluation=evaluation, **limits
-        )
-        return [(initiator.process(scan), initiator.statistics)[1] for scan in busy_scans()]
-
-    free, limited = counts(), counts(max_potential_tracks=150, max_raw_confirmations=40)
-    assert sum(count.cut_potential_tracks for count in limited) > 1000
-    assert [count.started for count in limited] == [count.started for count in free]
-    # What is not confirmed is counted: each path that reached M hits, wherever it was cut before.
-    assert [count.raw_confirmations + count.cut_confirmations for count in limited] == [
-        count.raw_confirmations for count in free
-    ]
-
-
 def test_a_limit_keeps_the_tightest_tracks():
     initiator = make_initiator(
         "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=1
@@ -250,29 +222,3 @@ def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
     existence = np.array([0.5, 0.9, 0.9, 0.9])
     assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
-
-
-@pytest.mark.parametrize(
-    ("changed", "density"),
-    [({"evaluation": "normalized_distance"}, 1e-5), ({"clutter_test_size": 0.6}, 1e-5), ({}, 1e-6)],
-    ids=["evaluation", "test size", "density"],
-)
-def test_what_was_cut_under_another_threshold_starts_over(changed, density):
-    rule = {"min_hits": 4, "window": 6, "evaluation": "clutter_statistic", "clutter_test_size": 0.3}
-    made = make_initiator(
-        "tsepm", sensor=SensorModel(clutter_density=1e-5), clutter_density="given", **rule
-    )
-    for scan in busy_scans()[:5]:
-        made.process(scan)
-    same = made.sensor, made.common, made.options
-    assert reconfigured(made, *same)
-    assert made.statistics.hopeless_tracks > 0
-    kept = reconfigured(
-        made,
-        replace(made.sensor, clutter_density=density),
-        made.common,
-        replace(made.options, **changed),
-    )
-    assert not kept
-    made.process(busy_scans()[5])
-    assert made.statistics.potential_tracks <= len(busy_scans()[5])

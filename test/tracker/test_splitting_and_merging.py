@@ -11,14 +11,13 @@ from scipy.stats import multivariate_normal
 from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.methods.tsepm import MAX_COUNT, PathCounts
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import assignment, merging, splitting
 from tsepm_ros.tracker.assignment import disjoint
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.merging import best_of_alike, groups, merging_threshold
-from tsepm_ros.tracker.splitting import Gated, children, gate, left_out, split_paths
+from tsepm_ros.tracker.merging import groups, merging_threshold
+from tsepm_ros.tracker.splitting import Gated, children, gate, split_paths
 from tsepm_ros.tracker.tracks import TrackArrays
 
 P_TM = 0.9
@@ -58,25 +57,7 @@ def partition(labels: np.ndarray) -> set[frozenset[int]]:
 def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread):
     monkeypatch.setattr(merging, "PAIR_BLOCK", block)
     scene = crowd(m, spread)
-    assert partition(groups(*scene, P_TM)[0]) == partition(every_pair(*scene))
-
-
-def test_where_the_time_is_over_the_groups_not_compared_are_told_by_their_label():
-    # The first and the second agree, and so do the second and the fourth; which is not compared.
-    hits = np.array([[1, 2, 3, 4], [1, 2, 3, 5], [1, 2, 3, 6], [1, 2, 3, 7], [8, 9, 10, 11]])
-    states = np.zeros((5, 4))
-    states[:, 0] = [0.0, 1.0, 1e4, 0.5, 0.0]
-    covariances = np.broadcast_to(np.eye(4), (5, 4, 4))
-    every, same = groups(hits, states, covariances, P_TM)
-    assert partition(every) == partition(np.array([0, 0, 1, 0, 2]))
-    assert same is every
-    some, alike = groups(hits, states, covariances, P_TM, lambda: True)
-    assert partition(some) == partition(np.array([0, 0, 1, 2, 3]))
-    assert partition(alike) == partition(np.array([0, 0, 0, 0, 1]))
-    evaluation = np.array([3.0, 1.0, 2.0, 4.0, 9.0])
-    best = best_of_alike(some, alike, evaluation)
-    assert [rows.tolist() for rows in best] == [[0, 1], [4]]
-    assert len(best_of_alike(every, same, evaluation)) == 3
+    assert partition(groups(*scene, P_TM)) == partition(every_pair(*scene))
 
 
 def plain_disjoint(members, cost):
@@ -140,16 +121,19 @@ def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
     assert merging.own_starts(starts, two, frozenset()).tolist() == [9]
     assert merging.own_starts(starts, one, frozenset()).tolist() == [-1]
     assert merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
-    twice = starts.joined(starts)
+    twice = TrackArrays.joined(starts, starts)
     assert merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
 
 
 def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
     starts = starts_at((0.0, 0.0))
     others = tuple((k, 9) for k in range(len(starts.hits[0]) - 1))
-    most = replace(starts, hits=[(*starts.hits[0][:-1], (99, 0))], track_id=np.array([4]))
-    few = replace(starts, hits=[(starts.hits[0][0], *others)], track_id=np.array([5]))
-    assert merging.published_owners(starts, few.joined(most)).tolist() == [4]
+    of_most, of_few = (*starts.hits[0][:-1], (99, 0)), (starts.hits[0][0], *others)
+    most, few = (
+        replace(starts, hits=np.fromiter([hits], object), track_id=np.array([track_id]))
+        for hits, track_id in ((of_most, 4), (of_few, 5))
+    )
+    assert merging.published_owners(starts, TrackArrays.joined(few, most)).tolist() == [4]
     assert merging.published_owners(starts, few).tolist() == [-1]
 
 
@@ -201,11 +185,8 @@ def test_continuations_by_a_bound_are_those_of_all_pairs():
     assert merging.continued(starts, lost, existence, {}, births).tolist() == expected
 
 
-@pytest.mark.parametrize("max_gated", [10_000, 1], ids=["all gated", "few gated"])
 @pytest.mark.parametrize("seed", range(5))
-def test_residual_detections_are_those_in_no_gate(monkeypatch, seed, max_gated):
-    # Also where a limit leaves most of the gated ones out: they are not free to start tracks.
-    monkeypatch.setattr(splitting, "MAX_GATED", max_gated)
+def test_residual_detections_are_those_in_no_gate(seed):
     rng = np.random.default_rng(seed)
     last = detections(rng.uniform(-1000, 1000, (30, 2)), 0.0, variance=1.0)
     last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
@@ -215,17 +196,14 @@ def test_residual_detections_are_those_in_no_gate(monkeypatch, seed, max_gated):
     distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
     expected = np.flatnonzero((distance > radius).all(axis=1))
     assert 20 < len(expected) < 180
-    assert np.flatnonzero(~gated.in_any_gate).tolist() == expected.tolist()
-    unused = set(range(200)) - set(expected) - set(gated.detection.tolist())
-    assert left_out(gated).tolist() == sorted(unused)
-    assert (len(unused) > 0) == (max_gated == 1)
+    assert np.delete(np.arange(200), gated.detection).tolist() == expected.tolist()
 
 
 def random_split(seed: int, ties: bool):
     rng = np.random.default_rng([4, seed])
     counts = rng.integers(0, 6, 30)
     start = np.concatenate([[0], np.cumsum(counts)])
-    gated = Gated(start, rng.integers(0, 50, start[-1]), np.zeros(50, bool))
+    gated = Gated(start, rng.integers(0, 50, start[-1]))
     gates = rng.integers(0, 30, 80)
     prices = rng.integers(0, 8, (80, 50)) if ties else rng.random((80, 50))
     return gates, gated, lambda parent, detection: prices[parent, detection].astype(float)
@@ -243,13 +221,3 @@ def test_split_within_keeps_exactly_the_best_children(monkeypatch, block, ties, 
     assert parent.tolist() == everyone[0][best].tolist()
     assert detection.tolist() == everyone[1][best].tolist()
     assert cut == len(everyone[0]) - limit
-
-
-def test_numbers_stop_before_they_overflow():
-    n = 1000
-    gated = Gated(np.arange(n + 1) * n, np.tile(np.arange(n), n), np.ones(n, bool))
-    counts = PathCounts.of(np.arange(n), np.ones(n, np.int64), np.zeros(n, np.int64))
-    for _ in range(8):
-        counts = counts.children(np.arange(n), gated, np.arange(n))
-    assert counts.number.tolist() == [MAX_COUNT] * n
-    assert 0 < counts.total < 2**63

@@ -29,7 +29,7 @@ def test_many_tracks_are_predicted_to_one_time_as_each_alone():
 
 
 def test_arrays_give_back_the_tracks_that_they_were_made_of():
-    arrays = TrackArrays.of(TRACKS[:1]).joined(TrackArrays.of(TRACKS[1:]))
+    arrays = TrackArrays.joined(TrackArrays.of(TRACKS[:1]), TrackArrays.of(TRACKS[1:]))
     for one, expected in zip(arrays, TRACKS, strict=True):
         for name in ("track_id", "stamp", "hits", "evaluation", "score", "scan_count", "age"):
             assert getattr(one, name) == getattr(expected, name)

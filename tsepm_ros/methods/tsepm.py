@@ -1,22 +1,5 @@
 """TSEPM: track splitting, evaluating, pruning and merging, as published in 2018.
 
-Paths that matter only by their number and their gates.
-
-A gated detection starts no potential track (TSEPM 2018, Step 8). So a path that is cut must keep
-its gate, and its children theirs, until the M/N rule would have ended them; else cutting would let
-others start. Paths with the same last hit, number of hits and first scan have the same gates now
-and ever after, so that a number stands for all of them.
-
-Options of TSEPM 2018.
-
-Tracks that reached confirmation.
-
-The gates of a scan: paths that share a last hit share its gate.
-
-Which paths are kept where a limit cuts: those least like clutter.
-
-Track splitting, evaluating, pruning and merging (TSEPM 2018).
-
 Li D., Lin Y., Zhang Y., "A track initiation method for the underwater target tracking
 environment", China Ocean Eng. 32(2), 206-215, 2018. Its equations, with z_i the last hit of a
 potential track, k T the time since, sigma_Rmax the major axis of its error, d_k the distance of hit
@@ -49,21 +32,31 @@ Readings
 - A potential track with a gated detection keeps no branch without it, and only detections outside
   every gate start one (Steps 2 and 8), as printed.
 - Eq. 16 is read as ``H_tM A^(ti - tM)``, in seconds, so that intervals may differ.
+
+Paths that share a last hit share its gate. Where a limit cuts, the paths least like clutter are
+kept; a path that is cut has no gate any more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, TimeLimit, keep_best
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Rows,
+    TimeLimit,
+    keep_best,
+    members_of_groups,
+)
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
 from tsepm_ros.tracker.initial_state import ESTIMATORS, Fit, Paths, fit, starting
@@ -73,120 +66,6 @@ from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
-
-MAX_COUNT = 2**40
-"""Numbers stop here: sums over the detections of a scan still fit 64 bits."""
-COUNTED_TOGETHER = 32
-"""Kinds of paths split together: bounds memory."""
-
-
-@dataclass(frozen=True)
-class PathCounts(Rows):
-    """Numbers of paths, a row for each last hit, number of hits and first scan.
-
-    Attributes
-    ----------
-    last_hit : (n,) ndarray of int
-        Detection id.
-    hit_count : (n,) ndarray of int
-        N_v.
-    first_scan : (n,) ndarray of int
-        Scan index of the first hit.
-    number : (n,) ndarray of int
-        Paths of this kind, at least 1.
-    """
-
-    last_hit: IntArray
-    hit_count: IntArray
-    first_scan: IntArray
-    number: IntArray
-
-    @property
-    def total(self) -> int:
-        """Number of paths, exact up to 2^53."""
-        return int(self.number.sum(dtype=np.float64))
-
-    @staticmethod
-    @cache
-    def none() -> PathCounts:
-        """No paths."""
-        return PathCounts(*np.zeros((4, 0), np.int64))
-
-    @classmethod
-    def of(
-        cls,
-        last_hit: IntArray,
-        hit_count: IntArray,
-        first_scan: IntArray,
-        number: IntArray | None = None,
-    ) -> PathCounts:
-        """Count paths given one by one, or in rows that may repeat; rows of 0 are left out."""
-        if len(last_hit) == 0:
-            return cls.none()
-        columns = (last_hit, hit_count, first_scan)
-        sizes = [int(np.ptp(column)) + 1 for column in columns]
-        key = np.ravel_multi_index([column - column.min() for column in columns], sizes)
-        _, first, place = np.unique(key, return_index=True, return_inverse=True)
-        counts = np.zeros(len(first), np.int64)
-        np.add.at(counts, place, 1 if number is None else number)
-        counts = np.minimum(counts, MAX_COUNT)
-        return cls(last_hit[first], hit_count[first], first_scan[first], counts)[counts > 0]
-
-    @classmethod
-    def of_paths(cls, paths: Paths) -> PathCounts:
-        """Count paths, for when only their numbers and gates matter."""
-        return cls.of(paths.last_hit, paths.hit_count, paths.first_scan)
-
-    @classmethod
-    def joined(cls, *parts: PathCounts) -> PathCounts:
-        """The paths of all parts."""
-        return cls.of(**vars(super().joined(*parts)))
-
-    def without(self, others: PathCounts) -> PathCounts:
-        """These paths less others, which are among them."""
-        negative = PathCounts(others.last_hit, others.hit_count, others.first_scan, -others.number)
-        return PathCounts.joined(self, negative)
-
-    def children(self, gate_of_row: IntArray, gated: Gated, ids: IntArray) -> PathCounts:
-        """Paths that extend these by each of their gated detections.
-
-        Per kind, the numbers over the last hits times the 0/1 matrix of gates and detections.
-
-        Parameters
-        ----------
-        gate_of_row : (n,) ndarray of int
-            The gate (row of `gated`) of each row.
-        gated : Gated
-            Detections in each gate.
-        ids : (d,) ndarray of int
-            Ids of the scan's detections.
-
-        Returns
-        -------
-        PathCounts
-        """
-        if len(self) == 0:
-            return self
-        inside = csr_matrix(
-            (np.ones(len(gated.detection), np.int64), gated.detection, gated.start),
-            shape=(len(gated.start) - 1, len(ids)),
-        ).T
-        kinds, kind_of_row = np.unique(
-            np.stack([self.hit_count, self.first_scan]), axis=1, return_inverse=True
-        )
-        kind_of_row = kind_of_row.reshape(-1)
-        parts = []
-        for first in range(0, kinds.shape[1], COUNTED_TOGETHER):
-            rows = np.flatnonzero((kind_of_row >= first) & (kind_of_row < first + COUNTED_TOGETHER))
-            numbers = np.zeros((inside.shape[1], COUNTED_TOGETHER), np.int64)
-            numbers[gate_of_row[rows], kind_of_row[rows] - first] = self.number[rows]
-            sums = inside @ numbers
-            detection, kind = np.nonzero(sums)
-            hit_count, first_scan = kinds[:, kind + first]
-            parts.append(
-                PathCounts.of(ids[detection], hit_count + 1, first_scan, sums[detection, kind])
-            )
-        return PathCounts.joined(*parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,69 +147,26 @@ class Candidates(Rows):
         )
 
 
-@dataclass(frozen=True)
-class Gates:
-    """The gates of a scan.
-
-    Attributes
-    ----------
-    last_hits : (g,) ndarray of int
-        Detection id of the hit that each gate surrounds, ascending.
-    gated : Gated
-        Detections in each gate.
-    ids : (d,) ndarray of int
-        Ids of the scan's detections.
-    """
-
-    last_hits: IntArray
-    gated: splitting.Gated
-    ids: IntArray
-
-    def of(self, last_hit: IntArray) -> IntArray:
-        """Row of the gate that each path uses, (n,)."""
-        return np.searchsorted(self.last_hits, last_hit)
-
-    def missed(self, gate_of_path: IntArray) -> NDArray[np.bool_]:
-        """Which paths, by their gates (n,), have no detection in them, (n,)."""
-        return np.asarray(self.gated.count[gate_of_path] == 0)
-
-    def left_out(self, scan_index: int) -> PathCounts:
-        """Detections that the gating limit left out of every gate: they gate as a start would."""
-        left_out = self.ids[splitting.left_out(self.gated)]
-        return PathCounts.of_paths(starting(left_out, scan_index, 1))
-
-    def children(self, paths: PathCounts) -> PathCounts:
-        """Paths that extend these by each of their gated detections."""
-        return paths.children(self.of(paths.last_hit), self.gated, self.ids)
-
-
 def path_cost(paths: Paths, detections: DetectionWindow) -> FloatArray:
     """Clutter statistic per degree of freedom, (n,): small is target-like, 1 a track of clutter.
 
-    A path of one hit has none yet and counts as clutter.
+    The statistic is f_2 of the hits so far (Eq. 25). A path of one hit has none yet and counts as
+    clutter.
     """
-    several = paths.hit_count > 1
-    freedom = 2.0 * paths.hit_count - 2.0
-    values = np.ones(len(paths))
-    return np.divide(clutter_statistic(paths, detections), freedom, out=values, where=several)
-
-
-def clutter_statistic(paths: Paths, detections: DetectionWindow) -> FloatArray:
-    """f_2 (TSEPM 2018, Eq. 25) of the hits so far, (n,); 0 of one hit."""
-    statistic = np.zeros(len(paths))
+    cost = np.ones(len(paths))
     for rows, hits in paths.of_equal_count():
-        statistic[rows] = evaluation.clutter_statistic(
-            detections.column("position", hits), detections.column("clutter_density", hits)
-        )
-    return statistic
+        if hits.shape[1] > 1:
+            statistic = evaluation.clutter_statistic(
+                detections.column("position", hits), detections.column("clutter_density", hits)
+            )
+            cost[rows] = statistic / (2.0 * hits.shape[1] - 2.0)
+    return cost
 
 
 GATING_SHARE = 0.1
 """Share of a time limit after which only the nearest detections are sought in the gates."""
 MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
-MERGING_SHARE = 0.7
-"""Share of a time limit after which no further tracks are compared to be merged."""
 COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
 """Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
 BLOCK = 16_384
@@ -407,77 +243,58 @@ class Tsepm(WindowedMethod):
         """See `Method.forget`."""
         super().forget()
         self._potential = starting(np.zeros(0, np.int64), 0, self.options.min_hits)
-        # Paths cut because they could not pass the evaluation any more, and because of a limit.
-        self._hopeless = PathCounts.none()
-        self._surplus = PathCounts.none()
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
-        """Change the options; a shorter window ends tracks.
-
-        Another number of hits starts over, and so does another evaluation, or another threshold of
-        it, where paths were cut that could not pass the one before.
+        """Change the options; a shorter window ends tracks, another number of hits starts over.
 
         See `Method.configure`.
         """
-        before = self.options, self.threshold, self._given_density
+        min_hits = self.options.min_hits
         super().configure(sensor, common, options)
-        unlike = options.min_hits != before[0].min_hits
-        # What was cut as hopeless under another rule cannot be brought back.
-        after = self.threshold, self._given_density
-        unlike |= len(self._hopeless) > 0 and before[1:] != after
-        if unlike:
+        if options.min_hits != min_hits:
             self.forget()
             return False
         self._potential = self._potential[~self.expired(self._potential.first_scan)]
-        self._hopeless = self._hopeless[~self.expired(self._hopeless.first_scan)]
-        self._surplus = self._surplus[~self.expired(self._surplus.first_scan)]
         return True
-
-    @property
-    def _given_density(self) -> float | None:
-        """The clutter density of all hits; None where it is estimated for each."""
-        given = self.common.clutter_density == "given"
-        return self.sensor.clutter_density if given else None
 
     def step(self, observed: Observation) -> Step:
         """Take one scan through Steps 2-8.
 
         See `Method.step`.
         """
-        gates = self._gate(observed)  # Step 2
-        updated, missed, surplus = self._split(gates)
-        hopeful, hopeless = self.cut_hopeless(updated)
-        raw, potential, terminated = self._confirm(hopeful, missed)  # Step 3
+        ids = self.begin(observed)
+        last_hits, gate_of_path = np.unique(self._potential.last_hit, return_inverse=True)
+        gated = self.gated(self.detections[last_hits], observed.detections)  # Step 2
+        updated, cut_raw, cut_extended = self._split(gate_of_path, gated, ids)
+        missed = self._potential[gated.count[gate_of_path] == 0]
+        raw, potential, terminated = self._confirm(updated, missed)  # Step 3
         candidates = self._estimate(raw, observed.time_limit)  # Steps 4 and 5
         kept = self._prune(candidates)  # Step 6
         merging = self._in_time(kept, observed.time_limit)
-        tracks, cut = self.merge(merging)  # Step 7
-        started = self._start(gates)  # Step 8
-        self._potential, beyond = self._limit(Paths.joined(potential, started))
-        self._hopeless, hopeless_raw, hopeless_ended = self._follow(self._hopeless, gates, hopeless)
-        self._surplus, surplus_raw, _ = self._follow(
-            self._surplus,
-            gates,
-            PathCounts.joined(surplus, beyond, gates.left_out(self.scan_index)),
-        )
+        tracks = self.merge(merging)  # Step 7
+        residual = np.delete(ids, gated.detection)
+        started = starting(residual, self.scan_index, self.options.min_hits)  # Step 8
+        potential = Paths.joined(potential, started)
+        self._potential = self._limit(potential)
+        cut_here = len(raw) - len(candidates) + len(kept) - len(merging)
         return Step(
             tracks,
             ScanStatistics(
                 scans=1,
                 detections=len(observed.detections),
                 potential_tracks=len(self._potential),
-                hopeless_tracks=self._hopeless.total,
                 started=len(started),
                 split=len(updated) + len(started),
                 evaluated=len(candidates),
-                terminated=terminated + hopeless_ended,
-                raw_confirmations=len(raw) + hopeless_raw,
-                pruned=len(candidates) - len(kept) + hopeless_raw,
-                merged=len(merging) - len(tracks) - cut,
+                terminated=terminated,
+                raw_confirmations=len(raw),
+                pruned=len(candidates) - len(kept),
+                merged=len(merging) - len(tracks),
                 confirmed=len(tracks),
-                cut_potential_tracks=gates.gated.cut + self._waiting(surplus).total + beyond.total,
-                cut_confirmations=surplus_raw
-                + (len(raw) - len(candidates) + len(kept) - len(merging) + cut),
+                cut_potential_tracks=gated.cut
+                + cut_extended
+                + (len(potential) - len(self._potential)),
+                cut_confirmations=cut_raw + cut_here,
             ),
         )
 
@@ -501,78 +318,41 @@ class Tsepm(WindowedMethod):
             )
             for count in range(2, self.options.min_hits)
         ]
-        tracks = TrackArrays.of([]).joined(*map(self.tracks, several))
+        tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
         return tracks.numbered(np.arange(len(tracks)))
 
-    def _gate(self, observed: Observation) -> Gates:
-        """Gate the scan: paths that share a last hit share its gate (Step 2)."""
-        ids = self.begin(observed)
-        followed = np.append(self._hopeless.last_hit, self._surplus.last_hit)
-        last_hits = np.unique(np.append(self._potential.last_hit, followed))
-        gated = self.gated(self.detections[last_hits], observed.detections)
-        return Gates(last_hits, gated, ids)
-
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> splitting.Gated:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
         late, probability = self.late_after(GATING_SHARE), self.options.gate_probability
         return splitting.gate(last_hits, detections, self.common.max_speed, probability, late)
 
-    def _split(self, gates: Gates) -> tuple[Paths, Paths, PathCounts]:
+    def _split(self, gate_of_path: IntArray, gated: Gated, ids: IntArray) -> tuple[Paths, int, int]:
         """Extend every track by each of its gated detections (Step 2).
 
-        Returns the children, the tracks without a gated detection, and the children beyond limits.
+        Children that are not looked at until a share of the scan's time is over are cut, too.
+
+        Returns the children, and how many were cut: of those with M hits, and of the others.
         """
-        last = self._potential.hit_count == self.options.min_hits - 1
-        gate_of_path = gates.of(self._potential.last_hit)
-        completed, cut_completed = self._split_part(
-            last, gate_of_path, gates, self.common.max_raw_confirmations, COMPLETING_SHARE
-        )
-        extended, cut_extended = self._split_part(
-            ~last, gate_of_path, gates, self.common.max_potential_tracks, EXTENDING_SHARE
-        )
-        return (
-            Paths.joined(completed, extended),
-            self._potential[gates.missed(gate_of_path)],
-            PathCounts.joined(cut_completed, cut_extended),
-        )
+        last, common = self._potential.hit_count == self.options.min_hits - 1, self.common
+        parts, cuts = [], []
+        for rows, limit, share in (
+            (np.flatnonzero(last), common.max_raw_confirmations, COMPLETING_SHARE),
+            (np.flatnonzero(~last), common.max_potential_tracks, EXTENDING_SHARE),
+        ):
+            tracks = self._potential[rows]
+            cost = partial(self._cost_of_children, tracks, ids)
+            parent, newest, cut = splitting.split_paths(
+                gate_of_path[rows], gated, limit, cost, self.late_after(share)
+            )
+            parts.append(tracks.extended(parent, ids[newest]))
+            cuts.append(cut)
+        return Paths.joined(*parts), cuts[0], cuts[1]
 
-    def _split_part(
-        self, part: BoolArray, gate_of_path: IntArray, gates: Gates, limit: int, share: float
-    ) -> tuple[Paths, PathCounts]:
-        """Split some of the tracks; returns at most `limit` children, and the others counted.
-
-        Children that are not looked at until a share of the scan's time is over count as others.
-        """
-        tracks = self._potential[part]
-
-        def cost(parent: IntArray, newest: IntArray) -> FloatArray:
-            return path_cost(tracks.extended(parent, gates.ids[newest]), self.detections)
-
-        parent, newest, cut = splitting.split_paths(
-            gate_of_path[part], gates.gated, limit, cost, self.late_after(share)
-        )
-        children = tracks.extended(parent, gates.ids[newest])
-        if not cut:
-            return children, PathCounts.none()
-        return children, gates.children(PathCounts.of_paths(tracks)).without(
-            PathCounts.of_paths(children)
-        )
-
-    def cut_hopeless(self, updated: Paths) -> tuple[Paths, PathCounts]:
-        """Cut the paths whose evaluation can only end above its threshold, before they multiply.
-
-        f_2 only grows as hits are added. The bound that f_1 has, the mean of the unweighted
-        residuals over the largest covariance they could have, holds for 1 to 3 % of the paths, and
-        finding them takes longer than it saves: with f_1 none are cut.
-
-        Returns the others, and the hopeless ones counted.
-        """
-        if self.options.evaluation != "clutter_statistic":
-            return updated, PathCounts.none()
-        # A hair above: the sum over all hits may round otherwise than the sum over some.
-        least = clutter_statistic(updated, self.detections)
-        hopeless = ~(least <= self.threshold * (1.0 + 1e-9))
-        return updated[~hopeless], PathCounts.of_paths(updated[hopeless])
+    def _cost_of_children(
+        self, tracks: Paths, ids: IntArray, parent: IntArray, newest: IntArray
+    ) -> FloatArray:
+        """`path_cost` of the tracks (p,) with one more detection each."""
+        return path_cost(tracks.extended(parent, ids[newest]), self.detections)
 
     def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:
         """Apply the M/N rule (Step 3).
@@ -583,25 +363,6 @@ class Tsepm(WindowedMethod):
         waiting = Paths.joined(updated[~reached], missed)
         ended = self.expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
-
-    def _follow(
-        self, paths: PathCounts, gates: Gates, newly_cut: PathCounts
-    ) -> tuple[PathCounts, int, int]:
-        """Split the paths that were cut and apply the M/N rule: their gates go on (Steps 2, 3).
-
-        Returns those that go on, and how many reached M hits and how many the rule ended.
-        """
-        if not len(paths) and not len(newly_cut):
-            return paths, 0, 0
-        missed = paths[gates.missed(gates.of(paths.last_hit))]
-        followed = PathCounts.joined(missed, gates.children(paths), newly_cut)
-        waiting = self._waiting(followed)
-        ended = self.expired(waiting.first_scan)
-        confirmed = followed.total - waiting.total
-        return waiting[~ended], confirmed, waiting[ended].total
-
-    def _waiting(self, paths: PathCounts) -> PathCounts:
-        return paths[paths.hit_count < self.options.min_hits]
 
     def _estimate(
         self, tracks: Paths, time_limit: TimeLimit, count: int | None = None
@@ -663,27 +424,23 @@ class Tsepm(WindowedMethod):
             return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
         return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
 
-    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
-        """Merge the tracks that seem to be one target's (Step 7).
-
-        Returns them, and how many were left out where the time did not suffice to compare all.
-        """
+    def merge(self, candidates: Candidates) -> TrackArrays:
+        """Merge the tracks that seem to be one target's (Step 7)."""
         if not len(candidates):
-            return NO_TRACKS, 0
-        labels, alike = merging.groups(
+            return NO_TRACKS
+        labels = merging.groups(
             candidates.hits,
             candidates.state,
             candidates.covariance,
             self.options.merging_probability,
-            self.late_after(MERGING_SHARE),
         )
-        groups = merging.best_of_alike(labels, alike, candidates.evaluation)
+        groups = members_of_groups(labels)
         best = [members[np.argmin(candidates.evaluation[members])] for members in groups]
         tracks = self.tracks(candidates[np.array(best, np.int64)])
         for row, members in enumerate(groups):
             if len(members) > 1:
                 tracks.state[row], tracks.covariance[row] = self.merged(candidates[members])
-        return tracks, len(candidates) - sum(map(len, groups))
+        return tracks
 
     def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""
@@ -704,16 +461,9 @@ class Tsepm(WindowedMethod):
             evaluation=candidates.evaluation,
         )
 
-    def _start(self, gates: Gates) -> Paths:
-        """Start a potential track from every residual detection (Step 8)."""
-        first_hits = gates.ids[~gates.gated.in_any_gate]
-        return starting(first_hits, self.scan_index, self.options.min_hits)
-
-    def _limit(self, tracks: Paths) -> tuple[Paths, PathCounts]:
-        """Keep the best potential tracks; returns them, and the others counted."""
+    def _limit(self, tracks: Paths) -> Paths:
+        """The best potential tracks, as many as may be held."""
         limit = self.common.max_potential_tracks
         if len(tracks) <= limit:
-            return tracks, PathCounts.none()
-        kept = np.zeros(len(tracks), bool)
-        kept[keep_best(path_cost(tracks, self.detections), limit)] = True
-        return tracks[kept], PathCounts.of_paths(tracks[~kept])
+            return tracks
+        return tracks[keep_best(path_cost(tracks, self.detections), limit)]

@@ -51,6 +51,15 @@ def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.vo
     return records.take(indices(rows), axis=0)
 
 
+def appended(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
+    """Structured arrays (n,) one after the other.
+
+    As blocks of bytes, which is many times faster than field by field.
+    """
+    blocks = [part.view((np.void, part.itemsize)) for part in (records, more)]
+    return np.concatenate(blocks).view(records.dtype)
+
+
 def with_rows(table: T, rows: IntArray, **values: Any) -> T:
     """A table with other values in some rows: of columns, or of the columns of tables in it."""
     columns: dict[str, Any] = {}
@@ -64,7 +73,7 @@ def with_rows(table: T, rows: IntArray, **values: Any) -> T:
     return changed(table, **columns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rows:
     """Columns of equal length, the fields of a subclass: arrays, or tables of such columns."""
 

@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import Mounting, SensorScan, stated_axes, without_suffix
@@ -30,9 +31,9 @@ from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.maintenance.external_tracker import TrackerReport, usable
 from tsepm_ros.tracker.options import MAX_WINDOW
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
+from tsepm_ros.tracker.tracks import TrackArrays
 
 Now = float | tuple[float, ...]
 """Time on one clock or on several, s."""
@@ -150,7 +151,7 @@ class ScanOrder:
 
 
 QUEUE_LENGTH = 1000
-"""Maximum number of scans that wait for own-ship data."""
+"""Maximum number of scans that wait for own-ship data; beyond it, the oldest is dropped."""
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
 """Classifications of scans that are dropped."""
@@ -181,8 +182,6 @@ class ScanQueue:
     Parameters
     ----------
     settings : Settings
-    length : int, optional
-        Maximum number of scans; the oldest scan is dropped beyond it.
 
     Attributes
     ----------
@@ -192,9 +191,8 @@ class ScanQueue:
         Times of arrival, and the scans that wait.
     """
 
-    def __init__(self, settings: Settings, length: int = QUEUE_LENGTH) -> None:
+    def __init__(self, settings: Settings) -> None:
         self.order = ScanOrder(settings)
-        self._length = length
         self.scans: deque[tuple[Now, SensorScan]] = deque()
         self._arrival: Arrival | None = None  # of the first
 
@@ -206,10 +204,10 @@ class ScanQueue:
     def add(self, arrived: SensorScan, now: Now) -> Rejection | None:
         """Add a scan that arrived at `now`, s; refuse the oldest scan if the queue is full."""
         self.scans.append((now, arrived))
-        if len(self.scans) <= self._length:
+        if len(self.scans) <= QUEUE_LENGTH:
             return None
         self.remove_first()
-        return Rejection("queue_full", f"more than {self._length} scans wait for own-ship data")
+        return Rejection("queue_full", f"more than {QUEUE_LENGTH} scans wait for own-ship data")
 
     def first(self, now: Now, *, last: bool) -> Waiting | None:
         """The first scan in the queue, classified by its stamp.
@@ -611,6 +609,80 @@ def _refuse_heading(
     return Rejection(
         "heading_unknown", "the detections need a heading, which the own-ship data does not have"
     )
+
+
+MAX_STATE = MAX_MAGNITUDE["sensor_pose"]
+"""Largest accepted magnitude of a state component, m and m/s."""
+MIN_SIGMA = MIN_MAGNITUDE["range_std"]
+"""Smallest accepted standard deviation, m and m/s."""
+MAX_ASYMMETRY = 1e-6
+"""Largest accepted difference of two correlations that should be equal."""
+MIN_EIGENVALUE = 1e-12
+"""Smallest accepted eigenvalue of the correlations; below, it is due to rounding."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TrackerReport:
+    """Everything that a downstream tracker tracks at a time.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    frame_id : str
+        Frame of the states.
+    tracks : TrackArrays
+        With stamps of their own.
+    """
+
+    stamp: float
+    frame_id: str
+    tracks: TrackArrays
+
+
+def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
+    """The tracks that can be held, and the number of the dropped tracks by reason.
+
+    Parameters
+    ----------
+    tracks : TrackArrays
+
+    Returns
+    -------
+    tracks : TrackArrays
+        With symmetric covariances.
+    dropped : dict of str to int
+        ``tracked_not_finite``: stamp, state or covariance is not finite, or beyond `MAX_STATE`;
+        ``tracked_bad_covariance``: not symmetric and positive definite, or a standard deviation
+        below `MIN_SIGMA`; ``tracked_duplicate_id``: of several with an id the first is kept.
+    """
+    state, covariance = tracks.state, tracks.covariance
+    finite = np.isfinite(tracks.stamp) & (np.abs(state) <= MAX_STATE).all(axis=1)
+    finite &= (np.abs(covariance) <= MAX_STATE**2).all(axis=(1, 2))
+    valid = finite.copy()
+    valid[finite] = _proper(covariance[finite])
+    _, first = np.unique(tracks.track_id[valid], return_index=True)
+    kept = np.flatnonzero(valid)[np.sort(first)]
+    counts = {
+        "tracked_not_finite": (~finite).sum(),
+        "tracked_bad_covariance": finite.sum() - valid.sum(),
+        "tracked_duplicate_id": valid.sum() - len(kept),
+    }
+    usable_tracks = tracks.where(kept)
+    symmetric = 0.5 * (usable_tracks.covariance + np.swapaxes(usable_tracks.covariance, 1, 2))
+    dropped = {reason: int(number) for reason, number in counts.items() if number}
+    return dataclasses.replace(usable_tracks, covariance=symmetric), dropped
+
+
+def _proper(covariance: FloatArray) -> BoolArray:
+    """Which of the finite matrices (n, 4, 4) are covariances."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    sigma = np.sqrt(np.maximum(variance, MIN_SIGMA**2))
+    correlation = covariance / (sigma[:, :, None] * sigma[:, None, :])
+    skew = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(axis=(1, 2))
+    least = np.linalg.eigvalsh(correlation).min(axis=1)
+    proper = (variance >= MIN_SIGMA**2).all(axis=1)
+    return np.asarray(proper & (skew <= MAX_ASYMMETRY) & (least > MIN_EIGENVALUE))
 
 
 class ExternalTrackerInput:

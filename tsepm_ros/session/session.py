@@ -32,7 +32,6 @@ from tsepm_ros.session.consistency_checks import (
 )
 from tsepm_ros.session.drop_reasons import FAILURES, Notice, Rejection, Remark, shortened
 from tsepm_ros.session.inputs import (
-    QUEUE_LENGTH,
     Arrival,
     ExternalTrackerInput,
     Frames,
@@ -40,6 +39,7 @@ from tsepm_ros.session.inputs import (
     Now,
     OwnShipInput,
     ScanQueue,
+    TrackerReport,
     Waiting,
     refuse_size,
     register,
@@ -47,8 +47,8 @@ from tsepm_ros.session.inputs import (
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker, TrackerReport
 from tsepm_ros.tracker.maintenance.stationary import Status
+from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -183,7 +183,7 @@ class ScanResult:
     @property
     def starts(self) -> TrackArrays:
         """New tracks and corrected ones, as they go out on the topic `tracks`."""
-        return self.new.joined(self.revised) if len(self.revised) else self.new
+        return TrackArrays.joined(self.new, self.revised) if len(self.revised) else self.new
 
     def in_frame(self) -> ScanResult:
         """The result with tracks in the axes of the fixed frame, for everything that names it."""
@@ -237,8 +237,6 @@ class Session:
         every notice: a restart, a change of the downstream tracker, or a question.
     live : bool, optional
         Whether `max_scan_time` is applied.
-    queue_length : int, optional
-        Maximum number of scans that wait for own-ship data.
 
     Attributes
     ----------
@@ -260,11 +258,9 @@ class Session:
         report: Callable[[str, str], None] = _ignore,
         *,
         live: bool = False,
-        queue_length: int = QUEUE_LENGTH,
     ) -> None:
         self._report = report
         self._live = live
-        self._queue_length = queue_length
         self.settings = settings
         self.tracker = settings.make_initiator()
         self.own_ship = OwnShipInput(settings.session)
@@ -281,7 +277,7 @@ class Session:
         self._losses = Losses()
         self._sensor_check = SensorCheck()
         self.arrived_stamp: float | None = None
-        self._queue = ScanQueue(self.settings, self._queue_length)
+        self._queue = ScanQueue(self.settings)
         self._sweep = Sweep(self.settings)
         self._frames = Frames(self.settings.session)
         self._downstream = ExternalTrackerInput()
@@ -368,7 +364,7 @@ class Session:
         questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
         scans, remarks = self._sweep.take(arrived, now)
         if self._sweep.active and not of_a_sweep:  # the messages before were no scans
-            self._queue = ScanQueue(self.settings, self._queue_length)
+            self._queue = ScanQueue(self.settings)
             self._start_over()
         self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
@@ -385,7 +381,7 @@ class Session:
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.
 
-        Unusable targets are left out, see `external_tracker.usable`.
+        Unusable targets are left out, see `inputs.usable`.
         """
         self._report_all(
             self._downstream.add(report, self.fixed_frame, self.settings.session.restart_jump)
@@ -452,7 +448,7 @@ class Session:
             intensity=tracker.intensity,
             sensor_findings=findings(sensor),
             sensor_figures=sensor,
-            tracker=tracker.maintenance.tracker.status.value,
+            tracker=tracker.maintenance.tracker.value,
             dropped=dict(self.dropped),
             waiting=len(self._queue.scans),
             own_ship_source=self.own_ship.source,
@@ -518,7 +514,7 @@ class Session:
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
         self._report_all([*self._land.settle(fixed), *remarks])
         tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker.status, tracker.plots.seen
+        before, seen = tracker.maintenance.tracker, tracker.plots.seen
         new, seconds = self._tracked(scan, report)
         self._report_all(self._remarks(scan, before, seen))
         self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))
@@ -578,7 +574,7 @@ class Session:
         tracker = self.tracker
         statistics, remarks = tracker.statistics, list[Remark]()
         timeout, outside = self.settings.common.tracked_timeout, statistics.outside_coverage
-        change = before, tracker.maintenance.tracker.status
+        change = before, tracker.maintenance.tracker
         if change == (ExternalTracker.ALIVE, ExternalTracker.SILENT):
             remarks.append(
                 Notice(

@@ -11,7 +11,7 @@ All functions take a batch of n tracks with m hits each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -177,7 +177,7 @@ def fit_paths(
 
 def figures_of_hits(
     window: DetectionWindow,
-    hits: Sequence[Sequence[tuple[int, int]]],
+    hits: NDArray[np.object_],
     stamp: FloatArray,
     state: FloatArray,
     position_sigma: FloatArray,

@@ -20,7 +20,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -35,7 +35,6 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     changed,
-    members_of_groups,
     sums_over_hits,
 )
 from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
@@ -87,8 +86,7 @@ def groups(
     states: FloatArray,
     covariances: FloatArray,
     probability: float,
-    late: Callable[[], bool] | None = None,
-) -> tuple[IntArray, IntArray]:
+) -> IntArray:
     """Group the tracks of one scan that meet the merging conditions.
 
     Two tracks merge where more than half of their hits are shared (condition b) and their states
@@ -107,21 +105,16 @@ def groups(
         Their covariances.
     probability : float
         P_TM.
-    late : callable, optional
-        Whether the time is over: no further pairs are compared then.
 
     Returns
     -------
-    label : (n,) ndarray of int
-        Group of each track.
-    alike : (n,) ndarray of int
-        Label of the groups that may belong together, the same for all of these: as `label` where
-        all pairs were compared.
+    (n,) ndarray of int
+        Label of each track's group.
     """
     n = len(hits)
     labels = np.arange(n)
     if n < 2:
-        return labels, labels
+        return labels
     threshold = merging_threshold(probability)
 
     def connect(first: IntArray, second: IntArray) -> IntArray:
@@ -132,36 +125,14 @@ def groups(
         near = close(states, covariances, first, second, threshold)
         return _connected(labels, first[near], second[near])
 
-    if n <= FEW_TRACKS and (late is None or not late()):
-        labels = connect(*np.triu_indices(n, 1))
-        return labels, labels
+    if n <= FEW_TRACKS:
+        return connect(*np.triu_indices(n, 1))
     sharing = tracks_by_shared_hits(hits)
     for first, second in sharing.consecutive_pairs(PAIR_BLOCK):
         labels = connect(first, second)
     for first, second in sharing.pairs(labels, PAIR_BLOCK):
-        if late is not None and late():
-            alike = labels
-            for one, other in sharing.consecutive_pairs(PAIR_BLOCK):
-                alike = _connected(alike, one, other)
-            return labels, alike
         labels = connect(first, second)
-    return labels, labels
-
-
-def best_of_alike(labels: IntArray, alike: IntArray, evaluation: FloatArray) -> list[IntArray]:
-    """Rows of each group; of groups that may belong together, of the one of the best evaluation.
-
-    Parameters
-    ----------
-    labels, alike : (n,) ndarray of int
-        See `groups`.
-    evaluation : (n,) ndarray
-        Smaller is better.
-    """
-    best = np.lexsort((evaluation, alike))
-    best = best[np.diff(alike[best], prepend=-1) != 0]
-    members = members_of_groups(labels)
-    return [members[place] for place in np.searchsorted(np.unique(labels), labels[best])]
+    return labels
 
 
 def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:

@@ -42,30 +42,26 @@ class ScanStatistics:
         Detections in the sensor's coverage.
     potential_tracks : int
         Potential tracks held after the scan (in a sum: the most held at once).
-    hopeless_tracks : int
-        Further paths, which can no longer pass; only their counts and gates are kept (in a sum:
-        the most at once).
     started : int
         Potential tracks started.
     split : int
         Potential tracks that the scan's detections made: started, and children of others.
     evaluated : int
-        Potential tracks that were evaluated; hopeless ones are not.
+        Potential tracks that were evaluated.
     terminated : int
         Potential tracks ended by the method's own rule.
     raw_confirmations : int
-        Tracks that reached confirmation, before pruning and merging; hopeless ones included.
+        Tracks that reached confirmation, before pruning and merging.
     pruned : int
-        Removed by their evaluation: of these, hopeless ones included; by `score`, which evaluates
-        all in each scan, of all potential tracks.
+        Removed by their evaluation: of these; by `score`, which evaluates all in each scan, of all
+        potential tracks.
     merged : int
         Of these, removed by merging into another, or into a confirmed track.
     confirmed : int
         Confirmed tracks that were published.
     cut_potential_tracks, cut_confirmations : int
         Removed because a limit was reached. Potential tracks count once, when they are cut, as does
-        a pair of gate and detection that was left out; the confirmations are all that would have
-        come of the potential tracks cut in this and in earlier scans.
+        a pair of gate and detection that was left out.
     outside_coverage : int
         Detections received outside the coverage; they are not used.
     plots : int
@@ -78,7 +74,6 @@ class ScanStatistics:
     scans: int = 0
     detections: int = 0
     potential_tracks: int = 0
-    hopeless_tracks: int = 0
     started: int = 0
     split: int = 0
     evaluated: int = 0
@@ -94,11 +89,10 @@ class ScanStatistics:
     on_land: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
-        """Sum of the counts; of the tracks held the larger."""
+        """Sum of the counts; of the potential tracks held the larger."""
         one, two = vars(self), vars(other)
         values = {name: one[name] + two[name] for name in one}
-        for held in ("potential_tracks", "hopeless_tracks"):
-            values[held] = max(one[held], two[held])
+        values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
         return changed(self, **values)
 
 

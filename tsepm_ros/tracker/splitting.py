@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import (
-    BoolArray,
     FloatArray,
     IntArray,
     changed,
@@ -70,16 +69,12 @@ class Gated:
         Gate i holds ``detection[start[i]:start[i + 1]]``.
     detection : (p,) ndarray of int
         Rows of the gated detections, ascending within a gate.
-    in_any_gate : (n,) ndarray of bool
-        Which of the scan's detections lie in any gate. Cut detections are included, with the
-        gates at the scan's farthest time.
     cut : int
         Detections left out of gates because of `MAX_GATED`.
     """
 
     start: IntArray
     detection: IntArray
-    in_any_gate: BoolArray
     cut: int = 0
 
     @cached_property
@@ -139,8 +134,7 @@ def gate_within(
     """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:
-        in_any_gate = np.zeros(len(detections), bool)
-        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64), in_any_gate)
+        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
     times = detections["time"]
     first, last = times.min(), times.max()
     longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
@@ -162,11 +156,7 @@ def gate_within(
         )
     start = np.zeros(n_gates + 1, np.int64)
     np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
-    in_any_gate = np.zeros(len(detections), bool)
-    in_any_gate[candidate[inside]] = True
-    if cut:
-        in_any_gate |= _in_any_disc(positions, centres, radius)
-    return Gated(start, candidate[inside], in_any_gate, cut)
+    return Gated(start, candidate[inside], cut)
 
 
 def neighbours(
@@ -218,20 +208,6 @@ def neighbours(
     return centre, near[centre, place].astype(np.int64), cut
 
 
-def _in_any_disc(positions: FloatArray, centres: FloatArray, radius: FloatArray) -> BoolArray:
-    """Whether each position lies in any of the discs.
-
-    ``|z - c|^2 <= r^2`` is ``|z - c|^2 + (r_max^2 - r^2) <= r_max^2``. The second term is the
-    square of a third coordinate of the centres: a position is inside if the distance of the nearest
-    centre is at most r_max.
-    """
-    largest = radius.max()
-    height = np.sqrt((largest - radius) * (largest + radius))
-    tree = cKDTree(np.column_stack([centres, height]))
-    distance, _ = tree.query(np.column_stack([positions, np.zeros(len(positions))]))
-    return np.asarray(distance <= largest)
-
-
 def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
     """Split every potential track into one child per gated detection (Section 3.2).
 
@@ -254,15 +230,6 @@ def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]
     first_child = np.cumsum(counts) - counts
     child_of_parent = np.arange(len(parent)) - first_child[parent]
     return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
-
-
-def left_out(gated: Gated) -> IntArray:
-    """Rows of the detections in at least one gate that were cut from all gates."""
-    if not gated.cut:
-        return np.zeros(0, np.int64)
-    cut = gated.in_any_gate.copy()
-    cut[gated.detection] = False
-    return np.flatnonzero(cut)
 
 
 def split_paths(

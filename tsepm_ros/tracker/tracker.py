@@ -419,7 +419,8 @@ class Tracker:
         released = self.maintenance.released
         if len(released):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
-            new = changed(released, scan_count=observed.scan_index + 1 - first).joined(new)
+            released = changed(released, scan_count=observed.scan_index + 1 - first)
+            new = TrackArrays.joined(released, new)
         self._observed = observed
         return new, changed(
             counts,
@@ -440,13 +441,14 @@ class Tracker:
             return step
         ids = merging.published_owners(tracks, maintenance.held.tracks)
         owned = ids >= 0
-        revised, step = revised.joined(tracks.where(owned).numbered(ids[owned])), step.where(~owned)
+        continued = tracks.where(owned).numbered(ids[owned])
+        revised, step = TrackArrays.joined(revised, continued), step.where(~owned)
         self.revised = maintenance.revise(revised, step.replaced)
         ids = maintenance.recognised(step.tracks, self.covered_area)
         again = step.where(ids >= 0)
         found = again.tracks.numbered(ids[ids >= 0])
         found = maintenance.revise(found, (), again.existences)
-        self.revised = self.revised.joined(found)
+        self.revised = TrackArrays.joined(self.revised, found)
         return step.where(ids < 0)
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:

@@ -16,7 +16,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, indices
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
 from tsepm_ros.numerics.gaussian import proper
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import DetectionWindow
@@ -160,7 +160,7 @@ class ConfirmedTrack:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TrackArrays(Sequence[ConfirmedTrack]):
+class TrackArrays(Rows, Sequence[ConfirmedTrack]):
     """Tracks as arrays, a row each: a sequence of `ConfirmedTrack` for many tracks at once.
 
     Attributes
@@ -180,7 +180,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     stamp: NDArray[np.float64]
     state: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    hits: list[tuple[tuple[int, int], ...]]
+    hits: NDArray[np.object_]
     hit_count: NDArray[np.int64]
     evaluation: NDArray[np.float64]
     score: NDArray[np.float64]
@@ -203,7 +203,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         }
         numbers["state"] = numbers["state"].reshape(-1, 4)
         numbers["covariance"] = numbers["covariance"].reshape(-1, 4, 4)
-        hits = [track.hits for track in tracks]
+        hits = np.fromiter([track.hits for track in tracks], object)
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
@@ -214,10 +214,6 @@ class TrackArrays(Sequence[ConfirmedTrack]):
     def __repr__(self) -> str:
         return f"TrackArrays({list(self[:3])}{f', {len(self)} in all' if len(self) > 3 else ''})"
 
-    def __len__(self) -> int:
-        """Number of tracks."""
-        return len(self.track_id)
-
     @overload
     def __getitem__(self, row: int) -> ConfirmedTrack: ...
     @overload
@@ -227,7 +223,7 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         if isinstance(row, np.ndarray):
             return self.where(row)
         if isinstance(row, slice):
-            return self.where(np.arange(len(self))[row])
+            return Rows.__getitem__(self, row)
         numbers = {name: self.__dict__[name][row].item() for name in _SCALARS}
         return ConfirmedTrack(
             state=self.state[row], covariance=self.covariance[row], hits=self.hits[row], **numbers
@@ -235,22 +231,11 @@ class TrackArrays(Sequence[ConfirmedTrack]):
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:
         """The tracks in the given rows (indices or a mask)."""
-        rows, columns = indices(rows), self.__dict__
-        numbers = {name: columns[name][rows] for name in _NUMBERS}
-        hits = [self.hits[row] for row in rows.tolist()]
-        return changed(self, hits=hits, **numbers)
+        return Rows.__getitem__(self, rows)
 
     def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
         return changed(self, track_id=track_id)
-
-    def joined(self, *others: TrackArrays) -> TrackArrays:
-        """These tracks, followed by those of `others`."""
-        parts = (self, *others)
-        numbers = {
-            name: np.concatenate([getattr(part, name) for part in parts]) for name in _NUMBERS
-        }
-        return TrackArrays(hits=[hits for part in parts for hits in part.hits], **numbers)
 
     def predicted(self, stamp: float) -> TrackArrays:
         """The tracks predicted to a common time at constant velocity.
@@ -278,7 +263,6 @@ class TrackArrays(Sequence[ConfirmedTrack]):
         )
 
 
-_NUMBERS = tuple(field.name for field in fields(TrackArrays) if field.name != "hits")
 _KINDS = {
     field.name: np.int64 if field.type == "int" else np.float64
     for field in fields(ConfirmedTrack)
@@ -331,10 +315,13 @@ def tracks_from_hits(
         stamp=np.full(len(hits), stamp),
         state=state,
         covariance=covariance,
-        hits=[
-            tuple(pairs[begin:end])
-            for begin, end in zip((ends - count).tolist(), ends.tolist(), strict=True)
-        ],
+        hits=np.fromiter(
+            [
+                tuple(pairs[begin:end])
+                for begin, end in zip((ends - count).tolist(), ends.tolist(), strict=True)
+            ],
+            object,
+        ),
         hit_count=count,
         evaluation=evaluation,
         score=np.full(len(hits), np.nan) if score is None else score,

@@ -19,9 +19,12 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
 )
-from tsepm_ros.tracker.maintenance.external_tracker import ExternalTracker
 from tsepm_ros.tracker.maintenance.stationary import stands_still, statuses
-from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE, TrackMaintenance
+from tsepm_ros.tracker.maintenance.track_maintenance import (
+    MIN_EXISTENCE,
+    ExternalTracker,
+    TrackMaintenance,
+)
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -106,7 +109,7 @@ def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> Track
     """A start beside the first held track, m, with these hits."""
     state = hold.held.tracks.state[:1] + np.array([0.0, 0.0, aside, 0.0])
     new = tracks(90, stamp=hold.held.tracks.stamp[0])
-    return replace(new, state=state, hits=[hits])
+    return replace(new, state=state, hits=np.fromiter([hits], object))
 
 
 def silent(min_speed: float = 0.0) -> TrackMaintenance:
@@ -159,7 +162,7 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     assert hold.held.hit_sigma[0] == pytest.approx(50.0), "the start's, not the lost track's"
     assert hold.held.proven[0] >= UNPROVEN
     assert found.age[0] == 96.0, "since its first hit of all"
-    assert found.hits == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
+    assert found.hits.tolist() == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
     assert hold.ended == {}
 
 
@@ -189,7 +192,7 @@ def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
     step(hold, 100.0)
     follow_tracker(hold, 100.0)
     step(hold, 112.0)
-    assert (hold.tracker.status, ids(hold)) == (ExternalTracker.ALIVE, [1, 2])
+    assert (hold.tracker, ids(hold)) == (ExternalTracker.ALIVE, [1, 2])
     follow_tracker(hold, 112.0, 2)
     follow_tracker(hold, 160.1, 2)
     step(hold, 161.0)
@@ -214,9 +217,9 @@ def test_clearing_forgets_the_tracker():
     follow_tracker(hold, 0.0, 1)
     hold.clear()
     step(hold, 1.0)
-    assert (list(hold.ended), hold.tracker.status) == ([1], ExternalTracker.NONE)
+    assert (list(hold.ended), hold.tracker) == ([1], ExternalTracker.NONE)
     step(hold, 100.0)
-    assert hold.tracker.status is ExternalTracker.NONE, "it cannot fall silent"
+    assert hold.tracker is ExternalTracker.NONE, "it cannot fall silent"
     hold.add(tracks(2, stamp=100.0), 0.9)
     follow_tracker(hold, 101.0)
     step(hold, 112.0)
@@ -246,5 +249,5 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
         step(hold, stamp + 6.0)
         assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
     step(hold, 100.0)
-    assert hold.tracker.status is ExternalTracker.SILENT
+    assert hold.tracker is ExternalTracker.SILENT
     assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED

@@ -67,13 +67,13 @@ class Started:
     def on(cls, scene: SimulatedScene, initiator: Tracker, scans: int) -> Started:
         """The tracks that a method starts in the first scans."""
         parts = [initiator.process(scan) for scan in scene.scans[:scans]]
-        return cls(scene, TrackArrays.of([]).joined(*map(TrackArrays.of, parts)))
+        return cls(scene, TrackArrays.joined(TrackArrays.of([]), *map(TrackArrays.of, parts)))
 
     @property
     def hits(self) -> IntArray:
         """(scan, detection) of each track's hits, (n, m, 2)."""
         count = int(self.tracks.hit_count.max(initial=0))
-        return np.array(self.tracks.hits, np.int64).reshape(len(self.tracks), count, 2)
+        return np.array(self.tracks.hits.tolist(), np.int64).reshape(len(self.tracks), count, 2)
 
     def of_hits(self, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
         """Values of each track's hits, (n, m), of values of the detections of each scan."""

@@ -83,7 +83,7 @@ def table_i_groups() -> list[tuple[int, ...]]:
     for scan in np.unique(CONFIRMED_IN):
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
-        labels, _ = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
+        labels = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
         for members in members_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
@@ -110,9 +110,9 @@ def chained() -> int:
 class SplitOnly(SplitMerge):
     """Split-merge 2016 without merging: every confirmed track is an output."""
 
-    def merge(self, candidates: Candidates) -> tuple[TrackArrays, int]:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """One track per candidate."""
-        return self.tracks(candidates), 0
+        return self.tracks(candidates)
 
 
 def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:

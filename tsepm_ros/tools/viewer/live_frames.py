@@ -217,4 +217,4 @@ def _hypotheses(tracks: TrackArrays) -> TrackArrays:
     with np.errstate(invalid="ignore"):
         cells = np.nan_to_num(np.floor(tracks.state[:, 0::2] / side))
     _, place = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
-    return replace(tracks, hits=[((0, index),) for index in place.tolist()])
+    return replace(tracks, hits=np.fromiter([((0, one),) for one in place.tolist()], object))

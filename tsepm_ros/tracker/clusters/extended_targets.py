@@ -559,7 +559,7 @@ class ExtendedTargets:
         number, nothing = len(held), np.zeros(len(new), bool)
         if not self._learns or not len(new):
             return nothing
-        both = held.joined(new)
+        both = TrackArrays.joined(held, new)
         filled = self._fill(both, number, SUSPICION)
         if self.seen:
             before = new.stamp - new.age < self.since

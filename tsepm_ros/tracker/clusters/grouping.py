@@ -270,9 +270,7 @@ def in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
 def placed(scan: Scan) -> FloatArray:
     """Positions of a scan's detections in the fixed frame, (n, 2), m."""
     x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
-    azimuth = scan.azimuth + yaw
-    east, north = x + scan.range * np.cos(azimuth), y + scan.range * np.sin(azimuth)
-    return np.stack([east, north], axis=1)
+    return np.stack([x, y], axis=1) + in_sensor_frame(scan.range, scan.azimuth + yaw)
 
 
 def clusters_of(

@@ -29,16 +29,13 @@ the evidence of their positions alone: weighed by their strength, clutter would 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import kolmogorov
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import BlockSums, Cells
 from tsepm_ros.tracker.measurement import NAMES
@@ -54,6 +51,8 @@ INDEX_BITS = 32
 REFERENCE = np.dtype(
     [
         ("key", np.int64),  # of its scan and index there, see `keys_of`
+        ("ping", np.int64),  # number of its ping
+        ("level", np.float64),  # of the ping
         ("at", np.int64),  # place in the levels of places
         ("raw", np.float64),  # logarithm less the level of the place
         ("value", np.float64),  # less the level of the ping too
@@ -71,78 +70,10 @@ def keys_of(scan: IntArray | int, index: IntArray) -> IntArray:
     return np.asarray((np.asarray(scan, np.int64) << INDEX_BITS) + index)
 
 
-class References:
-    """The detections of the last pings, at most `MAX_PINGS`, as rows in one array.
-
-    Attributes
-    ----------
-    levels : deque of float
-        Level of each ping.
-    """
-
-    def __init__(self) -> None:
-        self._buffer = np.zeros(2 * MAX_PINGS * MAX_PER_PING, REFERENCE)
-        self._ends: deque[int] = deque([0])
-        self.levels: deque[float] = deque()
-
-    def __len__(self) -> int:
-        """Number of pings."""
-        return len(self.levels)
-
-    @property
-    def rows(self) -> NDArray[np.void]:
-        """All references, by ping and index, (n,) of REFERENCE; changes of them are kept."""
-        return self._buffer[self._ends[0] : self._ends[-1]]
-
-    def last(self, pings: int) -> NDArray[np.void]:
-        """References of the last pings, as `rows`."""
-        return self._buffer[self._ends[-1 - min(pings, len(self))] : self._ends[-1]]
-
-    def begins(self, pings: int) -> list[int]:
-        """Places among `last` at which each of the last pings begins, in order."""
-        ends = self._ends
-        first = len(ends) - 1 - min(pings, len(self))
-        return [ends[ping] - ends[first] for ping in range(first, len(ends) - 1)]
-
-    def ages(self, places: IntArray) -> IntArray:
-        """Pings after that of references at places among `rows`, (n,)."""
-        ends = np.array(self._ends) - self._ends[0]
-        return np.asarray(len(self) - np.searchsorted(ends, places, side="right"))
-
-    def append(self, rows: NDArray[np.void], level: float) -> None:
-        """Add a ping's references, of ascending keys; the oldest ping goes if there are too many.
-
-        Parameters
-        ----------
-        rows : (n,) ndarray of REFERENCE
-            From 1 to `MAX_PER_PING`.
-        level : float
-            Level of the ping.
-        """
-        if len(self) == MAX_PINGS:
-            self.drop(1)
-        if self._ends[-1] + len(rows) > len(self._buffer):
-            first, kept = self._ends[0], self.rows.copy()
-            self._buffer[: len(kept)] = kept
-            self._ends = deque(end - first for end in self._ends)
-        end = self._ends[-1] + len(rows)
-        self._buffer[self._ends[-1] : end] = rows
-        self._ends.append(end)
-        self.levels.append(level)
-
-    def drop(self, pings: int) -> None:
-        """Drop the oldest pings."""
-        for _ in range(pings):
-            self._ends.popleft()
-            self.levels.popleft()
-
-    def relevel(self, before: float, level: float) -> None:
-        """Give another level to the pings that have the level `before`."""
-        for ping, (begin, end) in enumerate(pairwise(self._ends)):
-            if self.levels[ping] == before:
-                self.levels[ping] = level
-                part = self._buffer[begin:end]
-                part["value"] = part["raw"] - level
+def last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
+    """References (n,) of the last pings; changes of them are kept."""
+    ping = references["ping"]
+    return references[np.searchsorted(ping, ping.max(initial=0) - pings, side="right") :]
 
 
 LAGS = 3
@@ -179,7 +110,7 @@ class Texture:
     def update(
         self,
         law: AmplitudeLaw,
-        references: References,
+        references: NDArray[np.void],
         near: float,
         reach: FloatArray,
     ) -> None:
@@ -189,7 +120,7 @@ class Texture:
         ----------
         law : AmplitudeLaw
             Of the pings before it.
-        references : References
+        references : (n,) ndarray of REFERENCE
             With the last ping.
         near : float
             Distance within which detections are neighbours, m.
@@ -197,11 +128,10 @@ class Texture:
             Distance within which two detections may be one target's, in pings so far apart, m.
         """
         keep = 1.0 - 1.0 / MEMORY
-        rows, begins = references.last(LAGS + 1), references.begins(LAGS + 1)
-        own, position = begins[-1], rows["position"]
-        least = np.zeros(len(rows))
-        for lag, begin in zip(range(len(begins) - 1, 0, -1), begins, strict=False):
-            least[begin:own] = reach[lag] ** 2
+        rows = last_pings(references, LAGS + 1)
+        lag, position = rows["ping"][-1] - rows["ping"], rows["position"]
+        own = np.count_nonzero(lag)
+        least = np.where(lag > 0, reach[lag] ** 2, 0.0)
         # A ping has few references: all distances are cheaper than a tree.
         apart = position[own:, None] - position
         square = apart.real**2 + apart.imag**2
@@ -457,8 +387,6 @@ LEAST_CHANGE = 0.05
 """Sum of the changes of weights of a ping's references that is worth the while."""
 SATURATED = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
-SMALLEST_P_VALUE = 0.001
-"""Probability (Kolmogorov-Smirnov) below which two references are not of one law."""
 
 
 class ClutterAmplitudes:
@@ -484,7 +412,7 @@ class ClutterAmplitudes:
         self._forget()
 
     def _forget(self) -> None:
-        self._references = References()
+        self._references = np.zeros(0, REFERENCE)
         self._places = PlaceLevels(self._shape, self._wraps)
         self._law: AmplitudeLaw | None = None
         self._top = math.inf, 1.0
@@ -493,7 +421,7 @@ class ClutterAmplitudes:
         self._level = 0.0
         self._decibels = False
         self.texture = Texture()
-        self._next: tuple[NDArray[np.void], IntArray, float] | None = None
+        self._next: tuple[NDArray[np.void], IntArray] | None = None
 
     def judge(
         self,
@@ -541,11 +469,11 @@ class ClutterAmplitudes:
         raw -= place
         level = self._level_with(raw)
         value = raw - level
-        one["raw"], one["value"], one["place"] = raw, value, place
+        one["raw"], one["value"], one["level"], one["place"] = raw, value, level, place
         one["position"] = detections["position"][row] @ (1.0, 1j)
         one["strength"] = strength[row]
         one["by_range"] = self._places.by_range(one["at"])
-        self._next = one, row, level
+        self._next = one, row
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
             self.use = "not used: too few strengths so far"
@@ -567,13 +495,12 @@ class ClutterAmplitudes:
 
     def _level_with(self, raw: FloatArray) -> float:
         """The level of a ping of logarithms (n,); the first has its median."""
-        references, before = self._references, PING_WINDOWS[0] - 1
-        if not len(references):
+        if not len(self._references):
             self._level = float(np.median(raw))
             return self._level
-        rows = references.last(before)
+        rows = last_pings(self._references, PING_WINDOWS[0] - 1)
         likely = rows["weight"] > 0.5
-        sizes = np.add.reduceat(likely, references.begins(before), dtype=np.int64).tolist()
+        sizes = np.bincount(rows["ping"] - rows["ping"][0], likely).astype(int).tolist()
         raws = np.concatenate([rows["raw"][likely], raw])
         return ping_level(self._level, raws, [*sizes, len(raw)])
 
@@ -592,7 +519,7 @@ class ClutterAmplitudes:
         judged, self._next = self._next, None
         if judged is None:
             return
-        ping, row, level = judged
+        ping, row = judged
         ping["weight"] = weight[row]
         order = np.argsort(ping["key"], kind="stable")
         ping = ping[order[:: max(math.ceil(len(order) / MAX_PER_PING), 1)]]
@@ -603,7 +530,9 @@ class ClutterAmplitudes:
             self._places.update(ping["at"], ping["place"], ping["weight"], highest, spread)
         else:
             ping["place"] = np.nan
-        self._references.append(ping, level)
+        before = last_pings(self._references, MAX_PINGS - 1)
+        ping["ping"] = before["ping"][-1] + 1 if len(before) else 0
+        self._references = appended(before, ping)
         if law is not None:
             self.texture.update(law, self._references, near, reach)
         self._new += float(ping["weight"].sum())
@@ -620,7 +549,7 @@ class ClutterAmplitudes:
         probability : (k,) ndarray
             That each is of a target.
         """
-        rows = self._references.rows
+        rows = self._references
         if not len(rows) or not len(scan):
             return
         key = keys_of(scan, index)
@@ -637,14 +566,11 @@ class ClutterAmplitudes:
         self._new += TAIL_CHANGE * float(gone.sum())
         levelled = np.flatnonzero(np.isfinite(rows["place"][place]))
         place, gone = place[levelled], gone[levelled]
-        at, values = rows["at"][place], rows["place"][place]
-        self._places.withdraw(at, values, gone, self._references.ages(place))
+        at, values, age = rows["at"][place], rows["place"][place], rows["ping"][-1] - rows["ping"]
+        self._places.withdraw(at, values, gone, age[place])
 
     def _learn_law(self) -> None:
-        if self._law is not None:
-            self._drop_other_laws(self._law)
-        references, before = self._references, self._level
-        rows = references.rows
+        rows, before = self._references, self._level
         self._places.renew()
         by_range = self._places.by_range(rows["at"])
         change = by_range - rows["by_range"]
@@ -653,41 +579,16 @@ class ClutterAmplitudes:
         rows["by_range"] = by_range
         # The level as a rule; the pings that have it go with it.
         likely = rows["raw"][rows["weight"] > 0.5]
-        self._level = window_level(before, likely, len(references))
+        self._level = window_level(before, likely, int(np.ptp(rows["ping"])) + 1)
         if self._level != before:
-            references.relevel(before, self._level)
+            usual = rows["level"] == before
+            rows["level"][usual] = self._level
+            rows["value"][usual] = rows["raw"][usual] - self._level
         self._top = _top(rows["strength"], rows["weight"])
         law = self._law = AmplitudeLaw.of(rows["value"], rows["weight"])
         self._new = 0.0
         lowest, highest = map(law.quantile, WINSORISED)
         self._bounds = lowest, highest, float(np.clip(law.values, lowest, highest).std())
-
-    def _drop_other_laws(self, law: AmplitudeLaw) -> None:
-        """Drop the pings before a change of level that has changed the law too, as of the unit."""
-        references, width = self._references, law.quantile(0.75) - law.quantile(0.25)
-        levels = np.array(references.levels)
-        far = np.flatnonzero(np.abs(levels - levels[-1]) > width)
-        if not len(far):
-            return
-        since = int(far[-1]) + 1
-        new = references.last(len(levels) - since)["value"]
-        old = references.rows["value"][: -len(new)]
-        if min(len(old), len(new)) >= MIN_REFERENCES and not of_one_shape(old, new):
-            self._level = float(levels[-1])
-            references.drop(since)
-
-
-def of_one_shape(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two samples may be of one law but for their levels.
-
-    By the test of Kolmogorov and Smirnov (asymptotic).
-    """
-    samples = one - np.median(one), other - np.median(other)
-    both = np.concatenate(samples)
-    shares = [np.searchsorted(np.sort(each), both, side="right") / len(each) for each in samples]
-    distance = np.abs(shares[0] - shares[1]).max()
-    root = math.sqrt(len(one) * len(other) / len(both))
-    return bool(kolmogorov(root * distance) >= SMALLEST_P_VALUE)
 
 
 def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:

@@ -605,12 +605,12 @@ class SecondaryEchoes:
             Of the numbers that the map expects in a scan.
         """
         (*cells, _, _), weight = batch.places[-1], batch.weights[-1]
-        before = self._before(Cells(*cells), weight, expected)
-        keep = (1.0 - 1.0 / MEMORY) ** batch.scans
+        before, number = self._before(Cells(*cells), weight, expected), batch.scans
+        keep = (1.0 - 1.0 / MEMORY) ** number
         self.pairs = self.pairs.faded(keep, before.counted @ weight, before.expected @ weight)
         ids, scans, behind = self._of_targets(targets.track_id)
         if len(ids):
-            strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** batch.scans
+            strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
             looks, count = batch.looks[strips.middle], strips.hold(batch.cells) @ batch.weight
             behind = behind.faded(keep, count, looks * strips.sums(expected))
             scans = keep * scans + looks[:, 0, 0]

@@ -312,10 +312,10 @@ class ScanClutter:
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
         density, area = self.density(), clutter_map.seen.counted
         if self._echoes:
-            held = targets()
+            held, expected = targets(), clutter_map.expected
             if whole:
-                echoes.update(held, batch, clutter_map.expected)
-            density *= echoes.among(self.cells, weight, clutter_map.expected)
+                echoes.update(held, batch, expected)
+            density *= echoes.among(self.cells, weight, expected)
             density *= echoes.behind_targets(held, self.cells)
             batch.densities.append(density)
             if whole:

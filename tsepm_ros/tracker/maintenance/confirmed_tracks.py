@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +16,13 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
 )
-from tsepm_ros.tracker.maintenance.external_tracker import LISTED
 from tsepm_ros.tracker.maintenance.stationary import Status, StraightFits
 from tsepm_ros.tracker.measurement import Histories, major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.tracks import TrackArrays
 
+LISTED = -math.inf
+"""Value of the time since which a track is unlisted, for a listed track."""
 UNPROVEN = 0.005
 """Probability that a new track's target exists, by which the detection probability is learned.
 
@@ -265,13 +267,9 @@ class ConfirmedTracks(Rows):
         tracks = self.tracks
         _, row, place = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
         new = corrected.where(place)
-        hits = list(tracks.hits)
-        for to, of in zip(row, new.hits, strict=True):
-            hits[to] = of
         if existence is not None:
             new = changed(new, age=np.maximum(new.age, tracks.age[row]))
-        names = ("state", "covariance", "hit_count", "evaluation", "score", "scan_count", "age")
-        figures = {name: getattr(new, name) for name in names}
+        figures = {name: getattr(new, name) for name in _OF_START}
         tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
         fresh = ConfirmedTracks.of(new, 0.0 if existence is None else existence[place])
         started = ["models", "fits"]
@@ -279,7 +277,7 @@ class ConfirmedTracks(Rows):
             fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
             started += _FOUND_AGAIN
         held = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
-        return changed(held, tracks=changed(tracks, hits=hits))
+        return changed(held, tracks=tracks)
 
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
@@ -306,6 +304,17 @@ class ConfirmedTracks(Rows):
         return changed(held, tracks=with_rows(self.tracks, row, age=age, **figures))
 
 
+_OF_START = (
+    "hits",
+    "hit_count",
+    "state",
+    "covariance",
+    "evaluation",
+    "score",
+    "scan_count",
+    "age",
+)
+"""The fields of `TrackArrays` that a corrected start has anew."""
 _FOUND_AGAIN = (
     "existence",
     "proven",

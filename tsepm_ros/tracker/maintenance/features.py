@@ -41,7 +41,6 @@ Plot features and strengths of held tracks: factors of likelihood ratios, the ow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -239,7 +238,7 @@ class Surroundings:
         self.clutter = np.concatenate([self.clutter, features[clutter & has]])[-MAX_CLUTTER_PLOTS:]
 
 
-def histories_of(window: DetectionWindow, hits: Sequence[Sequence[tuple[int, int]]]) -> Histories:
+def histories_of(window: DetectionWindow, hits: NDArray[np.object_]) -> Histories:
     """Features of the hits (scan, index) of tracks, as far as they are in the window."""
     features = np.full((len(hits), max(map(len, hits), default=0), len(NAMES)), np.nan)
     for row, ids in enumerate(map(window.find, hits)):

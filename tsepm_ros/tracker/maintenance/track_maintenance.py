@@ -6,6 +6,7 @@ tracks here apply only to tracks that it has not listed yet.
 
 from __future__ import annotations
 
+import enum
 import math
 import sys
 from collections import deque
@@ -26,14 +27,9 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.maintenance import data_association, features, stationary
-from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
-)
-from tsepm_ros.tracker.maintenance.external_tracker import (
-    LISTED,
-    DownstreamTracker,
-    ExternalTracker,
 )
 from tsepm_ros.tracker.maintenance.features import Environment
 from tsepm_ros.tracker.maintenance.stationary import Status
@@ -71,6 +67,14 @@ ENDS = {
 """Why a track ends, in words."""
 
 
+class ExternalTracker(enum.Enum):
+    """Status of a downstream tracker."""
+
+    NONE = "none"
+    ALIVE = "alive"
+    SILENT = "silent"
+
+
 class TrackMaintenance:
     """Maintains confirmed tracks.
 
@@ -86,7 +90,7 @@ class TrackMaintenance:
     ----------
     held : ConfirmedTracks
         Every track held, published or not, with all that is known of it.
-    tracker : DownstreamTracker
+    tracker : ExternalTracker
         Whether a downstream tracker was heard since the last clearing, and still is.
     ended : dict
         Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
@@ -113,7 +117,7 @@ class TrackMaintenance:
 
     def _forget(self) -> None:
         self.held = ConfirmedTracks.none()
-        self.tracker = DownstreamTracker()
+        self.tracker, self._last_report = ExternalTracker.NONE, -math.inf
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
         self._forget_scan()
@@ -219,7 +223,7 @@ class TrackMaintenance:
             state, covariance, gated, ratio / mode_ratios[..., None]
         )
         # A downstream tracker has a speed limit of its own.
-        limit = np.where(self.tracker.keeps(held.unlisted_since), np.inf, max_speed)
+        limit = np.where(self._kept_by_tracker(held), np.inf, max_speed)
         row, shares = row[:, 0], share[:, 0]
         held, plots = features.with_plots(held, row, shares, detections, environment)
         held, detected, scans = held.updated(state, covariance, mode_ratios, empty, covered, limit)
@@ -269,7 +273,7 @@ class TrackMaintenance:
         if self.options.min_speed:
             self._state()
         status = stationary.statuses(self.held, self.options, max_range)
-        listed = self.tracker.keeps(self.held.unlisted_since)
+        listed = self._kept_by_tracker(self.held)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self.held.announced
         self.held = held = changed(
@@ -299,7 +303,7 @@ class TrackMaintenance:
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
         held = self.held
-        may = (held.status != Status.FIXED) & ~self.tracker.keeps(held.unlisted_since)
+        may = (held.status != Status.FIXED) & ~self._kept_by_tracker(held)
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
             return np.full(len(starts), -1)
@@ -403,19 +407,30 @@ class TrackMaintenance:
             Time of the report, s; it may be later than the next step's.
         tracks : TrackArrays
             With stamps of their own, finite numbers and an id each, see
-            `tsepm_ros.tracker.maintenance.external_tracker.usable`.
+            `tsepm_ros.session.inputs.usable`.
         """
-        tracker, held = self.tracker.at(stamp, self.options.tracked_timeout), self._state()
+        self._listen(stamp)
+        held = self._state()
         since, ids = held.unlisted_since, held.tracks.track_id
-        if tracker.status is not ExternalTracker.ALIVE:
+        if self.tracker is not ExternalTracker.ALIVE:
             since = np.maximum(since, stamp)
-        self.tracker = DownstreamTracker(ExternalTracker.ALIVE, stamp)
+        self.tracker, self._last_report = ExternalTracker.ALIVE, stamp
         over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
         self.held = changed(held, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
         self.add(tracks[~np.isin(tracks.track_id, ids)], TRACKED_EXISTENCE)
         self.held = self.held.listed(tracks, TRACKED_EXISTENCE)
+
+    def _listen(self, stamp: float) -> None:
+        """A tracker whose last report is too far from a time (s) is silent."""
+        silent = abs(stamp - self._last_report) > self.options.tracked_timeout
+        if self.tracker is ExternalTracker.ALIVE and silent:
+            self.tracker = ExternalTracker.SILENT
+
+    def _kept_by_tracker(self, held: ConfirmedTracks) -> BoolArray:
+        """Which tracks (n,) the downstream tracker keeps: those listed while it is heard."""
+        return (held.unlisted_since == LISTED) & (self.tracker is ExternalTracker.ALIVE)
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
@@ -431,7 +446,7 @@ class TrackMaintenance:
         """
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
-        self.tracker = self.tracker.at(stamp, self.options.tracked_timeout)
+        self._listen(stamp)
         fixed = self.held.status == Status.FIXED
         away = fixed.copy()
         if fixed.any():
@@ -463,7 +478,7 @@ class TrackMaintenance:
         Returns which were kept.
         """
         if not kept.all():
-            kept = kept | self.tracker.keeps(self.held.unlisted_since)
+            kept = kept | self._kept_by_tracker(self.held)
             self._drop(kept, reason, self.ended)
         return kept
 
