@@ -160,6 +160,13 @@ def test_of_more_than_100_tracks_the_others_are_counted(world, plotter):
     assert {one.data[0] for one in plotter.read()} == {f"{k:02d}" for k in range(100)}
 
 
+def test_of_tracks_those_with_a_finite_state_are_handed_on(world, plotter):
+    boat = connected(world, plotter, own_ship_source="none")
+    held = [track(8, 50.0, 1.0, math.nan, 0.0), track(9, 1852.0, 1.0, 0.0, 0.0)]
+    said(world, "a track whose state is not finite is not handed on", lambda: boat.hold(*held))
+    assert {one.data[1] for one in sentences(world, plotter, 1, lambda: None)} == {"1.000"}
+
+
 def test_tll_is_where_the_fix_and_own_ship_say(world, plotter):
     boat = connected(world, plotter, nmea_sentences="TLL")
 
@@ -193,6 +200,7 @@ TLL = {"nmea_sentences": "TLL", "own_ship_source": "none"}
 SILENT = [
     ("there is no message on own_ship/odometry", {}, lambda boat: None),
     ("more than own_ship_timeout of 5 s", {}, lambda boat: boat.sail(stamp=STAMP - 60.0)),
+    ("own_ship/odometry is not used", {}, lambda boat: boat.sail(math.nan)),
     ("fix says that it has no position", TLL, lambda boat: boat.fix(10.0, 10.0, *LOST)),
     ("near a pole", TLL, lambda boat: boat.fix(89.9, 10.0)),
     ("fix is not used", TLL, lambda boat: boat.fix(math.nan, math.nan)),

@@ -33,6 +33,11 @@ def test_an_option_that_the_method_does_not_have_is_refused_by_name():
         make_initiator("tsepm", sensor=SensorModel(), colour="red", min_hits=4)
 
 
+def test_what_is_no_scan_is_refused():
+    with pytest.raises(ValueError, match=r"scan must be a tsepm_ros\.Scan; got list"):
+        initiator().process([1.0, 2.0])
+
+
 @pytest.mark.parametrize("sensor", [None, {"range_std": 1.0}, SensorModel], ids=str)
 def test_a_wrong_sensor_is_refused_by_name(sensor):
     with pytest.raises(TypeError, match="sensor must be a SensorModel"):

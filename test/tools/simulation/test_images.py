@@ -28,6 +28,8 @@ def test_clutter_is_rayleigh_or_heavier_and_the_beam_correlates_bearings():
     assert (square**2).mean() / square.mean() ** 2 == pytest.approx(2.0, rel=0.1)
     k = amplitude(clutter_strength=ClutterStrength("k", 0.5)) ** 2
     assert (k**2).mean() / k.mean() ** 2 == pytest.approx(6.0, rel=0.4)
+    log = amplitude(clutter_strength=ClutterStrength("log_normal", 0.5)) ** 2
+    assert (log**2).mean() / log.mean() ** 2 == pytest.approx(2.0 * np.exp(0.25), rel=0.15)
     model = ImageModel(cells=(64, 200), blur=(2.0, 0.0))
     square = amplitude(model) ** 2
     assert square.mean() == pytest.approx(1.0, rel=0.2)

@@ -134,6 +134,11 @@ def test_a_bad_scenario_is_refused_by_its_key(content, sentence):
     assert sentence in str(refused.value)
 
 
+def test_drawn_targets_that_cannot_stay_in_their_ranges_are_refused():
+    with pytest.raises(ValueError, match=r"no target stays within \(10.0, 20.0\) m"):
+        Simulator(scenario_from(area(speed=50.0)), 1)
+
+
 def test_a_missing_or_malformed_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match="scenario file cannot be read"):
         load_scenario(str(tmp_path / "none.yaml"))
