@@ -268,7 +268,13 @@ def followed(low: float, high: float, seed: int, turn: float = 0.0):
     return initiator, current
 
 
-@pytest.mark.parametrize(("low", "high"), [(-3.1415, 3.1415), (-3.14, 3.14), (0.0, 6.283)])
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [
+        (-3.1415, 3.1415),
+        *(pytest.param(*ends, marks=pytest.mark.long) for ends in ((-3.14, 3.14), (0.0, 6.283))),
+    ],
+)
 def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
     _, expected = followed(-math.pi, math.pi, seed=3)
     _, found = followed(low, high, seed=3)

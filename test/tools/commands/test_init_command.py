@@ -130,6 +130,7 @@ def written_by(path, *arguments: str) -> dict[str, object]:
     return yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
 
 
+@pytest.mark.long
 def test_an_extent_writes_that_plots_are_on_and_echoes_lie_apart_by_their_errors_too(tmp_path):
     given = ("--extent", "3", "--bearing-accuracy", "1", "--range-accuracy", "0.5")
     values = written_by(tmp_path / "a.yaml", *given)

@@ -163,7 +163,7 @@ def test_a_folder_that_does_not_exist_is_named_and_not_made(capsys, recording, t
     assert not path.parent.exists()
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.long)])
 def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
     """A limit on the size of files stands for the disk, as /dev/full does for an output."""
     script = (

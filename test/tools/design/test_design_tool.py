@@ -212,6 +212,7 @@ def test_a_design_knows_the_strength_of_its_targets():
 QUICK = ["--runs", "20", "--workers", "1", "--scans", "8", "--wanted", "0.01"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_the_default_clutter_is_never_taken_in_silence(capsys):
     assert main(["design", *QUICK]) == 0
@@ -224,6 +225,7 @@ def test_the_default_clutter_is_never_taken_in_silence(capsys):
     assert "\nfeasible" in said and "not given" not in said
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_little_clutter")
 def test_a_fast_sonar_gets_its_times_with_digits(capsys, tmp_path):
     """And the time between pings from the file."""
