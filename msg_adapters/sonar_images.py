@@ -190,7 +190,7 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
         )
     rows = data[: height * step].reshape(height, step)[:, : width * form.itemsize]
     picture = np.ascontiguousarray(rows).view(form).astype(form.newbyteorder("="))
-    if sensor.max_range == SensorModel().max_range:
+    if sensor.max_range == SensorModel.max_range:
         raise MessageError(
             "no_geometry",
             "the message states no geometry: give sensor.max_range, min_range, azimuth_min and "

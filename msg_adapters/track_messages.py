@@ -69,23 +69,6 @@ TRACK_DTYPE = np.dtype(
 )
 """One point of the cloud."""
 
-_BLOCKS_DTYPE = np.dtype(
-    [
-        ("xyz", "<f4", (3,)),
-        ("track_id", "<u4"),
-        ("numbers", "<f8", (22,)),
-        ("counts", "<u2", (2,)),
-        ("age", "<f8"),
-        ("stationary_probability", "<f8"),
-        ("signal_to_clutter_db", "<f8"),
-        ("revision", "<u2"),
-        ("existence_probability", "<f8"),
-        ("time_since_hit", "<f8"),
-    ],
-    align=True,
-)
-"""The same bytes with fields of equal type combined, for assignment of whole blocks."""
-
 OPTIONAL_FIELDS = {
     "stationary_probability": np.nan,
     "signal_to_clutter_db": np.nan,
@@ -94,6 +77,18 @@ OPTIONAL_FIELDS = {
     "time_since_hit": 0.0,
 }
 """Fields that clouds of earlier versions lack, and their values then."""
+
+_BLOCKS_DTYPE = np.dtype(
+    [
+        ("xyz", "<f4", (3,)),
+        ("track_id", "<u4"),
+        ("numbers", "<f8", (22,)),
+        ("counts", "<u2", (2,)),
+        *((name, TRACK_DTYPE[name]) for name in ("age", *OPTIONAL_FIELDS)),
+    ],
+    align=True,
+)
+"""The bytes of `TRACK_DTYPE` with fields of equal type combined, for assignment of blocks."""
 
 _PLAIN = ("age", *(name for name in OPTIONAL_FIELDS if name != "revision"))
 MAX_AGE = 1e9

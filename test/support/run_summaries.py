@@ -1,7 +1,6 @@
 """Summaries of runs for the tests, invented and of many runs of a scenario."""
 
 import dataclasses
-import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -28,9 +27,9 @@ def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) 
     return RunSummary(targets, starts, scans)
 
 
-def as_json(summaries: Iterable[RunSummary]) -> list[str]:
+def as_json(summaries: Iterable[RunSummary]) -> list[dict]:
     """The summaries as JSON for comparison, since nan is not equal to itself."""
-    return [json.dumps(summary.as_json()) for summary in summaries]
+    return [summary.as_json() for summary in summaries]
 
 
 def study(

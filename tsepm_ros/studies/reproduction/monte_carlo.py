@@ -37,7 +37,7 @@ from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated, gate_within
 from tsepm_ros.tracker.tracker import Tracker
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
 AS_GIVEN: Mapping[str, Any] = MappingProxyType(
     {
@@ -67,7 +67,7 @@ class Started:
     def on(cls, scene: SimulatedScene, initiator: Tracker, scans: int) -> Started:
         """The tracks that a method starts in the first scans."""
         parts = [initiator.process(scan) for scan in scene.scans[:scans]]
-        return cls(scene, TrackArrays.joined(TrackArrays.of([]), *map(TrackArrays.of, parts)))
+        return cls(scene, TrackArrays.joined(NO_TRACKS, *map(TrackArrays.of, parts)))
 
     @property
     def hits(self) -> IntArray:

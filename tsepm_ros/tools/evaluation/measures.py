@@ -209,16 +209,25 @@ class RunSummary:
         return self.count(Outcome.FALSE, Outcome.MISPLACED)
 
     def as_json(self) -> dict[str, Any]:
-        """The summary as lists of values; see :meth:`from_json`."""
-        starts, scans = ([[*vars(one).values()] for one in of] for of in (self.starts, self.scans))
+        """The summary as lists of values, null for nan; see :meth:`from_json`."""
+        starts, scans = (
+            [[None if value != value else value for value in vars(one).values()] for one in of]
+            for of in (self.starts, self.scans)  # nan is not JSON
+        )
         return {"targets": self.targets, "starts": starts, "scans": scans}
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> RunSummary:
         """The summary from the result of :meth:`as_json`."""
         starts = (
-            StartSummary(scan, time, Outcome(outcome), *more)
-            for scan, time, outcome, *more in content["starts"]
+            StartSummary(
+                scan,
+                time,
+                Outcome(outcome),
+                pure,
+                *(math.nan if value is None else value for value in more),
+            )
+            for scan, time, outcome, pure, *more in content["starts"]
         )
         scans = (ScanSummary(*values) for values in content["scans"])
         return cls(content["targets"], tuple(starts), tuple(scans))
