@@ -67,13 +67,13 @@ def test_a_saturated_receiver_is_cut_in_cells_in_time():
         assert np.ptp(azimuth[label == one]) * 100.0 <= 4.0
 
 
-def test_a_plot_has_its_strongest_members_figures_and_the_width_of_all():
+def test_a_plot_has_its_strongest_members_figures():
     scan = Scan(
         5.0,
         [200.0, 50.0, 201.0],
         [math.pi - 0.001, 1.0, -math.pi + 0.003],
         time_offset=[0.1, 0.2, 0.3],
-        features={"intensity": [1.0, 5.0, 3.0], "range_width": [0.5, 0.5, 0.5]},
+        features={"intensity": [1.0, 5.0, 3.0], "range_rate": [0.1, 0.2, 0.3]},
         sensor_pose=[[0.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]],
     )
     made = clusters_of(scan, np.array([0, 1, 0]), ClusterErrors(), SENSOR)
@@ -82,8 +82,7 @@ def test_a_plot_has_its_strongest_members_figures_and_the_width_of_all():
     assert math.remainder(made.scan.azimuth[0] - (math.pi + 0.002), 2 * math.pi) == pytest.approx(0)
     assert made.scan.time_offset.tolist() == [0.3, 0.2]
     assert made.scan.features["intensity"].tolist() == [3.0, 5.0]
-    assert made.scan.features["range_width"] == pytest.approx([1.5, 0.5])
-    assert made.scan.features["azimuth_width"] == pytest.approx([0.004, 0.0])
+    assert made.scan.features["range_rate"].tolist() == [0.3, 0.2]
     assert made.scan.sensor_pose[:, 2].tolist() == [0.3, 0.2]
 
 

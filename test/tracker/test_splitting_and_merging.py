@@ -80,14 +80,13 @@ def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
     assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
 
 
-def agrees(*offsets: float, plots: tuple[int, ...] | None = None) -> list[bool]:
+def agrees(*offsets: float, explained: float = 0.0) -> list[bool]:
     """Of tracks in a row with a deviation of 10 m and 1 m/s, the first the oldest."""
     state = np.zeros((len(offsets), 4))
     state[:, 0] = offsets
     covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
-    own = np.full(len(offsets), NO_HIT) if plots is None else np.array(plots)
-    every, none = np.ones(len(offsets), bool), np.zeros(len(offsets))
-    return merging.agrees_with_older(state, covariance, own, every, none).tolist()
+    every, each = np.ones(len(offsets), bool), np.full(len(offsets), explained)
+    return merging.agrees_with_older(state, covariance, every, each).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -98,10 +97,9 @@ def test_the_younger_of_two_tracks_agrees_within_the_gate():
     assert agrees(0.0) == [False]
 
 
-def test_tracks_with_plots_of_their_own_are_two_targets():
-    assert agrees(0.0, 10.0, plots=(3, 4)) == [False, False]
-    assert agrees(0.0, 10.0, plots=(3, 3)) == [False, True]
-    assert agrees(0.0, 10.0, plots=(3, NO_HIT)) == [False, True]
+def test_tracks_that_explain_more_than_one_detection_and_a_half_are_two_targets():
+    assert agrees(0.0, 10.0, explained=0.76) == [False, False]
+    assert agrees(0.0, 10.0, explained=0.75) == [False, True]
 
 
 def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:

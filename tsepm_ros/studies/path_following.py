@@ -46,7 +46,7 @@ from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, splitting
 from tsepm_ros.tracker.assignment import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit, starting
-from tsepm_ros.tracker.measurement import DETECTION, Histories
+from tsepm_ros.tracker.measurement import DETECTION
 from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
 from tsepm_ros.tracker.options import CommonOptions, MnOptions, hits_option, window_option
 from tsepm_ros.tracker.sensor import SensorModel
@@ -253,7 +253,6 @@ class PathFollower(HitCounter):
         detections = observed.detections
         ids = self.begin(observed)
         pairs, cut_pairs = self.pairs(detections)
-        pairs = self._resembling(pairs, observed)
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
         row = extending.row
         children = self.extended(extending.parent, ids[row], taken(detections, row))
@@ -289,21 +288,6 @@ class PathFollower(HitCounter):
                 cut_confirmations=cut_raw,
             ),
         )
-
-    def _resembling(self, pairs: Pairs, observed: Observation) -> Pairs:
-        """The pairs but those in a clutter zone whose detection is unlike the track's hits."""
-        if not self.common.plot_features:
-            return pairs
-        zone = np.flatnonzero(observed.in_clutter_zone[pairs.row])
-        hits = self.potential.hits[pairs.parent[zone]]
-        some = hits != NO_HIT
-        features = np.full((*hits.shape, 3), np.nan)
-        features[some] = self.detections[hits[some]]["features"]
-        kept = np.ones(len(pairs), bool)
-        kept[zone] = Histories.of(features).resembled_by(
-            observed.detections["features"][pairs.row[zone]]
-        )
-        return pairs[kept]
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `evaluation` is the figure of the hits so far.

@@ -41,7 +41,6 @@ from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
 from tsepm_ros.numerics.gaussian import gate_factor, solve
 from tsepm_ros.tracker.clusters.grouping import ClusterExtent
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start
-from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -409,22 +408,18 @@ def located(covariance: FloatArray, detection_sigma: FloatArray) -> BoolArray:
 def agrees_with_older(
     state: FloatArray,
     covariance: FloatArray,
-    plots: IntArray,
     known: BoolArray,
     explained: FloatArray,
 ) -> BoolArray:
     """Which tracks agree with an older track.
 
     Two tracks agree where both are located, ``d' (P_i + P_j)^-1 d`` of their states is within the
-    gate for four dimensions, they do not each have a plot of their own, and together they explain
-    at most `MAX_EXPLAINED` detections.
+    gate for four dimensions, and together they explain at most `MAX_EXPLAINED` detections.
 
     Parameters
     ----------
     state, covariance : (n, 4), (n, 4, 4) ndarray
         Oldest track first.
-    plots : (n,) ndarray of int
-        Detection that is each track's own, or NO_HIT.
     known : (n,) ndarray of bool
         Which tracks are located.
     explained : (n,) ndarray
@@ -438,8 +433,7 @@ def agrees_with_older(
     if np.count_nonzero(known) < 2:
         return agrees
     track, older = _pairs_with_older(state[:, 0::2], known)
-    may = (plots[track] == plots[older]) | (plots[track] == NO_HIT) | (plots[older] == NO_HIT)
-    may &= known[track] & known[older] & (explained[track] + explained[older] <= MAX_EXPLAINED)
+    may = known[track] & known[older] & (explained[track] + explained[older] <= MAX_EXPLAINED)
     track, older = track[may], older[may]
     agrees[track[close(state, covariance, track, older, SAME_DISTANCE)]] = True
     return agrees
@@ -489,5 +483,5 @@ def may_repeat_older(
     covariance = tracks.covariance.copy()
     covariance[:, [0, 2], [0, 2]] += size[:, None]
     covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    unknown, every = np.full(len(tracks), NO_HIT), np.ones(len(tracks), bool)
-    return agrees_with_older(tracks.state, covariance, unknown, every, np.zeros(len(tracks)))
+    every = np.ones(len(tracks), bool)
+    return agrees_with_older(tracks.state, covariance, every, np.zeros(len(tracks)))

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit, changed
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.excess import PredictiveDensity
@@ -128,8 +128,6 @@ class Observation:
         The held tracks, with the hits of their starts.
     probable_detections : tuple of (k,) ndarray of int
         Ids of held tracks, and the detection of each that is more probably the track's than not.
-    in_clutter_zone : (d,) ndarray of bool
-        With `plot_features`; else all False.
     clutter_sensor : SensorModel
         The sensor with the range rates of its clutter as given or learned.
     seen_extent : Extent
@@ -160,7 +158,6 @@ class Observation:
     held_association: tuple[IntArray, FloatArray]
     held: TrackArrays
     probable_detections: tuple[IntArray, IntArray]
-    in_clutter_zone: BoolArray
     clutter_sensor: SensorModel
     seen_extent: Extent
     sensor_position: FloatArray

@@ -98,20 +98,6 @@ class CommonOptions(ParameterGroup):
         minimum=0.0,
         maximum=1e3,
     )
-    plot_features: bool = parameter(
-        False,
-        "Use intensity, range width and azimuth width, if measured: in clutter zones, and "
-        "where targets meet, a detection extends only a track whose detections it resembles, and "
-        "only one of the held tracks that meet",
-    )
-    encounter_time: float = parameter(
-        60.0,
-        "With plot_features: targets meet if their gates overlap at their closest approach, at "
-        "most this time away",
-        unit="s",
-        minimum=0.0,
-        maximum=3600.0,
-    )
     tracked_timeout: float = parameter(
         60.0,
         "Time without a message on tracked after which the node maintains the downstream "

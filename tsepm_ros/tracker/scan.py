@@ -34,7 +34,9 @@ MAX_MAGNITUDE = {
 MIN_MAGNITUDE = {"range": 1e-3, "range_std": 1e-6, "azimuth_std": 1e-9}
 """Smallest positive values accepted, m and rad: the squares of smaller values vanish."""
 
-FEATURES = ("intensity", "range_width", "azimuth_width", "range_rate")
+ECHO_FEATURES = ("intensity", "range_width", "azimuth_width")
+"""What is measured of an echo beside its place and its range rate."""
+FEATURES = (*ECHO_FEATURES, "range_rate")
 """Names allowed in `Scan.features`."""
 
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, TimeLimit, changed, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, further_plots
 from tsepm_ros.tracker.clusters.grouping import Clusters, chosen, placed
@@ -21,7 +21,6 @@ from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
-from tsepm_ros.tracker.maintenance.features import Environment, histories_of
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
@@ -201,11 +200,10 @@ class Tracker:
         active = self.plots.active
         detections = self._detections(scan)
         strengths = self._clutter.judge_strengths(detections, self.scan_index, self.options.window)
-        in_zone, environment = self._zones(detections)
         clutter_sensor, of_rates = self._clutter_rates(detections)
         before = self._clutter.before(self._held_targets) * of_rates
-        held_density, held_association = self._carry_held(scan, detections, before, environment)
-        self._learn_from_held(detections, held_density < before)
+        held_density, held_association = self._carry_held(scan, detections, before)
+        self._learn_from_held(detections)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
         self._learn_plots(active)
         self._clutter.learn_strengths(detections, self._reach)
@@ -224,7 +222,6 @@ class Tracker:
             held_association=held_association,
             held=self.maintenance.held.tracks,
             probable_detections=self.maintenance.probable_detections,
-            in_clutter_zone=in_zone,
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.clutter_map.seen.region.extent,
             sensor_position=self._poses.middle[:2],
@@ -245,15 +242,6 @@ class Tracker:
         self._scan = scan
         return interval
 
-    def _zones(self, detections: NDArray[np.void]) -> tuple[BoolArray, Environment | None]:
-        """Which detections (d,) are in a clutter zone, and where features count, if they do."""
-        if not self.common.plot_features:
-            return np.zeros(len(detections), bool), None
-        in_zone = self._clutter.in_zone
-        return in_zone, Environment(
-            in_zone, self.learned.features.clutter, self.common.encounter_time
-        )
-
     def _clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
         """The sensor with its clutter's range rates, and the density of the detections' own."""
         self.learned.clutter_range_rates.update(detections)
@@ -267,7 +255,6 @@ class Tracker:
         scan: Scan,
         detections: NDArray[np.void],
         clutter: FloatArray,
-        environment: Environment | None,
     ) -> tuple[FloatArray, tuple[IntArray, FloatArray]]:
         """Carry the held tracks to a scan; returns the density of their detections (d,), and whose.
 
@@ -283,7 +270,6 @@ class Tracker:
             changed(self.sensor, detection_probability=self.detection_probability),
             self.common.max_speed,
             self.learned.scan_interval.median / share,
-            environment,
             whole=share > WHOLE_SHARE,
         )
         association = self.maintenance.held_association
@@ -296,14 +282,11 @@ class Tracker:
             association = np.append(association[0], rows), np.append(association[1], share)
         return density, association
 
-    def _learn_from_held(self, detections: NDArray[np.void], is_clutter: BoolArray) -> None:
-        """Learn from the held tracks' detections: how many there are, their errors and features."""
-        learned = self.learned
-        learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
+    def _learn_from_held(self, detections: NDArray[np.void]) -> None:
+        """Learn from the held tracks' detections: how many there are, and their errors."""
+        self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.plots.active:
             self._learn_errors(detections)
-        if self.common.plot_features:
-            learned.features.observe(detections["features"], is_clutter)
 
     def _learn_plots(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
@@ -474,12 +457,11 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        histories = histories_of(self.window, tracks.hits) if self.common.plot_features else None
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.figures_of_hits(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
-        return self.maintenance.add(tracks, step.existences, histories, *figures)
+        return self.maintenance.add(tracks, step.existences, *figures)
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""

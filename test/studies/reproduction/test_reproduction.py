@@ -378,6 +378,23 @@ def test_the_smallest_pair_first_is_the_package_s():
     assert seen == {True, False}
 
 
+def test_the_printed_decision_by_hand():
+    # Mean (2, 4) of three plots; with (6, 8) it is (3, 5): 1 + 1.
+    history = np.array([[1.0, 4.0], [2.0, 4.0], [3.0, 4.0]])
+    assert environment.decision(history, np.array([6.0, 8.0])) == pytest.approx(2.0)
+
+
+def test_the_printed_decision_shrinks_with_the_history():
+    # As printed no threshold fits a short and a long history: why it is not what is used.
+    rng = np.random.default_rng(1)
+    short, long = rng.standard_normal((500, 3, 3)), rng.standard_normal((500, 30, 3))
+    candidate = rng.standard_normal((500, 3))
+    assert (
+        environment.decision(short, candidate).mean()
+        > 30 * environment.decision(long, candidate).mean()
+    )
+
+
 @pytest.mark.parametrize("offset", [0.5, 1.0, 2.0])
 def test_long_histories_decide_as_known_means_do(offset):
     """Within 4 standard errors of Phi(d / 2), d the distance of the means."""

@@ -9,7 +9,6 @@ import pytest
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
 from tsepm_ros.tracker.clutter.amplitude import (
-    INTENSITY,
     LAGS,
     RINGS,
     ClutterAmplitudes,
@@ -32,7 +31,7 @@ def judged(
 ) -> ScanAmplitudes | None:
     """What a learner says of a scan of clutter, from which it learns then."""
     detections = np.zeros(len(strength), DETECTION)
-    detections["features"][:, INTENSITY], detections["index"] = strength, np.arange(len(strength))
+    detections["intensity"], detections["index"] = strength, np.arange(len(strength))
     detections["position"] = (range_ * np.array([np.cos(azimuth), np.sin(azimuth)])).T
     cells = MAP.grid.cells(range_, azimuth)
     found = learner.judge(detections, index, 16, lambda: MAP.grid.divided(cells, range_, RINGS))

@@ -18,8 +18,7 @@ from tsepm_ros.studies.reproduction.report import (
     Table,
 )
 from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion
-from tsepm_ros.tracker.maintenance.features import closest_approach, distance_at
-from tsepm_ros.tracker.measurement import decision
+from tsepm_ros.tracker.motion import closest_approach
 
 ENCOUNTER = ((18_000.0, 187.0, 6.0, 330.0), (17_000.0, 189.0, 4.0, 190.0))
 """Targets A and B of Fig. 4: distance (m), azimuth (degrees), speed (m/s), heading (degrees)."""
@@ -118,12 +117,12 @@ def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
 
 def _encounter_parts() -> list[Part]:
     states = encounter()
-    time, distance = (float(value) for value in closest_approach(states[0], states[1]))
+    time, distance = (float(value) for value in closest_approach(states[1] - states[0]))
     start = float(np.hypot(*(states[1] - states[0])[0::2]))
-    separating = closest_approach(*encounter("x"))
+    separating = closest_approach(np.subtract(*encounter("x")))
     times = np.arange(0.0, 2.0 * time, TIME_STEP)
     exact = np.array(
-        [closest_approach(*_moved(states, elapsed))[0] for elapsed in times], np.float64
+        [closest_approach(np.subtract(*_moved(states, time)))[0] for time in times], np.float64
     )
     curves = {"closest approach, -r.v / |v|^2": exact}
     curves |= {
@@ -195,7 +194,7 @@ def _figure_4(
         for name, (x, vx, y, vy) in zip("AB", states, strict=True)
     ]
     x, y = _moved(states, closest)[:, 0::2].T
-    distance = float(distance_at(states[0], states[1], np.array(closest)))
+    distance = float(np.hypot(*np.subtract(*_moved(states, closest))[0::2]))
     text = f"closest: {closest:.0f} s, {distance:.0f} m"
     right.append(Line(x, y, text, {"color": "k", "ls": ":", "marker": "."}))
     return Picture(
@@ -233,6 +232,27 @@ def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
     )
     straight = np.minimum(distances[..., 0, 0], distances[..., 1, 1])
     return each, straight < np.minimum(distances[..., 0, 1], distances[..., 1, 0])
+
+
+def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
+    """The decision function as printed (Eqs. 10 and 11).
+
+    Parameters
+    ----------
+    history : (..., n, p) ndarray
+        Features of a track's plots.
+    candidate : (..., p) ndarray
+        Features of the plot that may be the track's next.
+
+    Returns
+    -------
+    (...) ndarray
+        J, small for a plot of the same target.
+    """
+    n = history.shape[-2]
+    mean = history.mean(axis=-2)
+    after = (n * mean + candidate) / (n + 1)
+    return np.asarray(np.square(after - mean).sum(axis=-1))
 
 
 def decide(

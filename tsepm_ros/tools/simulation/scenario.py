@@ -27,7 +27,7 @@ from scipy.special import gammaincinv, ndtr
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import shown
 from tsepm_ros.settings import parameter_files
-from tsepm_ros.tracker.measurement import NAMES
+from tsepm_ros.tracker.scan import ECHO_FEATURES
 from tsepm_ros.tracker.sensor import SensorModel
 
 
@@ -647,7 +647,7 @@ def _waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
 
 def _features(content: Any, where: str) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of each feature."""
-    values: dict[str, Any] = _read(content, where, dict.fromkeys(NAMES, ""))
+    values: dict[str, Any] = _read(content, where, dict.fromkeys(ECHO_FEATURES, ""))
     features = {}
     for name, value in values.items():
         mean, deviation = _numbers(2, value, f"{where}.{name}").tolist()

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.simulation.scenario import Scenario, Strengths
-from tsepm_ros.tracker.measurement import NAMES
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 CLUTTER = -1
@@ -218,7 +217,7 @@ class Simulator:
     def _plot_features(self, origin: NDArray[np.int64]) -> dict[str, FloatArray]:
         """Features of the scan's detections, (n,) by name, for the features of any plot."""
         drawn = {}
-        for name in NAMES:
+        for name in ECHO_FEATURES:
             if not any(name in features for features in self._features):
                 continue
             moments = [features.get(name, (np.nan, 0.0)) for features in self._features]

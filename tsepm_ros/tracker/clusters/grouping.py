@@ -331,7 +331,7 @@ def clusters_of(
             range_std=_std("range_std", np.where(changed, own * factor + spread, own)),
             azimuth_std=_std("azimuth_std", angle * factor + spread / range_**2),
             time_offset=None if scan.time_offset is None else scan.time_offset[best],
-            features=_features(scan, best) | _widths(scan, group, turn, n),
+            features=_features(scan, best),
             group=None,
             sensor_pose=_rows(scan.sensor_pose, best),
             sensor_velocity=_rows(scan.sensor_velocity, best),
@@ -363,15 +363,6 @@ def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray
     weight = np.where(by_intensity[group], strength, 1.0)
     weight = weight / largest_of(weight, group, n)[group]
     return weight / np.bincount(group, weight, minlength=n)[group], by_intensity
-
-
-def _widths(scan: Scan, group: IntArray, turn: FloatArray, n: int) -> dict[str, FloatArray]:
-    """`range_width` and `azimuth_width` over the members, with the widths that they have."""
-    widths = {}
-    for name, place in (("range_width", scan.range), ("azimuth_width", turn)):
-        half = 0.5 * np.nan_to_num(scan.features.get(name, np.zeros(len(scan))))
-        widths[name] = largest_of(place + half, group, n) + largest_of(half - place, group, n)
-    return widths
 
 
 def _features(scan: Scan, rows: IntArray) -> dict[str, FloatArray]:

@@ -38,9 +38,7 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import BlockSums, Cells
-from tsepm_ros.tracker.measurement import NAMES
 
-INTENSITY = NAMES.index("intensity")
 MAX_PINGS = 64
 """Pings in the reference, at most ..."""
 MAX_PER_PING = 64
@@ -452,7 +450,7 @@ class ClutterAmplitudes:
             None where strengths say nothing; `use` says why.
         """
         self._next = None
-        strength = detections["features"][:, INTENSITY]
+        strength = detections["intensity"]
         row = np.flatnonzero(np.isfinite(strength))
         if not len(row):
             self.use = "not used: no strengths"

@@ -255,8 +255,6 @@ DATA_SHEET_COUNT = 0.5
 """Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
 MIN_SEEN_SHARE = 0.1
 """Share of a window that counts as seen at least."""
-ZONE_FACTOR = 3.0
-"""Ratio of the density in a clutter zone to its mean over the coverage."""
 MAX_TARGET_COUNT = 8.0
 """Detections in a window attributed to new targets: at most this, or two and one a scan."""
 RENEWAL = 0.1
@@ -536,16 +534,6 @@ class ClutterMap:
         """Numbers of clutter detections expected in the last scan."""
         sums = self._estimate.expected
         return sums if self._level == 1.0 else sums.scaled(self._level)
-
-    def in_zone(self, cells: Cells) -> BoolArray:
-        """Whether cells (n,) are in a clutter zone (Environment 2018, Section 2.1).
-
-        A reading: the source counts plots per cell; in a zone, the counts of a cell and its
-        neighbours exceed thresholds. It gives no thresholds, cells or number of scans, and a count
-        grows with the cell's area and with the scans. Here the density, which `at` smooths over the
-        neighbours, is more than `ZONE_FACTOR` times its mean.
-        """
-        return np.asarray(self.at(cells) > ZONE_FACTOR * self.mean)
 
     def update(
         self,

@@ -47,7 +47,6 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     DetectionProbability,
     MeasurementErrors,
 )
-from tsepm_ros.tracker.maintenance.features import Surroundings
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.range_rates import measured, over_ground
 from tsepm_ros.tracker.sensor import SensorModel, View
@@ -140,8 +139,6 @@ class Learned:
         Range rates of clutter.
     detection_probability : DetectionProbability
         Estimated from the held tracks.
-    features : Surroundings
-        Features of the plots.
     errors : MeasurementErrors
         Innovations of the held tracks' detections.
     """
@@ -157,7 +154,6 @@ class Learned:
     scan_interval: ScanInterval = field(default_factory=ScanInterval)
     clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
-    features: Surroundings = field(default_factory=Surroundings)
     errors: MeasurementErrors = field(default_factory=MeasurementErrors)
 
     @classmethod
@@ -261,11 +257,6 @@ class ScanClutter:
         self.weight = np.zeros(len(range))
         self.predictive: PredictiveDensity | None = None
         self.strengths = learned.strengths if common.intensity == "auto" and counts_echoes else None
-
-    @property
-    def in_zone(self) -> BoolArray:
-        """Whether each detection is in a clutter zone, (d,)."""
-        return self._learned.clutter_map.in_zone(self.cells)
 
     def before(self, targets: Callable[[], HeldTargets]) -> FloatArray:
         """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""

@@ -17,7 +17,7 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_VANISH,
 )
 from tsepm_ros.tracker.maintenance.stationary import Status, StraightFits
-from tsepm_ros.tracker.measurement import Histories, major_sigma
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -35,6 +35,8 @@ PROVING = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
 DETECTED = 0.5
 """Probability of a detection from which a target counts as detected in a scan."""
+STRENGTH_MEMORY = 30
+"""Detections over which the strength of a track is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +49,6 @@ class ConfirmedTracks(Rows):
         Their states are the means over the modes of motion.
     models : InteractingModels
         State and probability of each mode.
-    histories : Histories
-        Features of the plots so far.
     fits : StraightFits
         Fits of constant velocity, by which it is judged whether the target stands still.
     existence : (n,) ndarray
@@ -80,7 +80,6 @@ class ConfirmedTracks(Rows):
     existence: FloatArray
     tracks: TrackArrays
     models: InteractingModels
-    histories: Histories
     fits: StraightFits
     proven: FloatArray
     visible: FloatArray
@@ -99,24 +98,22 @@ class ConfirmedTracks(Rows):
         cls,
         tracks: TrackArrays,
         existence: float | FloatArray,
-        histories: Histories | None = None,
         misfit: float | FloatArray = 1.0,
         strengths: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
     ) -> ConfirmedTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
-        Without histories no feature of their hits is known, nor without `strengths` these: their
-        number and the sum of their exponents. The covariances are too small for the
-        hits by factors `misfit`, a number or (n,), which counts in the fits. The last hits had the
-        errors `hit_sigma`, by default those of the tracks.
+        Without `strengths` no strength of their hits is known: their number and the sum of their
+        exponents. The covariances are too small for the hits by factors `misfit`, a number or (n,),
+        which counts in the fits. The last hits had the errors `hit_sigma`, by default those of the
+        tracks.
         """
         n = len(tracks)
         strength_hits, strength_total = strengths or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
             models=InteractingModels.of(tracks.state, tracks.covariance),
-            histories=Histories.of(np.zeros((n, 0, 3))) if histories is None else histories,
             fits=StraightFits.of(
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
@@ -254,6 +251,33 @@ class ConfirmedTracks(Rows):
             last_detected=np.where(detected >= DETECTED, self.tracks.stamp, self.last_detected),
         )
         return held, (of_target * proven)[covered], scans[covered]
+
+    def with_strengths(
+        self, row: IntArray, probability: FloatArray, strength: FloatArray
+    ) -> ConfirmedTracks:
+        """The rows with the strengths of the detections that may be theirs.
+
+        Older detections fade, over `STRENGTH_MEMORY`: the aspect changes.
+
+        Parameters
+        ----------
+        row, probability : (n, k) ndarray
+            Detections near each track, and the probability that each is its target's.
+        strength : (d,) ndarray
+            Exponent of each detection; nan where it is not known.
+        """
+        known = np.isfinite(strength)
+        if not known.any():
+            return self
+        share = np.where(known[row], probability, 0.0)
+        hits = share.sum(axis=1)
+        total = (share * np.where(known, strength, 0.0)[row]).sum(axis=1)
+        keep = 1.0 - np.minimum(hits, 1.0) / STRENGTH_MEMORY
+        return changed(
+            self,
+            strength_hits=keep * self.strength_hits + hits,
+            strength_total=keep * self.strength_total + total,
+        )
 
     def revised(
         self, corrected: TrackArrays, existence: FloatArray | None = None

@@ -26,14 +26,10 @@ from tsepm_ros.numerics.arrays import (
     with_rows,
 )
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.maintenance import data_association, features, stationary
+from tsepm_ros.tracker.maintenance import data_association, stationary
 from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, ConfirmedTracks
-from tsepm_ros.tracker.maintenance.data_association import (
-    GATE_PROBABILITY,
-)
-from tsepm_ros.tracker.maintenance.features import Environment
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, GatedDetections
 from tsepm_ros.tracker.maintenance.stationary import Status
-from tsepm_ros.tracker.measurement import Histories
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
@@ -159,7 +155,6 @@ class TrackMaintenance:
         sensor: SensorModel,
         max_speed: float,
         interval: float = 0.0,
-        environment: Environment | None = None,
         *,
         whole: bool = True,
     ) -> FloatArray:
@@ -181,8 +176,6 @@ class TrackMaintenance:
             v_max, m/s: the velocity after a turn is unknown up to it.
         interval : float, optional
             Median time between scans of the whole coverage, s; 0 if it is not known.
-        environment : Environment, optional
-            Clutter zones and encounters, in which plots' features count.
         whole : bool, optional
             Whether the scan looked at the whole coverage; a target elsewhere is not away otherwise.
 
@@ -205,14 +198,10 @@ class TrackMaintenance:
             np.concatenate([getattr(held.models, name), getattr(held.fits, name)[:, None]], axis=1)
             for name in ("state", "covariance")
         )
-        means = np.stack([held.tracks.state, held.fits.state], axis=1)
-        gated = data_association.gate(state, covariance, means, stamp, detections, sensor)
+        gated = self.gate(held, state, covariance, stamp, detections, sensor)
         row, clutter = gated.row, np.maximum(clutter, MIN_CLUTTER_DENSITY)
         # A detection was possible where there is one, wherever the data sheet ends the coverage.
         scale = (held.visible * sensor.detection_probability)[:, None, None] / clutter[row]
-        if environment is not None:
-            mean = data_association.over_modes(held.models.probability, gated.likelihood)
-            scale *= features.likelihood_factors(environment, held, row, mean, detections)
         ratios = gated.likelihood * scale[:, data_association.SEEKER]
         ratio, share, held_density = data_association.associate(
             held.existence, empty, held.models.probability, ratios, row, clutter
@@ -225,11 +214,10 @@ class TrackMaintenance:
         # A downstream tracker has a speed limit of its own.
         limit = np.where(self._kept_by_tracker(held), np.inf, max_speed)
         row, shares = row[:, 0], share[:, 0]
-        held, plots = features.with_plots(held, row, shares, detections, environment)
         held, detected, scans = held.updated(state, covariance, mode_ratios, empty, covered, limit)
         self.covered = detected, scans
         of_target = shares * held.existence[:, None]
-        held = features.with_strengths(held, row, of_target, detections["strength"])
+        held = held.with_strengths(row, of_target, detections["strength"])
         held = stationary.judged(held, self.options)
         sigma = self._take_own(held, row, of_target, detections)
         # End.
@@ -239,10 +227,23 @@ class TrackMaintenance:
             seen = np.flatnonzero(explained > PROBABLE)
             self.nearest_detections = held.tracks.track_id[seen], row[seen, 0]
         kept = self.end(exists, np.where(covered, "missed", "left"))
-        repeats = self._repeated(plots[kept], sigma[kept], explained[kept])
+        repeats = self._repeated(sigma[kept], explained[kept])
         self.end(~repeats, "duplicate")
         self._publish(sensor.max_range)
         return held_density
+
+    def gate(
+        self,
+        held: ConfirmedTracks,
+        state: FloatArray,
+        covariance: FloatArray,
+        stamp: float,
+        detections: NDArray[np.void],
+        sensor: SensorModel,
+    ) -> GatedDetections:
+        """Detections in the gates of tracks, and how well they fit; see `data_association.gate`."""
+        means = np.stack([held.tracks.state, held.fits.state], axis=1)
+        return data_association.gate(state, covariance, means, stamp, detections, sensor)
 
     def _take_own(
         self,
@@ -341,21 +342,20 @@ class TrackMaintenance:
         self,
         tracks: TrackArrays,
         existence: float | FloatArray,
-        histories: Histories | None = None,
         misfit: float | FloatArray = 1.0,
         strengths: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
     ) -> TrackArrays:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
-        Their hits have features as in `histories`, if these are known; their covariances are too
-        small for the hits by factors `misfit`; `strengths` and `hit_sigma`: `ConfirmedTracks.of`.
+        Their covariances are too small for the hits by factors `misfit`; `strengths` and
+        `hit_sigma`: `ConfirmedTracks.of`.
         Those that are published at once are returned.
         """
         if not len(tracks):
             return tracks
         self._remember_starts(tracks)
-        new = ConfirmedTracks.of(tracks, existence, histories, misfit, strengths, hit_sigma)
+        new = ConfirmedTracks.of(tracks, existence, misfit, strengths, hit_sigma)
         held = ConfirmedTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
         held = stationary.stated(stationary.judged(held, self.options), self.options)
         first = len(held) - len(new)
@@ -461,13 +461,11 @@ class TrackMaintenance:
             away = away[self.end(kept, "forgotten")]
         return away
 
-    def _repeated(
-        self, plots: IntArray, detection_sigma: FloatArray, explained: FloatArray
-    ) -> BoolArray:
+    def _repeated(self, detection_sigma: FloatArray, explained: FloatArray) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
         tracks, before = self.held.tracks, self.held.agreeing_scans
         known = merging.located(tracks.covariance, detection_sigma)
-        agrees = merging.agrees_with_older(tracks.state, tracks.covariance, plots, known, explained)
+        agrees = merging.agrees_with_older(tracks.state, tracks.covariance, known, explained)
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
         self.held = changed(self.held, agreeing_scans=scans)
         return scans >= merging.SAME_SCANS

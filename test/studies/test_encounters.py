@@ -1,28 +1,33 @@
-"""Clutter zones and encounters: closest approach, and what they change in the association."""
+"""Clutter zones and encounters: what they change in the association, and features of plots."""
 
-import dataclasses
+import functools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize_scalar
-from support.builders import AS_GIVEN, assert_same_tracks, detections, scan_at
+from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
-from tsepm_ros import SensorModel, available_methods, make_initiator
+from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.methods.registry import make_method
+from tsepm_ros.studies.encounters import (
+    PLOT_COUNT,
+    ZONE_FACTOR,
+    Environment,
+    FeatureTracker,
+    Histories,
+    measured_features,
+    meeting,
+)
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.assignment import Pairs
-from tsepm_ros.tracker.clutter.density import Cells, ClutterMap
-from tsepm_ros.tracker.maintenance.features import (
-    Environment,
-    Surroundings,
-    closest_approach,
-    distance_at,
-    histories_of,
-    meeting,
-)
-from tsepm_ros.tracker.measurement import DetectionWindow, Histories
+from tsepm_ros.tracker.clutter.density import ClutterMap
+from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
+from tsepm_ros.tracker.motion import closest_approach, position_after
+from tsepm_ros.tracker.scan import ECHO_FEATURES
 
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
 
@@ -35,8 +40,8 @@ TWO = Histories.of(np.stack([plots_like(BIG, 10), plots_like(SMALL, 10)]))
 APART, TOGETHER = np.zeros((2, 2), bool), ~np.eye(2, dtype=bool)
 
 
-def environment(in_zone: list[bool], clutter: np.ndarray | None = None) -> Environment:
-    return Environment(np.array(in_zone), np.zeros((0, 3)) if clutter is None else clutter, 60.0)
+def featured(sensor: SensorModel, **options) -> FeatureTracker:
+    return FeatureTracker(make_method("score", sensor=sensor, **options))
 
 
 def all_pairs(cost: list[list[float]]) -> Pairs:
@@ -47,49 +52,26 @@ def all_pairs(cost: list[list[float]]) -> Pairs:
 def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
     # Of 9 plots of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 + 9).
     clutter = np.concatenate([np.tile(BIG, (2, 1)), np.tile(SMALL, (7, 1))])
-    factors = environment([True, False], clutter).factors(
-        TWO, APART, all_pairs([[1.0, 1.0], [1.0, 1.0]]), np.stack([BIG, BIG])
-    )
+    environment = Environment(np.stack([BIG, BIG]), np.array([True, False]), clutter)
+    factors = environment.factors(TWO, APART, all_pairs([[1.0, 1.0], [1.0, 1.0]]))
     assert factors.tolist() == pytest.approx([10.0 / 3.0, 1.0, 0.0, 1.0])
-    factors = environment([True], clutter).factors(
-        TWO, APART, all_pairs([[1.0], [1.0]]), SMALL[None]
-    )
+    environment = Environment(SMALL[None], np.array([True]), clutter)
+    factors = environment.factors(TWO, APART, all_pairs([[1.0], [1.0]]))
     assert factors.tolist() == pytest.approx([0.0, 10.0 / 8.0])
 
 
 def test_plots_that_resemble_several_go_by_their_distance():
     same = Histories.of(np.stack([plots_like(BIG, 10), plots_like(BIG, 10)]))
-    features = np.stack([BIG, BIG])
+    environment = Environment(np.stack([BIG, BIG]), np.zeros(2, bool), np.zeros((0, 3)))
     for cost, expected in (
         ([[0.0, 4.0], [4.0, 0.0]], [1.0, 0.0, 0.0, 1.0]),
         ([[4.0, 0.0], [0.0, 4.0]], [0.0, 1.0, 1.0, 0.0]),
         ([[4.0, np.inf], [3.0, np.inf]], [0.0, 1.0, 1.0, 1.0]),  # the second is in no gate
     ):
-        factors = environment([False, False]).factors(same, TOGETHER, all_pairs(cost), features)
+        factors = environment.factors(same, TOGETHER, all_pairs(cost))
         assert factors.tolist() == expected
-        factors = environment([False, False]).factors(same, APART, all_pairs(cost), features)
+        factors = environment.factors(same, APART, all_pairs(cost))
         assert factors.tolist() == [1.0, 1.0, 1.0, 1.0]
-
-
-def test_histories_are_those_of_the_hits_as_far_as_remembered():
-    window = DetectionWindow()
-    for scan in range(30):
-        found = detections([[0.0, 0.0], [500.0, 0.0]], float(scan))
-        found["scan"], found["index"] = scan, [0, 3]
-        found["features"] = [[scan] * 3, [scan + 0.5] * 3]
-        window.append(found)
-    window.forget(10)
-    found = histories_of(window, [((0, 0), (20, 3), (29, 0)), ((1, 0),)])
-    assert found.count.tolist() == [[2.0] * 3, [0.0] * 3], "scans 0 and 1 are forgotten"
-    assert found.mean[0, 0] == pytest.approx((20.5 + 29.0) / 2.0)
-
-
-def test_only_plots_of_clutter_tell_of_clutter():
-    surroundings = Surroundings()
-    nothing = np.full((1, 3), np.nan)
-    features = np.concatenate([SMALL[None], BIG[None], nothing])
-    surroundings.observe(features, np.array([True, False, True]))
-    assert surroundings.clutter.tolist() == [SMALL.tolist()]
 
 
 def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
@@ -103,35 +85,48 @@ def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
         clutter.update(clutter.grid.cells(np.hypot(x, y), np.arctan2(y, x)), np.ones(len(x)))
     inside, outside = (2750.0, 2750.0), (-2750.0, 2750.0)
     x, y = np.array([inside, outside]).T
-    assert clutter.in_zone(clutter.grid.cells(np.hypot(x, y), np.arctan2(y, x))).tolist() == [
-        True,
-        False,
-    ]
+    density = clutter.at(clutter.grid.cells(np.hypot(x, y), np.arctan2(y, x)))
+    assert (density > ZONE_FACTOR * clutter.mean).tolist() == [True, False]
 
 
-@pytest.mark.parametrize("method", available_methods())
+def two_kinds(plots: np.ndarray, others: np.ndarray, k: int, outside: int = 0) -> Scan:
+    """A target of features `plots` at 3 km, beside one of `others`, behind echoes out of range."""
+    features = np.concatenate([np.full((outside, 3), 1e4), plots[k : k + 1], others[k : k + 1]])
+    return scan_at(
+        12.0 * k,
+        [*[(20e3, 0.0)] * outside, (3000.0 + 60.0 * k, 0.0), (-5000.0, 30.0 * k)],
+        features=dict(zip(ECHO_FEATURES, features.T, strict=True)),
+    )
+
+
 @pytest.mark.parametrize("outside", [0, 1, 5])
-def test_echoes_outside_the_coverage_change_no_track_s_features(method, outside):
-    # A track of features like BIG, beside a plot like SMALL, behind echoes that do not count.
+def test_a_track_has_the_features_of_its_own_plots_wherever_they_stand_in_the_scan(outside):
     sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003, max_range=8e3)
-    made = make_initiator(method, sensor=sensor, plot_features=True)
-    own, other = plots_like(BIG, 20, seed=4), plots_like(SMALL, 20, seed=5)
-    started = []
-    for k in range(20):
-        plots = np.concatenate([np.full((outside, 3), 1e4), own[k : k + 1], other[k : k + 1]])
-        scan = scan_at(
-            12.0 * k,
-            [*[(20e3, 0.0)] * outside, (3000.0 + 60.0 * k, 0.0), (-5000.0, 300.0 * (k % 2))],
-            features=dict(zip(("intensity", "range_width", "azimuth_width"), plots.T, strict=True)),
-        )
-        for track in made.process(scan):
-            started.append(track)
-            features = np.array([own[scan] for scan, index in track.hits if index == outside])
-            if len(features) == len(track.hits):
-                found = histories_of(made.window, [track.hits])
-                np.testing.assert_allclose(found.mean[0], features.mean(axis=0))
-    assert started, "the target is found"
-    assert made.statistics.outside_coverage == outside
+    made = featured(sensor)
+    own, others = plots_like(BIG, 45, seed=4), plots_like(SMALL, 45, seed=5)
+    for k in range(45):
+        made.process(two_kinds(own, others, k, outside))
+    tracks = made.maintenance.held.tracks
+    ahead = tracks.state[:, 0].argsort()
+    assert len(tracks) == 2
+    found = made.maintenance.histories(tracks)
+    # The plot of this scan is a track's own from the next scan on if the track began with it.
+    latest = np.stack([others, own])[:, -PLOT_COUNT:]
+    np.testing.assert_allclose(found.mean[ahead], latest.mean(axis=1))
+    np.testing.assert_allclose(found.square[ahead], latest.var(axis=1) * PLOT_COUNT)
+
+
+def test_only_plots_of_clutter_tell_of_clutter():
+    # Every second ping another echo, somewhere else: none of the tracks' plots is clutter.
+    sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003, max_range=8e3)
+    made = featured(sensor)
+    own, others = plots_like(BIG, 30, seed=4), plots_like(SMALL, 30, seed=5)
+    for k in range(30):
+        made.process(two_kinds(own, others, k))
+        if k == 14:
+            assert len(made.current) == 2
+            first = len(made.maintenance.clutter)
+    assert 0 < first == len(made.maintenance.clutter)
 
 
 def overtaking() -> Scenario:
@@ -147,7 +142,8 @@ def overtaking() -> Scenario:
 def held_through(features: bool, seed: int) -> bool:
     """Whether the tracks of both ships go on, each with its own."""
     scenario = overtaking()
-    made = make_initiator("score", sensor=scenario.sensor, plot_features=features, **AS_GIVEN)
+    make = featured if features else functools.partial(make_initiator, "score")
+    made = make(sensor=scenario.sensor, **AS_GIVEN)
     own = []
     for scan in Simulator(scenario, seed):
         made.process(scan.scan)
@@ -165,50 +161,10 @@ def test_features_keep_two_tracks_apart_that_are_one_without():
     assert sum(held_through(False, seed) for seed in range(12)) <= 4
 
 
-class Zone(ClutterMap):
-    """A clutter map all or nothing of which is a zone."""
-
-    def __init__(self, sensor: SensorModel, zone: bool) -> None:
-        super().__init__(sensor)
-        self.zone = zone
-
-    def in_zone(self, cells: Cells) -> np.ndarray:
-        return np.full(len(cells.row), self.zone)
-
-
-@pytest.mark.parametrize("method", ["sequential", "logic", "multiple_model"])
-def test_a_scan_by_scan_method_leaves_out_unlike_plots_in_a_zone(method):
-    # A target straight ahead; then its plot or one of clutter in its place.
-    def hits(features: bool, last: np.ndarray, zone: bool) -> int:
-        sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003)
-        made = make_initiator(method, sensor=sensor, min_hits=12, window=14, plot_features=features)
-        learned = dataclasses.replace(made.learned, clutter_map=Zone(sensor, zone))
-        made.learned = learned
-        plots = plots_like(BIG, 9, seed=4)
-        plots[-1] = last
-        for k, (intensity, depth, width) in enumerate(plots):
-            made.process(
-                scan_at(
-                    12.0 * k,
-                    [(3000.0 + 20.0 * k, 0.0)],
-                    features={
-                        "intensity": [intensity],
-                        "range_width": [depth],
-                        "azimuth_width": [width],
-                    },
-                )
-            )
-        return max(len(track.hits) for track in made.potential_tracks())
-
-    assert hits(True, BIG, zone=True) == 9
-    assert hits(True, SMALL, zone=True) == 8
-    assert hits(True, SMALL, zone=False) == hits(False, SMALL, zone=True) == 9
-
-
-def test_without_features_and_encounters_the_option_changes_nothing():
+def test_without_features_and_encounters_the_study_changes_nothing():
     scenario = load_scenario("four_targets", {"sensor.clutter_density": 3e-7, "scans": 20})
     one = make_initiator("score", sensor=scenario.sensor)
-    other = make_initiator("score", sensor=scenario.sensor, plot_features=True)
+    other = featured(scenario.sensor)
     started = 0
     for scan in Simulator(scenario, 4):
         assert_same_tracks(one.process(scan.scan), other.process(scan.scan))
@@ -245,7 +201,7 @@ def test_the_published_ships_meet_whatever_the_angles_are_measured_from(axis):
     found = minimize_scalar(
         lambda t: math.dist(moved(one, t)[[0, 2]], moved(two, t)[[0, 2]]), bounds=(-1e3, 1e3)
     )
-    time, distance = closest_approach(one, two)
+    time, distance = closest_approach(two - one)
     assert time == pytest.approx(found.x, abs=0.01)
     assert distance == pytest.approx(found.fun, abs=1e-3)
     assert (time, distance) == (pytest.approx(122.7, abs=0.05), pytest.approx(188.5, abs=0.05))
@@ -269,14 +225,14 @@ def test_it_is_the_printed_equation_but_for_its_sign():
             - 2.0 * speeds[1] * speeds[0] * math.cos(headings[0] - headings[1])
         )
         angle = math.hypot(east, north) * math.cos(math.atan2(ve, vn) - math.atan2(east, north))
-        time, _ = closest_approach(one, two)
+        time, _ = closest_approach(two - one)
         assert abs(time) == pytest.approx(abs(angle) / relative)  # Eq. 9
         assert np.sign(time) == -np.sign(east * ve + north * vn), "above 0 while they approach"
 
 
 def test_ships_on_one_course_are_closest_now():
     state = np.array([[0.0, 3.0, 0.0, 4.0], [30.0, 3.0, 40.0, 4.0]])
-    assert closest_approach(*state) == (0.0, 50.0)
+    assert closest_approach(state[1] - state[0]) == (0.0, 50.0)
 
 
 @pytest.mark.parametrize(
@@ -291,6 +247,54 @@ def test_targets_meet_where_their_gates_overlap_in_time(within, width, met):
     error = math.sqrt((width / 6.0) ** 2 - 9.0)
     one, two = meeting(states, spread, np.full(2, error), 3.0, within)
     times = np.linspace(-within, within, 10_001)
-    closest = distance_at(*states[:, None], times).min()
+    closest = np.hypot(*position_after(states[1] - states[0], times).T).min()
     assert (closest <= width) == met, "what the numbers above mean"
     assert (one.tolist(), two.tolist()) == (([0], [1]) if met else ([], []))
+
+
+SPREAD = np.array([4.0, 8.0, 0.002])
+MEAN = np.array([50.0, 60.0, 0.015])
+
+
+def drawn(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    return MEAN + SPREAD * rng.standard_normal((*shape, 3))
+
+
+@pytest.mark.parametrize("plots", [3, 5, 20])
+def test_own_plots_are_chi_square_distributed_whatever_their_number(plots):
+    # Kolmogorov-Smirnov at 0.1 %; the share outside the gate within 3.3 standard errors of 1 %.
+    rng = np.random.default_rng([2, plots])
+    n = 4000
+    histories, candidate = Histories.of(drawn(rng, n, plots)), drawn(rng, n)
+    found = histories.dissimilarity(candidate)
+    assert stats.kstest(found, stats.chi2(3).cdf).pvalue > 1e-3
+    outside = 1.0 - histories.resembled_by(candidate).mean()
+    assert outside == pytest.approx(1.0 - GATE_PROBABILITY, abs=3.3 * np.sqrt(0.0099 / n))
+
+
+@pytest.mark.parametrize(
+    ("history", "candidate", "resembles"),
+    [
+        (np.full((1, 0, 3), 0.0), [1e3, 1e3, 1e3], True),
+        (np.full((1, 1, 3), 5.0), [1e3, 1e3, 1e3], True),
+        (np.full((1, 9, 3), 5.0), [np.nan, np.nan, np.nan], True),
+        (np.full((1, 9, 3), 5.0), [5.0, 5.0, 5.0], True),
+        (np.full((1, 9, 3), 5.0), [9.0, np.nan, np.nan], False),
+        (np.full((1, 9, 3), 0.0), [0.0, 0.0, 0.0], True),
+        (np.full((1, 9, 3), 0.0), [0.0, 1e-3, 0.0], False),
+    ],
+    ids=["no plots", "one plot", "not measured", "same", "other", "always 0", "0 but once"],
+)
+def test_what_cannot_be_told_apart_resembles(history, candidate, resembles):
+    with np.errstate(all="raise"):
+        found = Histories.of(history).resembled_by(np.array([candidate]))
+    assert found.tolist() == [resembles]
+
+
+def test_features_of_a_scan_are_in_columns_and_nan_where_there_are_none():
+    scan = Scan(
+        0.0, [1e3, 2e3], [0.0, 0.1], features={"azimuth_width": [0.1, np.inf], "intensity": [5, 6]}
+    )
+    np.testing.assert_array_equal(
+        measured_features(scan), [[5.0, np.nan, 0.1], [6.0, np.nan, np.nan]]
+    )
