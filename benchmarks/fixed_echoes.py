@@ -21,7 +21,7 @@ from fixed_echoes_scenes import Scene, Target, piles
 
 from tsepm_ros import make_initiator
 from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.clusters.grouping import chosen
+from tsepm_ros.tracker.scan import chosen
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
 NEAR = 15.0

@@ -54,9 +54,8 @@ from msg_adapters.point_cloud import read_point_cloud, write_point_cloud
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship.registration import AXES, stated_axes
-from tsepm_ros.tracker.clusters.grouping import goes_on
 from tsepm_ros.tracker.scan import Arc, Scan
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import SensorModel, goes_on
 
 NO_TIMES = (
     "the scan has no time_increment and sound_speed is 0: all detections are assumed valid at the "

@@ -16,7 +16,8 @@ from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays

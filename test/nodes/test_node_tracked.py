@@ -9,8 +9,7 @@ from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import START_NS, Ping, cloud, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tsepm_ros.tracker.maintenance import stationary
-from tsepm_ros.tracker.maintenance.stationary import Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
 
 SECOND = 10**9
 DATATYPES = {
@@ -114,7 +113,7 @@ def test_the_markers_of_a_track_that_is_not_published_any_more_are_deleted(world
     tracker = Tracker(world, boat)
     tracker.say(0.0, 7, 8)
     assert ids(tracker.held_at(12.0)) == [7, 8]
-    monkeypatch.setattr(stationary, "statuses", lambda held, *_: np.array([Status.FIXED, 0]))
+    monkeypatch.setattr(ConfirmedTracks, "statuses", lambda held, *_: np.array([Status.FIXED, 0]))
     assert ids(tracker.held_at(24.0)) == [8]
     assert tracker.shown_at(24.0) == ({8}, {7})
     figures = world.figures()

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.numerics.gaussian import correlated_beyond_one, inverse_or_nan, proper, solve
+from tsepm_ros.numerics.gaussian import inverse_or_nan, proper, solve
+from tsepm_ros.studies.multiple_model import correlated_beyond_one
 
 
 def ordinary(number: int, seed: int = 1) -> np.ndarray:

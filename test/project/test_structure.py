@@ -4,7 +4,7 @@ import ast
 import shutil
 import subprocess
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -31,6 +31,22 @@ LAYERS = (
 
 Three storeys: the tracker and what runs its node, the tools, and the studies.
 """
+ROOMS = {
+    "what a scan measures": "scan options sensor polar_grid range_rates measurement motion",
+    "paths of hits": "initial_state tracks",
+    "amplitude": "clutter.amplitude_law clutter.amplitude",
+    "clutter": "clutter.excess clutter.density clutter.fixed_places clutter.sensor_performance "
+    "clutter.learned",
+    "hypotheses": "observation hypotheses evaluation splitting pruning",
+    "confirmation": "confirmation threshold",
+    "merging": "merging",
+    "maintenance": "maintenance.data_association maintenance.stationary "
+    "maintenance.confirmed_tracks maintenance.track_maintenance",
+    "clusters": "clusters.grouping clusters.extended_targets",
+    "tracker": "method tracker",
+}
+"""Rooms of the tracker and their modules, the lowest first: a module imports from those before it
+only, in its room too."""
 WITH_ROS = (
     "tsepm_ros.nodes",
     "tsepm_ros.tools.demo",
@@ -85,6 +101,33 @@ def test_imports_run_one_way(path):
     for name in imported(path):
         if name.startswith(("tsepm_ros", "msg_adapters")) and layer_of(name) is not None:
             assert layer_of(name) <= place, f"{module} imports {name} from a layer above it"
+
+
+def upward(modules: list[str], imported_by: Mapping[str, Iterable[str]]) -> list[str]:
+    """Imports among modules, in their order from the lowest, that are not from one before."""
+    wrong = []
+    for place, module in enumerate(modules):
+        for name in imported_by[module]:
+            parents = {name, name.rpartition(".")[0]}
+            if parents & set(modules[place:]):
+                wrong.append(f"{module} imports {name}")
+    return wrong
+
+
+def test_the_rooms_of_the_tracker_import_from_lower_rooms_only():
+    rooms = [f"tsepm_ros.tracker.{name}" for room in ROOMS.values() for name in room.split()]
+    paths = {name_of(path): path for path in MODULES if path.stem != "__init__"}
+    found = {name for name in paths if name.startswith("tsepm_ros.tracker.")}
+    assert sorted(rooms) == sorted(found), "every module of the tracker is in one room"
+    assert upward(rooms, {name: imported(paths[name]) for name in rooms}) == []
+
+
+def test_an_import_from_a_higher_room_and_a_circle_are_told():
+    low, high = "tsepm_ros.tracker.scan", "tsepm_ros.tracker.sensor"
+    assert upward([low, high], {low: ["numpy"], high: [f"{low}.Scan"]}) == []
+    assert upward([low, high], {low: [f"{high}.View"], high: [f"{low}.Scan"]}) == [
+        f"{low} imports {high}.View"
+    ]
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)

@@ -12,6 +12,7 @@ from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import make_method
+from tsepm_ros.studies.assignment import Pairs
 from tsepm_ros.studies.encounters import (
     PLOT_COUNT,
     ZONE_FACTOR,
@@ -23,7 +24,6 @@ from tsepm_ros.studies.encounters import (
 )
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
-from tsepm_ros.tracker.assignment import Pairs
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.motion import closest_approach, position_after

@@ -8,9 +8,9 @@ from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.studies.multiple_model import MAX_FILTERS, cells
-from tsepm_ros.studies.split_merge import combined
+from tsepm_ros.studies.split_merge import combined, unscented
 from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import convert, unscented
+from tsepm_ros.tracker.measurement import convert
 
 
 @pytest.mark.parametrize(("size", "found"), [(0.0101, 1), (0.0099, 0)])

@@ -10,7 +10,6 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from support.held import tracks
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.extended_targets import (
     LOG_RATIO,
     MARGIN,
@@ -26,11 +25,11 @@ from tsepm_ros.tracker.clusters.grouping import (
     ClusterErrors,
     ClusterExtent,
     clusters_of,
-    goes_on,
     grouped,
 )
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.scan import arc_of
+from tsepm_ros.tracker.scan import arc_of, chosen
+from tsepm_ros.tracker.sensor import goes_on
 
 SENSOR = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
 
@@ -141,7 +140,7 @@ def test_chosen_detections_keep_what_is_theirs():
     columns |= {"azimuth_std": [0.01, 0.02], "time_offset": [0.3, 0.4]}
     columns |= {"sensor_pose": [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]}
     columns |= {"sensor_velocity": [[1.0, 2.0], [3.0, 4.0]]}
-    one = grouping.chosen(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
+    one = chosen(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
     assert {name: getattr(one, name).tolist() for name in columns} == {
         name: [values[1]] for name, values in columns.items()
     }

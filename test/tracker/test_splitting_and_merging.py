@@ -12,9 +12,10 @@ from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.tracker import assignment, merging, splitting
-from tsepm_ros.tracker.assignment import disjoint
-from tsepm_ros.tracker.hypotheses import Hypotheses, Start
+from tsepm_ros.studies import assignment
+from tsepm_ros.studies.assignment import disjoint
+from tsepm_ros.tracker import merging, splitting
+from tsepm_ros.tracker.hypotheses import Hypotheses, Start, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.merging import groups, merging_threshold
 from tsepm_ros.tracker.splitting import Gated, children, gate, split_paths
@@ -146,7 +147,7 @@ def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own
     start = Start(
         np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
     )
-    given = merging.given_starts(hypotheses, [start])
+    given = given_starts(hypotheses, [start])
     np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
 
 

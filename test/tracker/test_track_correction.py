@@ -9,7 +9,7 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import score
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.maintenance.stationary import Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.01, clutter_density=1e-5)

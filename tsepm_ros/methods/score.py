@@ -53,10 +53,16 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
 from tsepm_ros.tracker.confirmation import held_hits, spans_time
-from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Start, Tree
+from tsepm_ros.tracker.hypotheses import (
+    ExpectedDetections,
+    Hypotheses,
+    Start,
+    Tree,
+    given_starts,
+)
 from tsepm_ros.tracker.initial_state import NO_HIT, fit_paths
-from tsepm_ros.tracker.merging import given_starts
-from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.threshold import Threshold

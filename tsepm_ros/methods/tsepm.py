@@ -61,7 +61,8 @@ from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
 from tsepm_ros.tracker.initial_state import ESTIMATORS, Fit, Paths, fit, starting
 from tsepm_ros.tracker.measurement import DetectionWindow
-from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated

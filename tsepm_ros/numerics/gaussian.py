@@ -132,19 +132,6 @@ def proper(covariance: FloatArray) -> FloatArray:
     return repaired
 
 
-def correlated_beyond_one(covariance: FloatArray) -> BoolArray:
-    """Which matrices (n, d, d) have a variance or a correlation that no covariance has, (n,).
-
-    This is a cheap test for many matrices; `proper` tests all of their eigenvalues.
-    """
-    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
-    square = variance[..., :, None] * variance[..., None, :]
-    size = covariance.shape[-1]
-    beyond = np.square(covariance) >= square * (1.0 - MIN_EIGENVALUE)
-    beyond[..., range(size), range(size)] = variance <= 0.0
-    return np.asarray(beyond.any(axis=(-2, -1)))
-
-
 @np.errstate(invalid="ignore")
 def inverse_or_nan(matrices: FloatArray) -> FloatArray:
     """Inverse of each (..., d, d) matrix; nan for a singular matrix."""

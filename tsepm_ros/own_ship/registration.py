@@ -33,8 +33,7 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray, changed
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.clusters.grouping import chosen
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, chosen, wrap
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MIN_QUATERNION_NORM = 1e-6

@@ -47,7 +47,7 @@ from tsepm_ros.session.inputs import (
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.maintenance.stationary import Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan

@@ -23,9 +23,8 @@ from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.session.inputs import MAX_INTERVAL, Now, waited
 from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, looked_at, sees_all
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clusters.grouping import goes_on
 from tsepm_ros.tracker.scan import Scan, turned
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import SensorModel, goes_on
 
 LINKED_STEPS = 2.5
 """Steps of the beam within which echoes follow each other."""

@@ -48,8 +48,8 @@ from scipy.special import chdtri, fdtrc
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
 from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.studies.assignment import Pairs, exclusive
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.assignment import Pairs, exclusive
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,

@@ -65,10 +65,11 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
 from tsepm_ros.parameters import parameter
+from tsepm_ros.studies.assignment import Pairs
 from tsepm_ros.studies.path_following import Estimates, HitCounter, PathFollower
-from tsepm_ros.tracker.assignment import Pairs
 from tsepm_ros.tracker.initial_state import NO_HIT, Paths, starting
-from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
+from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.tracks import TrackArrays
 

@@ -51,9 +51,9 @@ from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import parameter
+from tsepm_ros.studies.assignment import Pairs, within
 from tsepm_ros.studies.path_following import PAIRING_SHARE, PathFollower
 from tsepm_ros.tracker import splitting
-from tsepm_ros.tracker.assignment import Pairs, within
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 

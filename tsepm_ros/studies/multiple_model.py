@@ -38,16 +38,16 @@ from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import GATING_SHARE
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
-from tsepm_ros.numerics.gaussian import correlated_beyond_one, proper, squared_distance
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.gaussian import MIN_EIGENVALUE, proper, squared_distance
 from tsepm_ros.parameters import parameter
+from tsepm_ros.studies.assignment import Pairs, nearest_first, within
 from tsepm_ros.studies.path_following import PAIRING_SHARE, Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
-from tsepm_ros.tracker.assignment import Pairs, nearest_first, within
 from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, starting
 from tsepm_ros.tracker.measurement import major_sigma, rotated
-from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -74,6 +74,19 @@ class MultipleModelOptions(MnOptions):
         minimum=0.0,
         maximum=100.0,
     )
+
+
+def correlated_beyond_one(covariance: FloatArray) -> BoolArray:
+    """Which matrices (n, d, d) have a variance or a correlation that no covariance has, (n,).
+
+    This is a cheap test for many matrices; `proper` tests all of their eigenvalues.
+    """
+    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
+    square = variance[..., :, None] * variance[..., None, :]
+    size = covariance.shape[-1]
+    beyond = np.square(covariance) >= square * (1.0 - MIN_EIGENVALUE)
+    beyond[..., range(size), range(size)] = variance <= 0.0
+    return np.asarray(beyond.any(axis=(-2, -1)))
 
 
 @dataclass(frozen=True)

@@ -43,11 +43,12 @@ from numpy.typing import NDArray
 from tsepm_ros.methods.tsepm import GATING_SHARE, WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
 from tsepm_ros.parameters import parameter
+from tsepm_ros.studies.assignment import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker import evaluation, splitting
-from tsepm_ros.tracker.assignment import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit, starting
 from tsepm_ros.tracker.measurement import DETECTION
-from tsepm_ros.tracker.method import Observation, ScanStatistics, Step
+from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions, hits_option, window_option
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits

@@ -51,8 +51,8 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
+from tsepm_ros.studies.assignment import Pairs, best_of_each, nearest_first, oldest_first
 from tsepm_ros.studies.path_following import PathFollower
-from tsepm_ros.tracker.assignment import Pairs, best_of_each, nearest_first, oldest_first
 from tsepm_ros.tracker.initial_state import Fit, fit
 from tsepm_ros.tracker.measurement import measured_polar, range_variance_at
 from tsepm_ros.tracker.motion import predict, update

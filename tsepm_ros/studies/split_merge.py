@@ -32,7 +32,7 @@ Readings:
 - A target has one detection a scan, so a combination is one or the other: its moments are those of
   the mixture with equal weights, the spread of their means included. Averaging them as two
   measurements of one target, the other reading, would halve the variance.
-- The position is Eq. 4's, R is from the unscented transform (`measurement.unscented`).
+- The position is Eq. 4's, R is from the unscented transform (`unscented`).
 
 The clutter test
 ----------------
@@ -73,10 +73,57 @@ from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
-from tsepm_ros.tracker.measurement import DetectionWindow, unscented
-from tsepm_ros.tracker.method import Observation, Step
+from tsepm_ros.tracker.measurement import (
+    DetectionWindow,
+    major_sigma,
+    measured_polar,
+    pose_error_covariance,
+    range_variance_at,
+    rotated,
+)
+from tsepm_ros.tracker.method import Step
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions
+from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+
+
+def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
+    """Convert the detections as Split-merge 2016 does, with R by the unscented transform.
+
+    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position` removes.
+    The sigma points are (r, a), (r +- sqrt(3) s_r, a) and (r, a +- sqrt(3) s_a), with the weights
+    1/3 and 1/6 (Julier, Uhlmann 1997, n + kappa = 3). The variances along and across the line of
+    sight are::
+
+        along  = s_r^2 + 2/9 r^2 (1 - cos(sqrt(3) s_a))^2
+        across = 1/3 r^2 sin(sqrt(3) s_a)^2
+
+    Parameters
+    ----------
+    detections : (...) ndarray of DETECTION
+        From `convert`.
+    sensor : SensorModel
+        Range errors of detections without their own.
+
+    Returns
+    -------
+    (...) ndarray of DETECTION
+    """
+    converted = detections.copy()
+    range_, azimuth = measured_polar(detections)
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    offset = range_[..., None] * np.stack([cosine, sine], axis=-1)
+    angle = math.sqrt(3.0) * detections["azimuth_std"]
+    along = range_variance_at(detections, range_, sensor)
+    along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
+    across = np.square(range_ * np.sin(angle)) / 3.0
+    converted["position"] = detections["sensor_pose"][..., :2] + offset
+    converted["covariance"] = rotated(along, across, cosine, sine) + pose_error_covariance(
+        offset, detections["sensor_pose_covariance"]
+    )
+    converted["major_sigma"] = major_sigma(converted["covariance"])
+    return converted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,14 +48,13 @@ from scipy.special import softmax
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, sums_over_hits
 from tsepm_ros.numerics.gaussian import mixture
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
-from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree
+from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.maintenance.track_maintenance import MIN_EXISTENCE
 from tsepm_ros.tracker.measurement import DetectionWindow
-from tsepm_ros.tracker.merging import given_starts
-from tsepm_ros.tracker.method import NEW_TRACK_EXISTENCE, Observation
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
+from tsepm_ros.tracker.tracks import MIN_EXISTENCE, NEW_TRACK_EXISTENCE
 
 MIN_HIT_PROBABILITY = 0.5
 """Posterior probability that every hit of a confirmed track exceeds, but of those by 8 hits."""

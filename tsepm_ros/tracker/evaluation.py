@@ -56,7 +56,7 @@ from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit
 from tsepm_ros.tracker.measurement import DetectionWindow
-from tsepm_ros.tracker.method import Observation, TargetHits
+from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 EVALUATIONS = ("normalized_distance", "clutter_statistic")

@@ -7,6 +7,7 @@ rows, and those that end in the last scan come last.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, largest_of, summed, taken
+from tsepm_ros.numerics.arrays import (
+    FloatArray,
+    IntArray,
+    changed,
+    largest_of,
+    summed,
+    sums_over_hits,
+    taken,
+)
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
 from tsepm_ros.tracker.measurement import covariance_at
@@ -151,6 +160,19 @@ class Start:
     state: FloatArray
     covariance: FloatArray
     evidence: float
+
+
+def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
+    """The hypotheses given new tracks.
+
+    ``s' <- s' - max(s', 0) sum_k p_k / n`` with s' the score given held tracks, and p_k the
+    probability that hit k of n is a new track's: as if each hit had the same increment.
+    """
+    score = hypotheses.score_given_held
+    for start in starts:
+        due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
+        score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
+    return changed(hypotheses, score_given_held=score)
 
 
 _ERRORS = (

@@ -5,7 +5,6 @@ The conversion is that of TSEPM 2018, Eqs. 6-11.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -163,44 +162,6 @@ def rotated(
     covariance[..., 1, 1] = along * sine**2 + across * cosine**2
     covariance[..., 0, 1] = covariance[..., 1, 0] = (along - across) * cosine * sine
     return covariance
-
-
-def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
-    """Convert the detections as Split-merge 2016 does, with R by the unscented transform.
-
-    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position` removes.
-    The sigma points are (r, a), (r +- sqrt(3) s_r, a) and (r, a +- sqrt(3) s_a), with the weights
-    1/3 and 1/6 (Julier, Uhlmann 1997, n + kappa = 3). The variances along and across the line of
-    sight are::
-
-        along  = s_r^2 + 2/9 r^2 (1 - cos(sqrt(3) s_a))^2
-        across = 1/3 r^2 sin(sqrt(3) s_a)^2
-
-    Parameters
-    ----------
-    detections : (...) ndarray of DETECTION
-        From `convert`.
-    sensor : SensorModel
-        Range errors of detections without their own.
-
-    Returns
-    -------
-    (...) ndarray of DETECTION
-    """
-    converted = detections.copy()
-    range_, azimuth = measured_polar(detections)
-    cosine, sine = np.cos(azimuth), np.sin(azimuth)
-    offset = range_[..., None] * np.stack([cosine, sine], axis=-1)
-    angle = math.sqrt(3.0) * detections["azimuth_std"]
-    along = range_variance_at(detections, range_, sensor)
-    along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
-    across = np.square(range_ * np.sin(angle)) / 3.0
-    converted["position"] = detections["sensor_pose"][..., :2] + offset
-    converted["covariance"] = rotated(along, across, cosine, sine) + pose_error_covariance(
-        offset, detections["sensor_pose_covariance"]
-    )
-    converted["major_sigma"] = major_sigma(converted["covariance"])
-    return converted
 
 
 def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:

@@ -6,13 +6,13 @@ they share more than half of their hits and their states are close; `groups`, `m
 Of the likelihood-ratio method, by the hits and the states::
 
     starts of a scan      the strongest first; of the others the score given the tracks that started
-                          is reduced by the share of hits due to these (`given_starts`)
+                          is reduced by the share of hits due to these (`hypotheses.given_starts`)
     with a held track     a start with more than half of its published hits (`published_owners`),
                           or 2 of its own detections (`own_starts`), is that track
     with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
 
 Held tracks that agree for some scans are one (`agrees_with_older`), and at once where it turns out
-that targets have several detections (`may_repeat_older`).
+that targets have several detections (`extended_targets.may_repeat_older`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -34,13 +34,9 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    changed,
-    sums_over_hits,
 )
 from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
 from tsepm_ros.numerics.gaussian import gate_factor, solve
-from tsepm_ros.tracker.clusters.grouping import ClusterExtent
-from tsepm_ros.tracker.hypotheses import Hypotheses, Start
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -279,19 +275,6 @@ def moments(
     return weights @ states, np.tensordot(weights, covariances, axes=1)
 
 
-def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
-    """The hypotheses given new tracks.
-
-    ``s' <- s' - max(s', 0) sum_k p_k / n`` with s' the score given held tracks, and p_k the
-    probability that hit k of n is a new track's: as if each hit had the same increment.
-    """
-    score = hypotheses.score_given_held
-    for start in starts:
-        due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
-        score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
-    return changed(hypotheses, score_given_held=score)
-
-
 def published_owners(starts: TrackArrays, held: TrackArrays) -> IntArray:
     """Ids of the held tracks of which starts (n,) have more than half of the published hits; or -1.
 
@@ -458,30 +441,3 @@ def _pairs_with_older(positions: FloatArray, known: BoolArray) -> tuple[IntArray
     track, older = np.repeat(rows, NEAREST), nearest.ravel()
     is_older = older < track
     return track[is_older], older[is_older]
-
-
-def may_repeat_older(
-    tracks: TrackArrays, extent: ClusterExtent, sensor_position: FloatArray
-) -> BoolArray:
-    """Which tracks may be of an older one's target, whose detections differed by an extent.
-
-    Parameters
-    ----------
-    tracks : TrackArrays
-        n, oldest first.
-    extent : ClusterExtent
-        Deviation by which positions may differ, and velocities over a track's age.
-    sensor_position : (2,) ndarray
-        m.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-    """
-    range_ = np.hypot(*(tracks.state[:, 0::2] - sensor_position).T)
-    size = np.maximum(extent.along, extent.across_at(range_)) ** 2 / 6.0
-    covariance = tracks.covariance.copy()
-    covariance[:, [0, 2], [0, 2]] += size[:, None]
-    covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    every = np.ones(len(tracks), bool)
-    return agrees_with_older(tracks.state, covariance, every, np.zeros(len(tracks)))

@@ -1,33 +1,20 @@
-"""A method: an observed scan in, tracks and counts out.
-
-Counts of a scan, and their sums.
-
-A scan as the input of a method, and the method's output.
-
-Base class of the track initiation methods: options, and the step on an observed scan.
-"""
+"""A method: an observed scan in, tracks and counts out."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit, changed
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.clutter.density import Extent
-from tsepm_ros.tracker.clutter.excess import PredictiveDensity
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.numerics.arrays import FloatArray, changed
+from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
-
-NEW_TRACK_EXISTENCE = 0.99
-"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
+from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, NO_TRACKS, ConfirmedTrack, TrackArrays
 
 
 @dataclass(frozen=True)
@@ -94,83 +81,6 @@ class ScanStatistics:
         values = {name: one[name] + two[name] for name in one}
         values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
         return changed(self, **values)
-
-
-@dataclass(frozen=True)
-class Observation:
-    """A scan's detections in the coverage, with clutter densities and held association.
-
-    Attributes
-    ----------
-    stamp : float
-        The scan's stamp, s.
-    scan_index : int
-        Number of the scan since the start or the last reset, from 0.
-    interval : float
-        Time since the scan before, s; 0 for the first.
-    median_interval : float
-        Median of the last intervals, s; 0 while it is unknown.
-    detections : (d,) ndarray of DETECTION
-        Converted to the fixed frame; `clutter_density` is that after learning.
-    window : DetectionWindow
-        The detections of the last scans, these included.
-    ids : (d,) ndarray of int
-        Their ids in the window.
-    clutter_density : (d,) ndarray
-        Clutter density at each detection after this scan was learned from, 1/m^2, times the
-        density of its range rate, s/m, where it has one.
-    held_density : (d,) ndarray
-        Density at each detection due to held tracks, to be added to the clutter density.
-    held_association : tuple of (p,) ndarray
-        Rows of detections that may be a held track's, and the probability of each that the track's
-        target exists and caused the detection.
-    held : TrackArrays
-        The held tracks, with the hits of their starts.
-    probable_detections : tuple of (k,) ndarray of int
-        Ids of held tracks, and the detection of each that is more probably the track's than not.
-    clutter_sensor : SensorModel
-        The sensor with the range rates of its clutter as given or learned.
-    seen_extent : Extent
-        Ranges and sector in which clutter is seen.
-    sensor_position : (2,) ndarray
-        Where the sensor was, in the fixed frame, m.
-    detection_probability : callable
-        P_D in this scan of targets at positions (n, 2); 0 outside the coverage.
-    detection_probability_in_use : float
-        P_D in the coverage, given or estimated.
-    time_limit : TimeLimit
-        Time that the scan may take.
-    strengths : ScanAmplitudes or None
-        What the strengths of the detections say; None where they do not count.
-    predictive : PredictiveDensity or None
-        What makes the clutter density uncertain; None where it is given.
-    """
-
-    stamp: float
-    scan_index: int
-    interval: float
-    median_interval: float
-    detections: NDArray[np.void]
-    window: DetectionWindow
-    ids: IntArray
-    clutter_density: FloatArray
-    held_density: FloatArray
-    held_association: tuple[IntArray, FloatArray]
-    held: TrackArrays
-    probable_detections: tuple[IntArray, IntArray]
-    clutter_sensor: SensorModel
-    seen_extent: Extent
-    sensor_position: FloatArray
-    detection_probability: Callable[[FloatArray], FloatArray]
-    detection_probability_in_use: float
-    time_limit: TimeLimit
-    strengths: ScanAmplitudes | None = None
-    predictive: PredictiveDensity | None = None
-
-
-TargetHits = tuple[IntArray, IntArray, FloatArray]
-"""Detections of the last scans that are probably targets', held or not: scan and index there of
-each, (k,), and its probability by the positions alone."""
 
 
 @dataclass(frozen=True)

@@ -312,6 +312,31 @@ def arc_of(azimuth: FloatArray) -> Arc | None:
     return Arc(float(known[(last + 1) % len(known)]), float(2 * np.pi - gaps[last]))
 
 
+def in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
+    """Positions of detections in the sensor's frame, (n, 2), m."""
+    return np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
+
+
+def placed(scan: Scan) -> FloatArray:
+    """Positions of a scan's detections in the fixed frame, (n, 2), m."""
+    x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
+    return np.stack([x, y], axis=1) + in_sensor_frame(scan.range, scan.azimuth + yaw)
+
+
+def chosen(scan: Scan, rows: IntArray) -> Scan:
+    """Some detections of a scan."""
+    parts = {
+        name: None if values is None else values[rows]
+        for name, values in vars(scan).items()
+        if name in ("range", "azimuth", "range_std", "azimuth_std", "time_offset", "group")
+    }
+    for name in ("sensor_pose", "sensor_velocity"):
+        values = np.asarray(getattr(scan, name), float)
+        parts[name] = values[rows] if values.ndim == 2 else values
+    features = {name: values[rows] for name, values in scan.features.items()}
+    return Scan.trusted(**(vars(scan) | parts | {"features": features}))
+
+
 def turned(angle: float) -> float:
     """An angle wrapped to [-pi, pi), rad."""
     return math.remainder(angle, 2 * math.pi)

@@ -32,6 +32,12 @@ MAX_STD_RATIO = 1e11
 """Largest ratio of `range_std` to `azimuth_std`, m/rad: beyond, rounding loses the smaller."""
 MIN_RANGE_RATE_STD = 1e-3
 """Smallest standard deviation of range rates, m/s: below, fits lose the positions."""
+GRAZING_ANGLE = math.radians(20.0)
+"""Least angle between a ray and a surface that is one object."""
+NOISE_DEVIATIONS = 3.0
+"""Standard deviations of a jump within which it may be noise."""
+COARSEST_FAN = math.radians(3.0)
+"""Angle between rays from which on neighbours are of different objects."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,6 +220,41 @@ EDGE_DEVIATIONS = 3.0
 """Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
 TURNS = 3
 """Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
+
+
+def goes_on(
+    before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
+) -> BoolArray:
+    """Whether the ranges of neighbouring rays do not jump.
+
+    The jump is that of a surface which is hit at `GRAZING_ANGLE`, as in the adaptive breakpoints of
+    Borges, Aldon, "Line extraction in 2D range images for mobile robotics", J. Intell. Robot. Syst.
+    40(3), 2004, with the errors s of both ranges:
+    ``|r_i - r_(i-1)| <= r sin(increment) / sin(angle - increment) + 3 sqrt(2) s``. In a coarse fan
+    every range jumps.
+
+    Parameters
+    ----------
+    before, after : (n,) ndarray
+        m; a range that is not finite and above 0 always jumps.
+    increment : float
+        Angle between the rays, rad.
+    sensor : SensorModel, optional
+        Its range errors; without it there are none.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    if not abs(increment) <= COARSEST_FAN:  # nan, too
+        return np.zeros(len(before), bool)
+    slope = math.sin(abs(increment)) / math.sin(GRAZING_ANGLE - abs(increment))
+    with np.errstate(invalid="ignore", over="ignore"):
+        nearer = np.minimum(before, after)
+        variance = 0.0 if sensor is None else sensor.range_variance(nearer)
+        longest = slope * nearer + NOISE_DEVIATIONS * np.sqrt(2.0 * variance)
+        seen = np.isfinite(before) & np.isfinite(after) & (before > 0.0) & (after > 0.0)
+        return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
 def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:

@@ -42,7 +42,7 @@ from tsepm_ros.tracker.evaluation import (
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import starting
 from tsepm_ros.tracker.measurement import covariance_at, major_sigma
-from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 MAX_GATED = 5_000_000

@@ -41,7 +41,7 @@ from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
-from tsepm_ros.tracker.method import Observation
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 

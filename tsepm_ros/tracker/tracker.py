@@ -15,8 +15,12 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
-from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, further_plots
-from tsepm_ros.tracker.clusters.grouping import Clusters, chosen, placed
+from tsepm_ros.tracker.clusters.extended_targets import (
+    ExtendedTargets,
+    further_plots,
+    may_repeat_older,
+)
+from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.excess import HeldTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
@@ -29,8 +33,9 @@ from tsepm_ros.tracker.measurement import (
     major_sigma,
     measured_polar,
 )
-from tsepm_ros.tracker.method import Method, Observation, ScanStatistics, Step
-from tsepm_ros.tracker.scan import Scan, check_scan
+from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.observation import Observation
+from tsepm_ros.tracker.scan import Scan, check_scan, chosen, placed
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
     SensorModel,
@@ -297,7 +302,7 @@ class Tracker:
             self.maintenance.end(~self.plots.of_one_hull(held.tracks), "duplicate")
         if self.plots.active and not active:
             tracks, origin = self.maintenance.held.tracks, self._poses.middle[:2]
-            repeats = merging.may_repeat_older(tracks, self.plots.extent, origin)
+            repeats = may_repeat_older(tracks, self.plots.extent, origin)
             self.maintenance.end(~repeats, "duplicate")
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:

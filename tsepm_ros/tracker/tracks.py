@@ -23,6 +23,10 @@ from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.motion import predict
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+NEW_TRACK_EXISTENCE = 0.99
+"""Probability that a confirmed track's target exists, where the method estimates none: a choice."""
+MIN_EXISTENCE = 0.01
+"""Probability of existence below which a track ends."""
 
 
 @dataclass(frozen=True, eq=False)

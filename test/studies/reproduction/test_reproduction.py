@@ -14,6 +14,7 @@ from scipy.stats import norm
 from support.builders import detections
 
 from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.studies.assignment import Pairs, nearest_first
 from tsepm_ros.studies.reproduction import environment_2018 as environment
 from tsepm_ros.studies.reproduction import (
     monte_carlo,
@@ -37,7 +38,6 @@ from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.evaluation.intervals import Estimate
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tracker.assignment import Pairs, nearest_first
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker

@@ -13,13 +13,12 @@ from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
     HALF_WIDTHS,
     RECENT,
-    Batch,
-    Cells,
     HeldTargets,
     Overdispersion,
     PredictiveDensity,
     SecondaryEchoes,
 )
+from tsepm_ros.tracker.polar_grid import Batch, Cells
 
 SONAR = SensorModel()
 

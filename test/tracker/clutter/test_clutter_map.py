@@ -17,7 +17,8 @@ from tsepm_ros.tracker.clutter.density import (
     SeenExtent,
     squares,
 )
-from tsepm_ros.tracker.clutter.excess import INNER_RINGS, MAX_DEVIATIONS, PolarGrid, poisson_bound
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.polar_grid import INNER_RINGS, PolarGrid
 
 SONAR = SensorModel(max_range=9000.0)
 

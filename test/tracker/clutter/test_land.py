@@ -8,8 +8,8 @@ from support.builders import assert_same_tracks
 
 from tsepm_ros import LandMask, Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.tracker.clusters.grouping import placed
 from tsepm_ros.tracker.clutter import fixed_places as module
+from tsepm_ros.tracker.scan import placed
 
 SENSOR = SensorModel(range_std=5.0, range_std_fraction=0.0, max_range=2000.0)
 

@@ -19,7 +19,6 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
 )
-from tsepm_ros.tracker.maintenance.stationary import stands_still, statuses
 from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     ExternalTracker,
@@ -175,10 +174,10 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
 ):
     one = replace(tracks(1), stationary_probability=np.array([probability]))
     held = replace(ConfirmedTracks.of(one, 0.9), announced=np.array([announced]))
-    assert stands_still(held, CommonOptions(min_speed=0.5)).tolist() == [still]
-    assert stands_still(held, CommonOptions()).tolist() == [False]
+    assert held.stands_still(CommonOptions(min_speed=0.5)).tolist() == [still]
+    assert held.stands_still(CommonOptions()).tolist() == [False]
     expected = Status.FIXED if still else Status.PUBLISHED
-    assert statuses(held, CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
+    assert held.statuses(CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
 
 
 def follow_tracker(hold: TrackMaintenance, stamp: float, *listed: int) -> None:

@@ -50,16 +50,15 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_between, squared_distances
 from tsepm_ros.numerics.gaussian import is_significant
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters, placed
+from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
-from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.maintenance.confirmed_tracks import STANDS_STILL, ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
-from tsepm_ros.tracker.maintenance.stationary import STANDS_STILL
 from tsepm_ros.tracker.measurement import major_sigma
-from tsepm_ros.tracker.merging import may_repeat_older
+from tsepm_ros.tracker.merging import agrees_with_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.scan import Scan, wrap
+from tsepm_ros.tracker.scan import Scan, chosen, in_sensor_frame, placed, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -153,7 +152,7 @@ class Beside:
         self.along = np.broadcast_to(extents[0], self.across.shape)
         # A distance is at most that along and that across.
         reach = 3.0 * (self.along.max(initial=0.0) + self.across.max(initial=0.0))
-        places = grouping.in_sensor_frame(scan.range, scan.azimuth)
+        places = in_sensor_frame(scan.range, scan.azimuth)
         row, other = pairs_between(places[centre], places, reach)
         far = scan.range[other] - range_[row]
         aside = range_[row] * wrap(scan.azimuth[other] - azimuth[row])
@@ -295,7 +294,7 @@ class MultiDetectionTest:
         tracks["decided"] = ~(often & (MOST_LOOKS * least >= RESOLVED)).any(axis=1)
         self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
-        rest = grouping.chosen(scan, np.flatnonzero(~beside.near))
+        rest = chosen(scan, np.flatnonzero(~beside.near))
         groups = _beyond_two(self._beside_each_other(rest), density)
         self._more = self._before.faded(
             _KEPT,
@@ -508,7 +507,7 @@ class ExtendedTargets:
         number = len(scan)
         self._row, self._counts = np.arange(number), ~stays
         if self._learns and number:
-            self._part = part = grouping.chosen(scan, np.flatnonzero(self._counts))
+            self._part = part = chosen(scan, np.flatnonzero(self._counts))
             self.test.update(part, density)
             self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
             self._judge(scan.stamp)
@@ -669,3 +668,30 @@ def _concerning(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...
         *(sensor.range_resolution, sensor.azimuth_resolution),
         *(common.plots, common.target_extent),
     )
+
+
+def may_repeat_older(
+    tracks: TrackArrays, extent: ClusterExtent, sensor_position: FloatArray
+) -> BoolArray:
+    """Which tracks may be of an older one's target, whose detections differed by an extent.
+
+    Parameters
+    ----------
+    tracks : TrackArrays
+        n, oldest first.
+    extent : ClusterExtent
+        Deviation by which positions may differ, and velocities over a track's age.
+    sensor_position : (2,) ndarray
+        m.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    range_ = np.hypot(*(tracks.state[:, 0::2] - sensor_position).T)
+    size = np.maximum(extent.along, extent.across_at(range_)) ** 2 / 6.0
+    covariance = tracks.covariance.copy()
+    covariance[:, [0, 2], [0, 2]] += size[:, None]
+    covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
+    every = np.ones(len(tracks), bool)
+    return agrees_with_older(tracks.state, covariance, every, np.zeros(len(tracks)))

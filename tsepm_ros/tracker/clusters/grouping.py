@@ -33,51 +33,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, complete_linkage, largest_of
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, wrap
+from tsepm_ros.tracker.scan import (
+    MAX_MAGNITUDE,
+    MIN_MAGNITUDE,
+    Scan,
+    chosen,
+    in_sensor_frame,
+    wrap,
+)
 from tsepm_ros.tracker.sensor import SensorModel
-
-GRAZING_ANGLE = math.radians(20.0)
-"""Least angle between a ray and a surface that is one object."""
-NOISE_DEVIATIONS = 3.0
-"""Standard deviations of a jump within which it may be noise."""
-COARSEST_FAN = math.radians(3.0)
-"""Angle between rays from which on neighbours are of different objects."""
-
-
-def goes_on(
-    before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
-) -> BoolArray:
-    """Whether the ranges of neighbouring rays do not jump.
-
-    The jump is that of a surface which is hit at `GRAZING_ANGLE`, as in the adaptive breakpoints of
-    Borges, Aldon, "Line extraction in 2D range images for mobile robotics", J. Intell. Robot. Syst.
-    40(3), 2004, with the errors s of both ranges:
-    ``|r_i - r_(i-1)| <= r sin(increment) / sin(angle - increment) + 3 sqrt(2) s``. In a coarse fan
-    every range jumps.
-
-    Parameters
-    ----------
-    before, after : (n,) ndarray
-        m; a range that is not finite and above 0 always jumps.
-    increment : float
-        Angle between the rays, rad.
-    sensor : SensorModel, optional
-        Its range errors; without it there are none.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-    """
-    if not abs(increment) <= COARSEST_FAN:  # nan, too
-        return np.zeros(len(before), bool)
-    slope = math.sin(abs(increment)) / math.sin(GRAZING_ANGLE - abs(increment))
-    with np.errstate(invalid="ignore", over="ignore"):
-        nearer = np.minimum(before, after)
-        variance = 0.0 if sensor is None else sensor.range_variance(nearer)
-        longest = slope * nearer + NOISE_DEVIATIONS * np.sqrt(2.0 * variance)
-        seen = np.isfinite(before) & np.isfinite(after) & (before > 0.0) & (after > 0.0)
-        return np.asarray(seen & (np.abs(after - before) <= longest))
-
 
 MAX_PAIRS = 500_000
 """Pairs of detections that are looked at, at most; see `grouped`."""
@@ -262,17 +226,6 @@ def cells(
     return np.asarray(first[piece.ravel()], np.int64)
 
 
-def in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
-    """Positions of detections in the sensor's frame, (n, 2), m."""
-    return np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
-
-
-def placed(scan: Scan) -> FloatArray:
-    """Positions of a scan's detections in the fixed frame, (n, 2), m."""
-    x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
-    return np.stack([x, y], axis=1) + in_sensor_frame(scan.range, scan.azimuth + yaw)
-
-
 def clusters_of(
     scan: Scan,
     label: IntArray,
@@ -324,34 +277,16 @@ def clusters_of(
     spread = np.where(size > 1, share, 1.0) * errors.extent_variance
     changed = (size > 1) | (spread > 0.0)
     return Clusters(
-        scan=replace(
-            scan,
+        scan=chosen(scan, best).replaced(
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
             range_std=_std("range_std", np.where(changed, own * factor + spread, own)),
             azimuth_std=_std("azimuth_std", angle * factor + spread / range_**2),
-            time_offset=None if scan.time_offset is None else scan.time_offset[best],
-            features=_features(scan, best),
             group=None,
-            sensor_pose=_rows(scan.sensor_pose, best),
-            sensor_velocity=_rows(scan.sensor_velocity, best),
         ),
         strongest=best,
         own_range_std=changed,
     )
-
-
-def chosen(scan: Scan, rows: IntArray) -> Scan:
-    """Some detections of a scan."""
-    parts = {
-        name: None if values is None else values[rows]
-        for name, values in vars(scan).items()
-        if name in ("range", "azimuth", "range_std", "azimuth_std", "time_offset", "group")
-    }
-    parts["features"] = _features(scan, rows)
-    for name in ("sensor_pose", "sensor_velocity"):
-        parts[name] = _rows(getattr(scan, name), rows)
-    return Scan.trusted(**(vars(scan) | parts))
 
 
 def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
@@ -365,16 +300,6 @@ def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray
     return weight / np.bincount(group, weight, minlength=n)[group], by_intensity
 
 
-def _features(scan: Scan, rows: IntArray) -> dict[str, FloatArray]:
-    return {name: values[rows] for name, values in scan.features.items()}
-
-
 def _std(name: str, variance: FloatArray) -> FloatArray:
     """Standard deviations within the bounds of a scan: an echo at the sensor has any azimuth."""
     return np.clip(np.sqrt(variance), MIN_MAGNITUDE[name], MAX_MAGNITUDE[name])
-
-
-def _rows(values: FloatArray | tuple[float, ...], rows: IntArray) -> FloatArray:
-    """Rows of what may be one for all."""
-    values = np.asarray(values, float)
-    return values[rows] if values.ndim == 2 else values

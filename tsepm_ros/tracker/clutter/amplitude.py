@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
-from tsepm_ros.tracker.clutter.excess import BlockSums, Cells
+from tsepm_ros.tracker.polar_grid import BlockSums, Cells
 
 MAX_PINGS = 64
 """Pings in the reference, at most ..."""

@@ -39,17 +39,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.clusters.grouping import in_sensor_frame
-from tsepm_ros.tracker.clutter.excess import (
-    MAX_DEVIATIONS,
-    MEMORY,
-    BlockSums,
-    Cells,
-    Excess,
-    PolarGrid,
-    poisson_bound,
-)
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, MEMORY, Excess, poisson_bound
+from tsepm_ros.tracker.polar_grid import BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, in_sensor_frame, wrap
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 
 MAX_DETECTIONS = 500

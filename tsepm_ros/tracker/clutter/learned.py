@@ -35,7 +35,6 @@ from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterMap, Extent, SeenExtent
 from tsepm_ros.tracker.clutter.excess import (
     MEMORY,
-    Batch,
     HeldTargets,
     Overdispersion,
     PredictiveDensity,
@@ -48,6 +47,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     MeasurementErrors,
 )
 from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.polar_grid import Batch
 from tsepm_ros.tracker.range_rates import measured, over_ground
 from tsepm_ros.tracker.sensor import SensorModel, View
 

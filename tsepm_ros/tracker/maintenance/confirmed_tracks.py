@@ -1,14 +1,21 @@
-"""The table of held tracks: a row for each track."""
+"""The table of confirmed tracks: a row for each, and which are published.
+
+A track is in one of three states. It is *published*; it is *withheld* while its target probably
+exists no more, or its place is no longer known well enough to be recognised; or it is a *fixed*
+echo, where a `min_speed` is given. It keeps its id in all of them.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
 from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
 from tsepm_ros.tracker.maintenance import data_association, stationary
 from tsepm_ros.tracker.maintenance.data_association import (
     GATE_PROBABILITY,
@@ -16,9 +23,14 @@ from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
 )
-from tsepm_ros.tracker.maintenance.stationary import Status, StraightFits
+from tsepm_ros.tracker.maintenance.stationary import (
+    CHANGED_SHARE,
+    MAX_CHANGE_ODDS,
+    StraightFits,
+)
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
 LISTED = -math.inf
@@ -37,6 +49,48 @@ DETECTED = 0.5
 """Probability of a detection from which a target counts as detected in a scan."""
 STRENGTH_MEMORY = 30
 """Detections over which the strength of a track is averaged."""
+EXISTS = 0.5
+"""Probability of existence below which a track is withheld, until it exists with `SURE`."""
+STANDS_STILL = 0.5
+"""Probability to stand still above which a start is no track; and of a fixed echo, that it exists
+too."""
+SURE = 0.9
+"""Probability to stand still above which a published track becomes a fixed echo."""
+RECOGNISED = 4.5
+"""Position error, in those of a detection, up to which a target is recognised by its place."""
+SHARE_OF_RANGE = 0.25
+"""Position error up to which a track says where its target is, in the sensor's range."""
+_OF_START = (
+    "hits",
+    "hit_count",
+    "state",
+    "covariance",
+    "evaluation",
+    "score",
+    "scan_count",
+    "age",
+)
+"""The fields of `TrackArrays` that a corrected start has anew."""
+_FOUND_AGAIN = (
+    "existence",
+    "proven",
+    "hit_sigma",
+    "visible",
+    "covered_scans",
+    "last_detected",
+    "status",
+    "announced",
+    "agreeing_scans",
+)
+"""The fields of `ConfirmedTracks` that begin anew where a lost track is found again."""
+
+
+class Status(IntEnum):
+    """What becomes of a held track: published, withheld while it is vague, or a fixed echo."""
+
+    PUBLISHED = 0
+    WITHHELD = 1
+    FIXED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,27 +381,65 @@ class ConfirmedTracks(Rows):
         figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
         return changed(held, tracks=with_rows(self.tracks, row, age=age, **figures))
 
+    def judged(self, options: CommonOptions) -> ConfirmedTracks:
+        """The rows after an update, with the figures of their tracks that only maintenance knows.
 
-_OF_START = (
-    "hits",
-    "hit_count",
-    "state",
-    "covariance",
-    "evaluation",
-    "score",
-    "scan_count",
-    "age",
-)
-"""The fields of `TrackArrays` that a corrected start has anew."""
-_FOUND_AGAIN = (
-    "existence",
-    "proven",
-    "hit_sigma",
-    "visible",
-    "covered_scans",
-    "last_detected",
-    "status",
-    "announced",
-    "agreeing_scans",
-)
-"""The fields of `ConfirmedTracks` that begin anew where a lost track is found again."""
+        A fit begins again with the filter's state where the motion has changed. Where the
+        probability to stand still decides nothing, it is left to `stated`.
+        """
+        fits, tracks = self.fits, self.tracks
+        over = np.flatnonzero(fits.change_odds >= MAX_CHANGE_ODDS)
+        if len(over):
+            fresh = StraightFits.of(tracks.state[over], tracks.covariance[over], CHANGED_SHARE)
+            fits = with_rows(fits, over, **fresh.__dict__)
+        probability = np.full_like(self.existence, np.nan)
+        if options.min_speed:
+            probability = fits.stationary_probability(options, self.existence)
+        tracks = changed(
+            tracks,
+            stationary_probability=probability,
+            signal_to_clutter_db=ratio_db(self.strength_hits, self.strength_total),
+            existence_probability=self.existence,
+            time_since_hit=tracks.stamp - self.last_detected,
+        )
+        return changed(self, fits=fits, tracks=tracks)
+
+    def stated(self, options: CommonOptions) -> ConfirmedTracks:
+        """The rows with the probability to stand still of all."""
+        if not np.isnan(self.tracks.stationary_probability).any():
+            return self
+        probability = self.fits.stationary_probability(options, self.existence)
+        return changed(self, tracks=changed(self.tracks, stationary_probability=probability))
+
+    def stands_still(self, options: CommonOptions) -> BoolArray:
+        """Which tracks (n,) are fixed echoes; none without a `min_speed`.
+
+        A start as soon as it more probably stands still than moves; a track that was published only
+        when it is `SURE` to.
+        """
+        if not options.min_speed:
+            return np.zeros_like(self.announced)
+        limit = np.where(self.announced, SURE, STANDS_STILL)
+        return np.asarray(self.tracks.stationary_probability > limit)
+
+    def statuses(self, options: CommonOptions, max_range: float) -> IntArray:
+        """The `Status` of each track, (n,).
+
+        It is located while the standard deviation of its position, along the major axis, is at most
+        `RECOGNISED` times that of its last detection or `target_extent` (m), and at most
+        `SHARE_OF_RANGE` of `max_range` (m).
+        """
+        sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
+        limit = np.maximum(RECOGNISED * self.hit_sigma, options.target_extent)
+        located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
+        exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, EXISTS)
+        status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)
+        return np.where(self.stands_still(options), Status.FIXED, status)
+
+    @property
+    def fixed_echoes(self) -> TrackArrays:
+        """Fixed echoes that exist and stand still with more than 0.5, at their places."""
+        still = self.existence * self.tracks.stationary_probability > STANDS_STILL
+        rows = np.flatnonzero(still & (self.status == Status.FIXED))
+        state, covariance = self.fits[rows].places()
+        return changed(self.tracks.where(rows), state=state, covariance=covariance)

@@ -1,10 +1,4 @@
-"""Stationary suppression: whether targets stand still, and which held tracks are published.
-
-A track is in one of three states. It is *published*; it is *withheld* while its target probably
-exists no more, or its place is no longer known well enough to be recognised; or it is a *fixed*
-echo, where a `min_speed` is given. It keeps its id in all of them.
-
-Whether targets stand still: the evidence of all their detections, for every held track.
+"""Whether targets stand still: the evidence of all their detections, for every confirmed track.
 
 A target stands still, or moves slower than `min_speed`, or moves at up to v_max. The prior density
 of its velocity v has a part for each::
@@ -37,23 +31,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, changed
 from tsepm_ros.numerics.discs import disc_probability
 from tsepm_ros.numerics.gaussian import is_significant, log_density
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
-from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import TrackArrays
-
-if TYPE_CHECKING:
-    from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 
 STATIONARY_SHARE = 0.2
 """Prior share of starts that stand still, with the weight of `PRIOR_TRACKS` tracks: a choice."""
@@ -77,25 +63,6 @@ GLITCH = 0.02
 """Probability that the error of a detection is not as the fit expects: a choice."""
 MAX_CHANGE_ODDS = 9.0
 """Odds of a change of motion from which the fit begins again."""
-EXISTS = 0.5
-"""Probability of existence below which a track is withheld, until it exists with `SURE`."""
-STANDS_STILL = 0.5
-"""Probability to stand still above which a start is no track; and of a fixed echo, that it exists
-too."""
-SURE = 0.9
-"""Probability to stand still above which a published track becomes a fixed echo."""
-RECOGNISED = 4.5
-"""Position error, in those of a detection, up to which a target is recognised by its place."""
-SHARE_OF_RANGE = 0.25
-"""Position error up to which a track says where its target is, in the sensor's range."""
-
-
-class Status(IntEnum):
-    """What becomes of a held track: published, withheld while it is vague, or a fixed echo."""
-
-    PUBLISHED = 0
-    WITHHELD = 1
-    FIXED = 2
 
 
 def stationary_probability(
@@ -241,70 +208,3 @@ class StraightFits(Rows):
 def change_odds(odds: FloatArray, of_filter: FloatArray, of_fit: FloatArray) -> FloatArray:
     """Odds (n,) that motions have changed, after a scan: of Lambda_filter and Lambda_fit, (n,)."""
     return np.asarray(odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter))
-
-
-def judged(held: ConfirmedTracks, options: CommonOptions) -> ConfirmedTracks:
-    """The rows after an update, with the figures of their tracks that only maintenance knows.
-
-    A fit begins again with the filter's state where the motion has changed. Where the probability
-    to stand still decides nothing, it is left to `stated`.
-    """
-    fits, tracks = held.fits, held.tracks
-    over = np.flatnonzero(fits.change_odds >= MAX_CHANGE_ODDS)
-    if len(over):
-        fresh = StraightFits.of(tracks.state[over], tracks.covariance[over], CHANGED_SHARE)
-        fits = with_rows(fits, over, **fresh.__dict__)
-    probability = np.full_like(held.existence, np.nan)
-    if options.min_speed:
-        probability = fits.stationary_probability(options, held.existence)
-    tracks = changed(
-        tracks,
-        stationary_probability=probability,
-        signal_to_clutter_db=ratio_db(held.strength_hits, held.strength_total),
-        existence_probability=held.existence,
-        time_since_hit=tracks.stamp - held.last_detected,
-    )
-    return changed(held, fits=fits, tracks=tracks)
-
-
-def stated(held: ConfirmedTracks, options: CommonOptions) -> ConfirmedTracks:
-    """The rows with the probability to stand still of all."""
-    if not np.isnan(held.tracks.stationary_probability).any():
-        return held
-    probability = held.fits.stationary_probability(options, held.existence)
-    return changed(held, tracks=changed(held.tracks, stationary_probability=probability))
-
-
-def stands_still(held: ConfirmedTracks, options: CommonOptions) -> BoolArray:
-    """Which tracks (n,) are fixed echoes; none without a `min_speed`.
-
-    A start as soon as it more probably stands still than moves; a track that was published only
-    when it is `SURE` to.
-    """
-    if not options.min_speed:
-        return np.zeros_like(held.announced)
-    limit = np.where(held.announced, SURE, STANDS_STILL)
-    return np.asarray(held.tracks.stationary_probability > limit)
-
-
-def statuses(held: ConfirmedTracks, options: CommonOptions, max_range: float) -> IntArray:
-    """The `Status` of each track, (n,).
-
-    It is located while the standard deviation of its position, along the major axis, is at most
-    `RECOGNISED` times that of its last detection or `target_extent` (m), and at most
-    `SHARE_OF_RANGE` of `max_range` (m).
-    """
-    sigma = major_sigma(held.tracks.covariance[:, 0::2, 0::2])
-    limit = np.maximum(RECOGNISED * held.hit_sigma, options.target_extent)
-    located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
-    exists = held.existence >= np.where(held.status == Status.WITHHELD, SURE, EXISTS)
-    status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)
-    return np.where(stands_still(held, options), Status.FIXED, status)
-
-
-def fixed_echoes(held: ConfirmedTracks) -> TrackArrays:
-    """Fixed echoes that exist and stand still with more than 0.5, at their places."""
-    still = held.existence * held.tracks.stationary_probability > STANDS_STILL
-    rows = np.flatnonzero(still & (held.status == Status.FIXED))
-    state, covariance = held.fits[rows].places()
-    return changed(held.tracks.where(rows), state=state, covariance=covariance)

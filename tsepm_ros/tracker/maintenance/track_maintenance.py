@@ -26,16 +26,13 @@ from tsepm_ros.numerics.arrays import (
     with_rows,
 )
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.maintenance import data_association, stationary
-from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, ConfirmedTracks
+from tsepm_ros.tracker.maintenance import data_association
+from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, GatedDetections
-from tsepm_ros.tracker.maintenance.stationary import Status
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
-from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
+from tsepm_ros.tracker.tracks import MIN_EXISTENCE, NO_TRACKS, TrackArrays
 
-MIN_EXISTENCE = 0.01
-"""Probability of existence below which a track ends."""
 REMEMBERED_SCANS = 16
 """Scans whose detections of held tracks are remembered, for starts by these."""
 HOLD_SCANS = 50
@@ -133,13 +130,13 @@ class TrackMaintenance:
 
     def _state(self) -> ConfirmedTracks:
         """Every track held, with its probability to stand still."""
-        self.held = stationary.stated(self.held, self.options)
+        self.held = self.held.stated(self.options)
         return self.held
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Held tracks that exist and stand still, at their places."""
-        return stationary.fixed_echoes(self._state())
+        return self._state().fixed_echoes
 
     def detections_of_moving(self) -> IntArray:
         """Rows of the last scan's detections that are probably of held tracks that move, (k,)."""
@@ -218,7 +215,7 @@ class TrackMaintenance:
         self.covered = detected, scans
         of_target = shares * held.existence[:, None]
         held = held.with_strengths(row, of_target, detections["strength"])
-        held = stationary.judged(held, self.options)
+        held = held.judged(self.options)
         sigma = self._take_own(held, row, of_target, detections)
         # End.
         exists = held.existence >= MIN_EXISTENCE
@@ -273,7 +270,7 @@ class TrackMaintenance:
         """Publish, withhold or fix each track; those that are published for the first time."""
         if self.options.min_speed:
             self._state()
-        status = stationary.statuses(self.held, self.options, max_range)
+        status = self.held.statuses(self.options, max_range)
         listed = self._kept_by_tracker(self.held)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self.held.announced
@@ -357,9 +354,9 @@ class TrackMaintenance:
         self._remember_starts(tracks)
         new = ConfirmedTracks.of(tracks, existence, misfit, strengths, hit_sigma)
         held = ConfirmedTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
-        held = stationary.stated(stationary.judged(held, self.options), self.options)
+        held = held.judged(self.options).stated(self.options)
         first = len(held) - len(new)
-        fixed = stationary.stands_still(held, self.options)[first:]
+        fixed = held.stands_still(self.options)[first:]
         status, announced = held.status.copy(), held.announced.copy()
         status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
         announced[first:] = ~fixed
@@ -388,7 +385,7 @@ class TrackMaintenance:
             return corrected
         self._remember_starts(corrected)
         held = self.held.revised(corrected, existence)
-        self.held = stationary.judged(held, self.options)
+        self.held = held.judged(self.options)
         current = self.current
         return current.where(np.isin(current.track_id, corrected.track_id))
 
