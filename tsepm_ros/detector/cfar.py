@@ -86,6 +86,30 @@ CELL_LIMIT = (2.0, 30.0)
 """Most deviations that one cell brings into a sum over n: the first, plus the second / n."""
 TIE = 1e-3
 """Height by which equal cells differ, so that levels of few bits have one highest cell."""
+PEAKS = 400
+"""Peaks that a pool should hold above the threshold."""
+PINGS = (10, 40)
+"""Least and most pings of a pool."""
+RECENT = 3
+"""Pings in one of which a target comes again."""
+LONG = 4
+"""Times as many pings before which clutter was as often, and a moving target elsewhere."""
+STANDS = (5, 24)
+"""Least and most pings in which echoes of one place are counted."""
+LIKE = 4.0, 0.01
+"""Standard errors, and part of the median, by which medians of like pings may differ."""
+MAX_CHANCE = 0.8
+"""Largest chance that is corrected for."""
+GATE_CHANCE = 0.1
+"""Chance of coming again for which gates are widened."""
+MAX_GATE = 2.5
+"""Largest gate, in those of an echo at rest: its speed is unknown."""
+MAX_TARGETS = 8.0
+"""Peaks a ping that may count as moving targets; more where more detections are wanted."""
+PART = 0.5
+"""Part of the largest amplitude of a window below which a cell is background."""
+CENTRINGS = 3
+"""Times that the window is centred on the centroid."""
 
 
 def conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray]:
@@ -204,28 +228,6 @@ class ClutterMap:
         return apart
 
 
-PEAKS = 400
-"""Peaks that a pool should hold above the threshold."""
-PINGS = (10, 40)
-"""Least and most pings of a pool."""
-RECENT = 3
-"""Pings in one of which a target comes again."""
-LONG = 4
-"""Times as many pings before which clutter was as often, and a moving target elsewhere."""
-STANDS = (5, 24)
-"""Least and most pings in which echoes of one place are counted."""
-LIKE = 4.0, 0.01
-"""Standard errors, and part of the median, by which medians of like pings may differ."""
-MAX_CHANCE = 0.8
-"""Largest chance that is corrected for."""
-GATE_CHANCE = 0.1
-"""Chance of coming again for which gates are widened."""
-MAX_GATE = 2.5
-"""Largest gate, in those of an echo at rest: its speed is unknown."""
-MAX_TARGETS = 8.0
-"""Peaks a ping that may count as moving targets; more where more detections are wanted."""
-
-
 class Peaks(NamedTuple):
     """Peaks of a ping, highest first.
 
@@ -335,12 +337,6 @@ def _apart(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatA
     apart = np.full((len(detected), len(place)), np.inf)
     np.minimum.at(apart, (ping[near["i"]], near["j"]), near["v"])
     return apart
-
-
-PART = 0.5
-"""Part of the largest amplitude of a window below which a cell is background."""
-CENTRINGS = 3
-"""Times that the window is centred on the centroid."""
 
 
 class Echoes(NamedTuple):

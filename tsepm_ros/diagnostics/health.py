@@ -44,6 +44,21 @@ MIN_DETECTIONS = 20.0
 """Minimum number of detections, expected or observed, for that judgement."""
 
 Judgement = Callable[[HealthFigures], str]
+_SEE_REASONS = "See the reasons below"
+_NO_SCAN = "Check the topic and its type: `ros2 topic info -v`; remap `detections`"
+_LOST_PINGS = (
+    "Pings are lost: check the driver and the network. For a sonar with a variable period, leave "
+    "`scan_period` at 0"
+)
+_PERIOD = ("scan_period", "scan_period_factor")
+_NAVIGATION = "Check the navigation; compare its clock with the sonar's"
+_EMPTY_RAYS = (
+    "See the reasons below; if a sensor marks empty rays in its own way, raise `max_dropped_share`"
+)
+MAX_RECORDS = 10_000
+"""Scans of the window that are remembered at most: bounds memory and time."""
+NO_CONNECTIONS = Connections()
+"""Connections of a session without a node."""
 
 
 @dataclass(frozen=True)
@@ -316,18 +331,6 @@ def _sensor_rule(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
 
     return (Rule(Level.WARN, condition, judge, remedy),)
 
-
-_SEE_REASONS = "See the reasons below"
-_NO_SCAN = "Check the topic and its type: `ros2 topic info -v`; remap `detections`"
-_LOST_PINGS = (
-    "Pings are lost: check the driver and the network. For a sonar with a variable period, leave "
-    "`scan_period` at 0"
-)
-_PERIOD = ("scan_period", "scan_period_factor")
-_NAVIGATION = "Check the navigation; compare its clock with the sonar's"
-_EMPTY_RAYS = (
-    "See the reasons below; if a sensor marks empty rays in its own way, raise `max_dropped_share`"
-)
 
 ENTRIES: dict[str, Entry] = {
     INITIATION: Entry(
@@ -620,13 +623,6 @@ def status_of(task: str, entry: Entry, now: HealthFigures) -> Status:
     found = sorted(found, key=lambda one: -one[0]) or [(Level.OK, entry.healthy(now))]
     message = "; ".join(sentence for _, sentence in found)
     return Status(task, found[0][0], message, entry.values(now))
-
-
-MAX_RECORDS = 10_000
-"""Scans of the window that are remembered at most: bounds memory and time."""
-
-NO_CONNECTIONS = Connections()
-"""Connections of a session without a node."""
 
 
 class Health:

@@ -68,6 +68,15 @@ from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
 
+GATING_SHARE = 0.1
+"""Share of a time limit after which only the nearest detections are sought in the gates."""
+MERGING_COST = 10.0
+"""Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
+COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
+"""Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
+BLOCK = 16_384
+"""Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TsepmOptions(MnOptions):
@@ -162,16 +171,6 @@ def path_cost(paths: Paths, detections: DetectionWindow) -> FloatArray:
             )
             cost[rows] = statistic / (2.0 * hits.shape[1] - 2.0)
     return cost
-
-
-GATING_SHARE = 0.1
-"""Share of a time limit after which only the nearest detections are sought in the gates."""
-MERGING_COST = 10.0
-"""Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
-COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
-"""Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
-BLOCK = 16_384
-"""Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
 
 class WindowedMethod(Method):

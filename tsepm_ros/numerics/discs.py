@@ -19,6 +19,12 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 REACH = 8.0
 """Standard deviations beyond which the Gaussian is neglected."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
+ALL_PAIRS = 20_000
+"""Pairs of centres and positions up to which every distance is taken."""
+CANDIDATES_TOGETHER = 4_000_000
+"""Pairs whose distances are taken together, at most: bounds memory."""
+STRIPS_PER_ROOT = 4.0
+"""Strips of positions at most, over the root of the number of positions."""
 
 
 def disc_probability(
@@ -78,14 +84,6 @@ def _integrals(
     inside -= ndtr((-chord - along[:, None]) / major[:, None])
     values = density * inside * chord
     return np.asarray(0.5 * (high - low) * (values @ _WEIGHTS))
-
-
-ALL_PAIRS = 20_000
-"""Pairs of centres and positions up to which every distance is taken."""
-CANDIDATES_TOGETHER = 4_000_000
-"""Pairs whose distances are taken together, at most: bounds memory."""
-STRIPS_PER_ROOT = 4.0
-"""Strips of positions at most, over the root of the number of positions."""
 
 
 def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:

@@ -15,6 +15,12 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 SIGNIFICANT = 13.8
 """Squared distance that a bivariate Gaussian exceeds with a probability of 0.001."""
+MIN_EIGENVALUE = 1e-12
+"""Smallest eigenvalue of a correlation matrix that rounding cannot have made."""
+REPAIRED_EIGENVALUE = 1e-9
+"""Smallest eigenvalue of a correlation matrix that is repaired."""
+MIN_VARIANCE_SHARE = 1e-24
+"""Smallest variance of a repaired matrix, as a share of its largest."""
 
 
 def gate_factor(probability: float) -> float:
@@ -96,14 +102,6 @@ def mixture(
     second_moments = covariances + deviation[..., :, None] * deviation[..., None, :]
     covariance = np.einsum("m...,m...ij->...ij", weights, second_moments)
     return states[0] + mean, covariance
-
-
-MIN_EIGENVALUE = 1e-12
-"""Smallest eigenvalue of a correlation matrix that rounding cannot have made."""
-REPAIRED_EIGENVALUE = 1e-9
-"""Smallest eigenvalue of a correlation matrix that is repaired."""
-MIN_VARIANCE_SHARE = 1e-24
-"""Smallest variance of a repaired matrix, as a share of its largest."""
 
 
 def proper(covariance: FloatArray) -> FloatArray:

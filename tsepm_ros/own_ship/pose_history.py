@@ -18,6 +18,13 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_covariance
 
+RATE_SPAN = 2.0
+"""Time over which differences of poses give the sensor's velocity, s."""
+MIN_RATE_SPAN = 0.5
+"""Shortest time for differences of poses, s: below, pose errors dominate."""
+MIN_SAMPLE_PERIOD = 0.009
+"""Shortest time between stored samples, s: below the period of 100 Hz, far below a roll's."""
+
 
 @dataclass(frozen=True)
 class PoseSample:
@@ -85,14 +92,6 @@ def known_rates(vx: float, vy: float, yaw_rate: float) -> tuple[float, float, fl
     if not (vx or vy):
         vx = vy = math.nan
     return vx, vy, yaw_rate or math.nan
-
-
-RATE_SPAN = 2.0
-"""Time over which differences of poses give the sensor's velocity, s."""
-MIN_RATE_SPAN = 0.5
-"""Shortest time for differences of poses, s: below, pose errors dominate."""
-MIN_SAMPLE_PERIOD = 0.009
-"""Shortest time between stored samples, s: below the period of 100 Hz, far below a roll's."""
 
 
 class PoseCoverage(enum.Enum):

@@ -52,6 +52,17 @@ AXES: dict[str, FloatArray] = {
 """Ahead, port and up, as columns, in a frame's axes: `body` x ahead, y to port, z up; `down`
 x ahead, y to starboard, z down; `sonar` z ahead, x up, y to starboard (marine_acoustic_msgs);
 `optical` z ahead, x to starboard, y down."""
+_SUFFIX = re.compile(r"(?:^|(?<=/)|_)(ned|frd|optical)(?=(?:_frame)?$)", re.IGNORECASE)
+_AXES = {"ned": "down", "frd": "down", "optical": "optical"}
+_EAST_NORTH_UP = {
+    "body": np.eye(3),
+    "down": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+}
+_EXCHANGED = [2, 3, 0, 1]
+MAX_ECHO_TIME = 60.0
+"""Time from a ping to the reflection of its echo, s, that no sonar reaches: 90 km of range."""
+MAX_TRANSMIT_OFFSET = 3600.0
+"""Time of a ping after the stamp of its scan, s, that no sweep reaches."""
 
 
 def rotation_of(quaternion: Sequence[float]) -> FloatArray:
@@ -213,15 +224,6 @@ def horizontal_range_rate(
         return np.where(ratio <= MAX_SLANT_RATIO, ratio * range_rate, np.nan)
 
 
-_SUFFIX = re.compile(r"(?:^|(?<=/)|_)(ned|frd|optical)(?=(?:_frame)?$)", re.IGNORECASE)
-_AXES = {"ned": "down", "frd": "down", "optical": "optical"}
-_EAST_NORTH_UP = {
-    "body": np.eye(3),
-    "down": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
-}
-_EXCHANGED = [2, 3, 0, 1]
-
-
 def stated_axes(frame_id: str) -> str:
     """Axes that a frame's name states, a key of `AXES`; `body` without a suffix."""
     suffix = _SUFFIX.search(frame_id)
@@ -354,12 +356,6 @@ def sensor_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
     jacobian = np.eye(3)
     jacobian[:2, 2] = -arm[1], arm[0]
     return jacobian @ covariance @ jacobian.T
-
-
-MAX_ECHO_TIME = 60.0
-"""Time from a ping to the reflection of its echo, s, that no sonar reaches: 90 km of range."""
-MAX_TRANSMIT_OFFSET = 3600.0
-"""Time of a ping after the stamp of its scan, s, that no sweep reaches."""
 
 
 class MessageFacts(NamedTuple):

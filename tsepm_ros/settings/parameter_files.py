@@ -26,6 +26,12 @@ import yaml
 from tsepm_ros.parameters import EXPONENT, Value, refuse_integer, shown
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Groups, full_table
 
+ANY_NODE = "/**"
+"""Key of a parameter file that fits a node of any name in any namespace."""
+OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Beginnings of the parameters that ROS declares itself."""
+_SECTION = "ros__parameters"
+
 
 def yaml_text(value: Value) -> str:
     """Write a value as YAML 1.1, which ROS reads; YAML 1.1 reads 1e-06 as a text, not 1.0e-06."""
@@ -82,10 +88,6 @@ def load_yaml(text: str) -> Any:
     return yaml.load(text, _PlainLoader)
 
 
-ANY_NODE = "/**"
-"""Key of a parameter file that fits a node of any name in any namespace."""
-
-
 def section(key: str = ANY_NODE) -> list[str]:
     """Lines that begin the section of a parameter file for the nodes of a key."""
     return [f"{key}:", "  ros__parameters:"]
@@ -102,11 +104,6 @@ def as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
         lines.append(f"    {row.name}: {yaml_text(row.default)}")
     return "\n".join(lines) + "\n"
-
-
-OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-"""Beginnings of the parameters that ROS declares itself."""
-_SECTION = "ros__parameters"
 
 
 def add_values(

@@ -57,6 +57,11 @@ from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 
+TIMED_TRACKS = 4096
+"""Potential tracks extended together where the time is limited."""
+TIMED_PAIRS = 100_000
+"""Pairs of these and detections, at most: the nearest."""
+
 
 @dataclass(frozen=True, eq=False)
 class Polynomials:
@@ -147,12 +152,6 @@ class Polynomials:
         diagonal = np.arange(count)
         sigma = (powers * major_sigma(self.covariance[:, diagonal, diagonal])).sum(axis=1)
         return (powers * length)[:, 1:].sum(axis=1), sigma
-
-
-TIMED_TRACKS = 4096
-"""Potential tracks extended together where the time is limited."""
-TIMED_PAIRS = 100_000
-"""Pairs of these and detections, at most: the nearest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,6 +53,13 @@ from tsepm_ros.tracker.options import CommonOptions, MnOptions, hits_option, win
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
 
+MAX_PAIRS = 1_000_000
+"""Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
+TIMED_PAIRS = 250_000
+"""The same where the time is limited."""
+PAIRING_SHARE = 0.25
+"""Share of a time limit after which no further pairs are sought."""
+
 
 @dataclass(frozen=True)
 class Estimates(Rows):
@@ -190,14 +197,6 @@ class Displacements(Rows):
         along = (self.before * self.after).sum(axis=1)
         across = self.before[:, 0] * self.after[:, 1] - self.before[:, 1] * self.after[:, 0]
         return np.abs(np.arctan2(across, along))
-
-
-MAX_PAIRS = 1_000_000
-"""Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
-TIMED_PAIRS = 250_000
-"""The same where the time is limited."""
-PAIRING_SHARE = 0.25
-"""Share of a time limit after which no further pairs are sought."""
 
 
 class PathFollower(HitCounter):

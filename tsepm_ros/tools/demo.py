@@ -47,6 +47,30 @@ from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
 from tsepm_ros.tools.terminal import progress_bar, text_table
 
 DEPTH = 1000
+HEADER = [
+    "target",
+    "track",
+    "found after [s]",
+    "pings",
+    "hits",
+    "position error [m]",
+    "1 sigma [m]",
+    "velocity error [m/s]",
+    "1 sigma [m/s]",
+]
+MAX_IDLE_TIME = 20.0
+"""Time without a message after which a run has failed, s."""
+PROCESS = "from tsepm_ros.ending_signals import {0}; raise SystemExit({0}())"
+ARGUMENTS: Arguments = {
+    "--scenario": {"default": "four_targets", "help": "shipped name or .yaml file"},
+    "--seed": {"type": int, "default": 2, "help": "seed of the simulation"},
+    "--rate": {"type": float, "default": 60.0, "help": "speed relative to real time"},
+    "--picture": {
+        "type": Path,
+        "default": Path("build/demo.png"),
+        "help": "default build/demo.png",
+    },
+}
 
 
 class TopicCollector(Node):
@@ -81,19 +105,6 @@ class TopicCollector(Node):
         records = read_track_cloud(message)
         self.tracks.extend(records[records["revision"] == 0])
         self.processed += 1
-
-
-HEADER = [
-    "target",
-    "track",
-    "found after [s]",
-    "pings",
-    "hits",
-    "position error [m]",
-    "1 sigma [m]",
-    "velocity error [m/s]",
-    "1 sigma [m/s]",
-]
 
 
 def target_rows(scene: RunScene) -> list[list[str]]:
@@ -170,12 +181,8 @@ def review(
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
 
 
-MAX_IDLE_TIME = 20.0
-"""Time without a message after which a run has failed, s."""
-
 NAMESPACE = f"/tsepm_demo_{os.getpid()}"
 """Separates the demonstration from other nodes on the machine."""
-PROCESS = "from tsepm_ros.ending_signals import {0}; raise SystemExit({0}())"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -219,18 +226,6 @@ def _demonstrate(options: argparse.Namespace) -> int:
     if failure:
         print(f"failed: {failure}", file=sys.stderr)
     return 1 if failure else 0
-
-
-ARGUMENTS: Arguments = {
-    "--scenario": {"default": "four_targets", "help": "shipped name or .yaml file"},
-    "--seed": {"type": int, "default": 2, "help": "seed of the simulation"},
-    "--rate": {"type": float, "default": 60.0, "help": "speed relative to real time"},
-    "--picture": {
-        "type": Path,
-        "default": Path("build/demo.png"),
-        "help": "default build/demo.png",
-    },
-}
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:

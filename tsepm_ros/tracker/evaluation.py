@@ -60,6 +60,29 @@ from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 EVALUATIONS = ("normalized_distance", "clutter_statistic")
+MAX_DETECTION_PROBABILITY = 0.999
+"""A miss must stay possible: targets fade, also where P_D is given as 1."""
+FADED_SHARE = 0.4
+"""Share of the time for which a target has faded: a choice.
+
+Data sheets overstate: a target far away, or seen from ahead, is detected less often. Where P_D is
+smaller than assumed, misses speak too much against the target, and targets are lost; where it is as
+told, starts are slightly later. docs/score.md has the figures.
+"""
+FADED_FACTOR = 0.6
+"""Detection probability of a faded target, in that of a seen one: a choice."""
+FADING_SCANS = 10.0
+"""Time constant of the chain, in scans: a choice."""
+FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_FACTOR))
+"""Probability that a target has faded, given its first detection."""
+PATH_ODDS = 0.2
+"""Prior odds, for the law of clutter, that a path is a target's: positions do not bias it."""
+MIN_PATH_PROBABILITY = 0.25
+"""Probability of a target from which a detection's weight in that law is changed."""
+MAX_PAIRS_TOGETHER = 50_000
+"""Pairs of hypotheses and detections that are scored together: bounds memory."""
+LOG_GAIN = -math.log(-math.expm1(-2.0))
+"""-ln P_0: what the evidence gains where the velocity is surely inside."""
 
 
 def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
@@ -112,10 +135,6 @@ def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float
     return np.asarray(2.0 * np.pi * (density * squared_displacement).sum(axis=1))
 
 
-MAX_DETECTION_PROBABILITY = 0.999
-"""A miss must stay possible: targets fade, also where P_D is given as 1."""
-
-
 def hit_increment(
     log_density: FloatArray, detection_probability: float | FloatArray, clutter: FloatArray
 ) -> FloatArray:
@@ -159,21 +178,6 @@ def miss_increment(detection_probability: FloatArray, gate_probability: float) -
     return np.asarray(np.log1p(-probability * gate_probability))
 
 
-FADED_SHARE = 0.4
-"""Share of the time for which a target has faded: a choice.
-
-Data sheets overstate: a target far away, or seen from ahead, is detected less often. Where P_D is
-smaller than assumed, misses speak too much against the target, and targets are lost; where it is as
-told, starts are slightly later. docs/score.md has the figures.
-"""
-FADED_FACTOR = 0.6
-"""Detection probability of a faded target, in that of a seen one: a choice."""
-FADING_SCANS = 10.0
-"""Time constant of the chain, in scans: a choice."""
-FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_FACTOR))
-"""Probability that a target has faded, given its first detection."""
-
-
 def fading_predicted(faded: FloatArray) -> FloatArray:
     """Probability that targets have faded (n,) at the next scan."""
     return np.asarray(FADED_SHARE + math.exp(-1.0 / FADING_SCANS) * (faded - FADED_SHARE))
@@ -206,12 +210,6 @@ def fading_after_miss(
     seen = detection_probability / visible_share(faded)
     missed = 1.0 - detection_probability * gate_probability
     return np.asarray(faded * (1.0 - FADED_FACTOR * seen * gate_probability) / missed)
-
-
-PATH_ODDS = 0.2
-"""Prior odds, for the law of clutter, that a path is a target's: positions do not bias it."""
-MIN_PATH_PROBABILITY = 0.25
-"""Probability of a target from which a detection's weight in that law is changed."""
 
 
 class PathAmplitudes(NamedTuple):
@@ -256,10 +254,6 @@ def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
     found = np.flatnonzero(best > -np.inf)
     of = window[found + window.first_id]
     return of["scan"], of["index"], expit(best[found])
-
-
-MAX_PAIRS_TOGETHER = 50_000
-"""Pairs of hypotheses and detections that are scored together: bounds memory."""
 
 
 def evaluate(
@@ -372,10 +366,6 @@ def miss(
         score_given_held=predicted.score_given_held + increment,
         faded=fading_after_miss(predicted.faded, detection_probability, gate_probability),
     )
-
-
-LOG_GAIN = -math.log(-math.expm1(-2.0))
-"""-ln P_0: what the evidence gains where the velocity is surely inside."""
 
 
 def within_max_speed(hypotheses: Hypotheses, counts: BoolArray, max_speed: float) -> Hypotheses:

@@ -29,6 +29,18 @@ from tsepm_ros.tracker.initial_state import Paths
 from tsepm_ros.tracker.measurement import covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
+PRIOR_TARGET_ODDS = 0.001
+"""Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
+_ERRORS = (
+    "time",
+    "range_std",
+    "azimuth_std",
+    "least_across",
+    "sensor_pose",
+    "sensor_pose_covariance",
+)
+"""What the innovation covariance of a hypothesis and a detection depends on."""
+
 
 @dataclass(frozen=True)
 class Hypotheses(Paths):
@@ -82,10 +94,6 @@ class Hypotheses(Paths):
             np.zeros(0),
             np.zeros(0),
         )
-
-
-PRIOR_TARGET_ODDS = 0.001
-"""Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
 
 
 @dataclass(frozen=True)
@@ -173,17 +181,6 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
         due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
     return changed(hypotheses, score_given_held=score)
-
-
-_ERRORS = (
-    "time",
-    "range_std",
-    "azimuth_std",
-    "least_across",
-    "sensor_pose",
-    "sensor_pose_covariance",
-)
-"""What the innovation covariance of a hypothesis and a detection depends on."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,10 @@ from tsepm_ros.tracker.sensor import SensorModel
 NO_HIT = -1
 MAX_ROWS_TOGETHER = 16_384
 """Paths processed together: bounds memory and fits into the processor's cache."""
+ESTIMATORS = ("unweighted", "weighted")
+WEIGHTED_PASSES = 2
+GOOD_FIT = 0.99
+"""Probability up to which the squared distance of hits from their track is no misfit."""
 
 
 @dataclass(frozen=True)
@@ -82,12 +86,6 @@ def starting(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
     hits[:, 0] = detection
     count = np.ones(len(detection), np.int64)
     return Paths(hits, count, np.full(len(detection), scan_index, np.int64))
-
-
-ESTIMATORS = ("unweighted", "weighted")
-WEIGHTED_PASSES = 2
-GOOD_FIT = 0.99
-"""Probability up to which the squared distance of hits from their track is no misfit."""
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,34 @@ _CONSTANT[[1, 3], [1, 3]] = 1.0
 _LINEAR[[0, 1, 2, 3], [1, 0, 3, 2]] = 1.0 / 2.0
 _SQUARE[[0, 2], [0, 2]] = 1.0 / 3.0
 """Coefficients of `process_noise`, as a polynomial of the time."""
+MAX_OUTSIDE = 0.25
+"""Probability of a velocity outside the disc up to which a state stays as it is.
+
+The Gaussian with the moments of a truncated density has up to 0.22 outside again: a state that is
+limited at every scan is limited once, unless detections move it outside.
+"""
+NEGLIGIBLE = 1e-9
+"""Probability outside below which it counts as 0."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
+GRID = np.linspace(-1.0, 1.0, 21)
+MIN_VARIANCE = 1e-18
+"""Smallest variance of a velocity component, in v_max^2."""
+MIN_RELATIVE_VARIANCE = 1e-10
+"""Smallest variance that is left of a velocity component, as a part of that before."""
+PASSES = 3
+"""Times that the grid is narrowed to where the density is."""
+LOG_DROP = 30.0
+"""Logarithm of the factor below its maximum from which on the density does not count."""
+PROCESS_NOISE = 0.01
+"""Spectral density of the acceleration between turns, m^2/s^3: 1 m/s per 100 s."""
+SCANS_TO_TURN = 30.0
+"""Mean number of scans between turns or changes of speed: a choice."""
+GOES_ON = 0.5
+"""Probability that a turn goes on at the next scan: a choice."""
+TURN_TIME = 5.0
+"""Least time in which a target of any speed has turned, s."""
+MIN_MODE_PROBABILITY = 1e-30
+"""Floor of a mode's probability, which keeps its state defined."""
 
 
 def predict(
@@ -294,26 +322,6 @@ def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
     return gate_factor(gate_probability)
 
 
-MAX_OUTSIDE = 0.25
-"""Probability of a velocity outside the disc up to which a state stays as it is.
-
-The Gaussian with the moments of a truncated density has up to 0.22 outside again: a state that is
-limited at every scan is limited once, unless detections move it outside.
-"""
-NEGLIGIBLE = 1e-9
-"""Probability outside below which it counts as 0."""
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
-GRID = np.linspace(-1.0, 1.0, 21)
-MIN_VARIANCE = 1e-18
-"""Smallest variance of a velocity component, in v_max^2."""
-MIN_RELATIVE_VARIANCE = 1e-10
-"""Smallest variance that is left of a velocity component, as a part of that before."""
-PASSES = 3
-"""Times that the grid is narrowed to where the density is."""
-LOG_DROP = 30.0
-"""Logarithm of the factor below its maximum from which on the density does not count."""
-
-
 def reaching_outside(
     state: FloatArray,
     covariance: FloatArray,
@@ -516,18 +524,6 @@ def _moments(
     variance = np.clip(variance, 0.0, np.minimum(1.0, 0.25 * (high - low) ** 2))
     mean = np.where(mirrored, -shift, shift) * sigma + middle
     return np.clip(mean, -chord, chord), variance * sigma**2
-
-
-PROCESS_NOISE = 0.01
-"""Spectral density of the acceleration between turns, m^2/s^3: 1 m/s per 100 s."""
-SCANS_TO_TURN = 30.0
-"""Mean number of scans between turns or changes of speed: a choice."""
-GOES_ON = 0.5
-"""Probability that a turn goes on at the next scan: a choice."""
-TURN_TIME = 5.0
-"""Least time in which a target of any speed has turned, s."""
-MIN_MODE_PROBABILITY = 1e-30
-"""Floor of a mode's probability, which keeps its state defined."""
 
 
 @dataclass(frozen=True, eq=False)

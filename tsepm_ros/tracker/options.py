@@ -15,6 +15,13 @@ from typing import Any
 
 from tsepm_ros.parameters import ParameterGroup, parameter
 
+MAX_HITS = 32
+"""Maximum of M."""
+MAX_WINDOW = 64
+"""Maximum of N."""
+MIN_HITS = 3
+"""Hits of a confirmed track, at least: two hits cannot check the velocity."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions(ParameterGroup):
@@ -128,12 +135,6 @@ class CommonOptions(ParameterGroup):
         return replace(self, **chosen)
 
 
-MAX_HITS = 32
-"""Maximum of M."""
-MAX_WINDOW = 64
-"""Maximum of N."""
-
-
 def hits_option(
     default: int, *, minimum: int = 2, meaning: str = "Hits that confirm a track (M)"
 ) -> Any:
@@ -174,10 +175,6 @@ class MnOptions(ParameterGroup):
             raise ValueError(
                 f"window must be at least min_hits; got {self.window} and {self.min_hits}"
             )
-
-
-MIN_HITS = 3
-"""Hits of a confirmed track, at least: two hits cannot check the velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,6 +38,10 @@ NOISE_DEVIATIONS = 3.0
 """Standard deviations of a jump within which it may be noise."""
 COARSEST_FAN = math.radians(3.0)
 """Angle between rays from which on neighbours are of different objects."""
+EDGE_DEVIATIONS = 3.0
+"""Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
+TURNS = 3
+"""Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,12 +218,6 @@ class SensorModel(ParameterGroup):
         sector_start = self.azimuth_min - azimuth_margin
         from_start = np.remainder(np.asarray(azimuth, float) - sector_start, 2 * np.pi)
         return covered & (from_start <= self.sector_width + 2.0 * azimuth_margin)
-
-
-EDGE_DEVIATIONS = 3.0
-"""Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
-TURNS = 3
-"""Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
 
 def goes_on(

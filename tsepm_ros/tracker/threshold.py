@@ -49,6 +49,16 @@ SIMULATED_TARGETS = 1500
 SEED = 1
 ANY_RATIO = -1.0
 """Stands for ratios of the prior."""
+THRESHOLDS = np.arange(0.0, 40.0, 0.05)
+"""Thresholds of a plan, in units of the log-likelihood ratio."""
+MIN_PASSAGES = 30
+"""Simulated passages of a threshold, at least, for a share of use."""
+MAX_BELOW_VILLE = 2.5
+"""The threshold is at most this far below Ville's: true targets may differ from the simulated."""
+ROUNDING_STEP = 0.1
+MAX_SCANS_REMEMBERED = 50
+"""Scans over which the mean of the detections is taken."""
+SECONDS_PER_HOUR = 3600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,15 +172,6 @@ def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> 
     )
     cosine, sine = state[:, 0] / range_, state[:, 2] / range_
     return np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=1)
-
-
-THRESHOLDS = np.arange(0.0, 40.0, 0.05)
-"""Thresholds of a plan, in units of the log-likelihood ratio."""
-MIN_PASSAGES = 30
-"""Simulated passages of a threshold, at least, for a share of use."""
-MAX_BELOW_VILLE = 2.5
-"""The threshold is at most this far below Ville's: true targets may differ from the simulated."""
-ROUNDING_STEP = 0.1
 
 
 def rounded(value: float) -> float:
@@ -385,11 +386,6 @@ def _plan(tested: FloatArray, window: int) -> ScorePlan:
     # From the highest threshold down: the shares fall over many powers of ten.
     false = np.cumsum(steps[::-1])[-2::-1][:used] / len(tested)
     return ScorePlan(false, passed[:used] / len(tested))
-
-
-MAX_SCANS_REMEMBERED = 50
-"""Scans over which the mean of the detections is taken."""
-SECONDS_PER_HOUR = 3600.0
 
 
 class Threshold:

@@ -35,31 +35,6 @@ HISTORIES = ((10, 10), (3, 3), (30, 5))
 """Numbers of earlier plots of the tracks A and B."""
 TIME_STEP = 1.0
 """Interval of the curves, s."""
-
-
-def reproduce(setting: Setting) -> list[Part]:
-    """Parts of the source's chapter."""
-    return [*_encounter_parts(), *_decision_parts(setting)]
-
-
-def encounter(azimuth_from: str = "y") -> FloatArray:
-    """States of A and B at the beginning, (2, 4).
-
-    Parameters
-    ----------
-    azimuth_from : {"y", "x"}
-        Whether the azimuths of the positions are clockwise from north, as the headings, or
-        counter-clockwise from the x axis.
-    """
-    distance, azimuth, speed, heading = np.array(ENCOUNTER).T
-    azimuth, heading = np.radians(azimuth), np.radians(heading)
-    first, second = np.sin(azimuth), np.cos(azimuth)
-    x, y = (first, second) if azimuth_from == "y" else (second, first)
-    return np.stack(
-        [distance * x, speed * np.sin(heading), distance * y, speed * np.cos(heading)], axis=1
-    )
-
-
 SLOPES: dict[str, Callable[[FloatArray], tuple[float, float]]] = {
     "Eq. 2 as printed": lambda v: (v[1, 1] * v[0, 1], v[1, 0] - v[0, 0]),
     "Eq. 2 with its minus": lambda v: (v[1, 1] - v[0, 1], v[1, 0] - v[0, 0]),
@@ -84,6 +59,29 @@ PICTURED = {
     "with all corrections": (_FROM_NORTH, "with quadrants", "with a minus instead of bars"),
 }
 """Readings of the picture; each adds a correction to the previous reading."""
+
+
+def reproduce(setting: Setting) -> list[Part]:
+    """Parts of the source's chapter."""
+    return [*_encounter_parts(), *_decision_parts(setting)]
+
+
+def encounter(azimuth_from: str = "y") -> FloatArray:
+    """States of A and B at the beginning, (2, 4).
+
+    Parameters
+    ----------
+    azimuth_from : {"y", "x"}
+        Whether the azimuths of the positions are clockwise from north, as the headings, or
+        counter-clockwise from the x axis.
+    """
+    distance, azimuth, speed, heading = np.array(ENCOUNTER).T
+    azimuth, heading = np.radians(azimuth), np.radians(heading)
+    first, second = np.sin(azimuth), np.cos(azimuth)
+    x, y = (first, second) if azimuth_from == "y" else (second, first)
+    return np.stack(
+        [distance * x, speed * np.sin(heading), distance * y, speed * np.cos(heading)], axis=1
+    )
 
 
 def time_of_closest_approach(

@@ -48,6 +48,53 @@ AS_GIVEN: Mapping[str, Any] = MappingProxyType(
     }
 )
 """Options with which the published methods are reproduced: nothing is learned."""
+TABLE_1_DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
+TABLE_1_DENSITY = 1e-6
+"""1/m^2."""
+GATE_PROBABILITY = 0.9
+MAX_SPEED = 10.0
+"""m/s."""
+PERIOD = 12.0
+"""s."""
+GATE_FACTOR = 2.146
+"""alpha at 0.9, as printed below Eq. 5."""
+RANGE_ERROR_FRACTION = 0.015
+COORDINATE = 5000.0
+"""Each coordinate of the target's initial position, m."""
+RECOMMENDED = {"5/8", "6/9"}
+"""Rules that the text finds for p_d = 0.9, P_D above 0.85 and P_F below 0.05."""
+FIGURE_7_DENSITY = 5e-6
+"""1/m^2; Figs. 5 and 6 state no range of densities, Fig. 8 no density."""
+FIGURE_7_MARKS = (75.0, 120.0)
+"""Measurement errors between which P_D is said to fall."""
+RULE = (5, 8)
+TARGET = np.array([COORDINATE, COORDINATE])
+SHARED_OPTIONS: dict[str, Any] = {
+    "min_hits": RULE[0],
+    "window": RULE[1],
+    "gate_probability": GATE_PROBABILITY,
+    **AS_GIVEN,
+}
+STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
+"""alpha times the range error at a range of 5000 m, m."""
+OWN_GATE = "multiple model, gate 0.99"
+"""The multiple model with the gate that is its default; the other curves have the gate of 0.9."""
+KENNEDY = {"evaluation": "clutter_statistic"}
+CURVES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "tsepm, f1 literal": ("tsepm", {"pruning_reading": "literal"}),
+        "tsepm, f1 squared": ("tsepm", {"pruning_reading": "squared"}),
+        "tsepm, f2 size 0.05": ("tsepm", {**KENNEDY, "clutter_test_size": 0.05}),
+        "tsepm, f2 size 0.5": ("tsepm", {**KENNEDY, "clutter_test_size": 0.5}),
+        "clutter test, size 0.05": ("clutter_test", {"clutter_test_size": 0.05}),
+        "clutter test, size 0.5": ("clutter_test", {"clutter_test_size": 0.5}),
+        "multiple model": ("multiple_model", {}),
+        OWN_GATE: ("multiple_model", {"gate_probability": 0.99}),
+    }
+)
+"""Method and options of each curve, besides `SHARED_OPTIONS`."""
+WEIGHTS = ("f_1, as published", "equal", "1 / f_1", "the best member alone")
+"""Weights of the members of a merged group, Eq. 31."""
 
 
 @dataclass(frozen=True)
@@ -147,55 +194,6 @@ TABLE_1 = tuple(
         (8, 9, 0.0002, 0.0000, 0.8131, 0.4797, 0.2375),
     )
 )
-TABLE_1_DETECTION_PROBABILITIES = (1.0, 0.9, 0.8)
-TABLE_1_DENSITY = 1e-6
-"""1/m^2."""
-GATE_PROBABILITY = 0.9
-MAX_SPEED = 10.0
-"""m/s."""
-PERIOD = 12.0
-"""s."""
-GATE_FACTOR = 2.146
-"""alpha at 0.9, as printed below Eq. 5."""
-RANGE_ERROR_FRACTION = 0.015
-COORDINATE = 5000.0
-"""Each coordinate of the target's initial position, m."""
-RECOMMENDED = {"5/8", "6/9"}
-"""Rules that the text finds for p_d = 0.9, P_D above 0.85 and P_F below 0.05."""
-
-FIGURE_7_DENSITY = 5e-6
-"""1/m^2; Figs. 5 and 6 state no range of densities, Fig. 8 no density."""
-FIGURE_7_MARKS = (75.0, 120.0)
-"""Measurement errors between which P_D is said to fall."""
-
-
-RULE = (5, 8)
-TARGET = np.array([COORDINATE, COORDINATE])
-SHARED_OPTIONS: dict[str, Any] = {
-    "min_hits": RULE[0],
-    "window": RULE[1],
-    "gate_probability": GATE_PROBABILITY,
-    **AS_GIVEN,
-}
-STATED_MARGIN = GATE_FACTOR * RANGE_ERROR_FRACTION * COORDINATE
-"""alpha times the range error at a range of 5000 m, m."""
-OWN_GATE = "multiple model, gate 0.99"
-"""The multiple model with the gate that is its default; the other curves have the gate of 0.9."""
-KENNEDY = {"evaluation": "clutter_statistic"}
-
-CURVES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
-    {
-        "tsepm, f1 literal": ("tsepm", {"pruning_reading": "literal"}),
-        "tsepm, f1 squared": ("tsepm", {"pruning_reading": "squared"}),
-        "tsepm, f2 size 0.05": ("tsepm", {**KENNEDY, "clutter_test_size": 0.05}),
-        "tsepm, f2 size 0.5": ("tsepm", {**KENNEDY, "clutter_test_size": 0.5}),
-        "clutter test, size 0.05": ("clutter_test", {"clutter_test_size": 0.05}),
-        "clutter test, size 0.5": ("clutter_test", {"clutter_test_size": 0.5}),
-        "multiple model": ("multiple_model", {}),
-        OWN_GATE: ("multiple_model", {"gate_probability": 0.99}),
-    }
-)
-"""Method and options of each curve, besides `SHARED_OPTIONS`."""
 
 
 @dataclass(frozen=True)
@@ -413,10 +411,6 @@ class Grouping(Tsepm):
         )
         self.groups.append((group, self.tracks(at_state)))
         return state, covariance
-
-
-WEIGHTS = ("f_1, as published", "equal", "1 / f_1", "the best member alone")
-"""Weights of the members of a merged group, Eq. 31."""
 
 
 def weighted(group: Candidates) -> FloatArray:

@@ -104,6 +104,48 @@ MATCHED = tuple(itertools.product(GATES, MATCHINGS))
 """Meaning of sigma in Eq. 7, and track of a detection that several tracks match (Step 3)."""
 DEFAULT_READING = (GATES[0], "oldest track first")
 """The default reading of the method."""
+SIX_OF_TEN = {"min_hits": 6, "window": 10}
+WIDER = {**SIX_OF_TEN, "gate_sigmas": 2.0}
+CONVENTIONAL: dict[str, tuple[str, dict[str, Any]]] = {
+    "heuristic, as printed": ("heuristic", {}),
+    "heuristic, 6/10, 2 sigma": ("heuristic", {**WIDER, "max_acceleration": 2.0}),
+    "logic, 6/10": ("logic", SIX_OF_TEN),
+    "logic, ends when missed": ("logic", {"missed": "ends"}),
+    "modified Hough, as printed": ("modified_hough", {}),
+    "modified Hough, 6/10, 2 sigma": ("modified_hough", {**WIDER, "max_turn": 1.0}),
+    "Hough, 15 angles, 900 m": ("hough", {**SIX_OF_TEN, "angles": 15, "cell": 900.0}),
+    "Hough, 45 angles, 300 m": ("hough", {**SIX_OF_TEN, "angles": 45, "cell": 300.0}),
+    "Hough, 90 angles, 150 m": ("hough", {**SIX_OF_TEN, "angles": 90, "cell": 150.0}),
+    "Hough, 180 angles, 50 m": ("hough", {**SIX_OF_TEN, "angles": 180, "cell": 50.0}),
+    "two points": ("sequential", {"min_hits": 2, "window": 2}),
+    "sequential": ("sequential", {}),
+}
+"""Methods in the scene of 2014 that the source finds unsuitable, and its own."""
+_KINDS = ("true", "all")
+STARTS = {
+    "T, s": "g",
+    "p_d": "g",
+    "sigma": "",
+    "a detection goes to the": "",
+    "P(>= 4)": ".3f",
+    "P(all six)": ".3f",
+    "... first scan at 0": ".3f",
+    **{f"{time:g} s": ".2f" for time in TIMES},
+    "all tracks, 120 s": ".2f",
+    "off Fig. 9": ".2f",
+}
+PUBLISHED: list[Cell] = [
+    "-",
+    "-",
+    "-",
+    "published",
+    FOUR_OR_MORE,
+    ALL_SIX,
+    "-",
+    *FORMED,
+    "-",
+    "-",
+]
 
 
 def hexagon_case(period: float, detection_probability: float) -> Scenario:
@@ -183,25 +225,6 @@ def _counts_by_scan(started: Started, name: str, judged: Sequence[Judged]) -> Re
         number = np.histogram(scan, np.arange(scenario.scans + 1) - 0.5)[0]
         counts[f"{name}: {kind}"] = np.cumsum(number).astype(float).tolist()
     return counts
-
-
-SIX_OF_TEN = {"min_hits": 6, "window": 10}
-WIDER = {**SIX_OF_TEN, "gate_sigmas": 2.0}
-CONVENTIONAL: dict[str, tuple[str, dict[str, Any]]] = {
-    "heuristic, as printed": ("heuristic", {}),
-    "heuristic, 6/10, 2 sigma": ("heuristic", {**WIDER, "max_acceleration": 2.0}),
-    "logic, 6/10": ("logic", SIX_OF_TEN),
-    "logic, ends when missed": ("logic", {"missed": "ends"}),
-    "modified Hough, as printed": ("modified_hough", {}),
-    "modified Hough, 6/10, 2 sigma": ("modified_hough", {**WIDER, "max_turn": 1.0}),
-    "Hough, 15 angles, 900 m": ("hough", {**SIX_OF_TEN, "angles": 15, "cell": 900.0}),
-    "Hough, 45 angles, 300 m": ("hough", {**SIX_OF_TEN, "angles": 45, "cell": 300.0}),
-    "Hough, 90 angles, 150 m": ("hough", {**SIX_OF_TEN, "angles": 90, "cell": 150.0}),
-    "Hough, 180 angles, 50 m": ("hough", {**SIX_OF_TEN, "angles": 180, "cell": 50.0}),
-    "two points": ("sequential", {"min_hits": 2, "window": 2}),
-    "sequential": ("sequential", {}),
-}
-"""Methods in the scene of 2014 that the source finds unsuitable, and its own."""
 
 
 def run_conventional(scenario: Scenario, seed: list[int]) -> Result:
@@ -312,9 +335,6 @@ class Counts:
         return float(np.sqrt(np.square(means - FORMED).mean()))
 
 
-_KINDS = ("true", "all")
-
-
 def reproduce(setting: Setting, scenes: Scenes | None = None) -> list[Part]:
     """The parts of its chapter, by default of all scenes."""
     scenes = hexagon_cases() if scenes is None else scenes
@@ -369,20 +389,6 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
     ]
 
 
-STARTS = {
-    "T, s": "g",
-    "p_d": "g",
-    "sigma": "",
-    "a detection goes to the": "",
-    "P(>= 4)": ".3f",
-    "P(all six)": ".3f",
-    "... first scan at 0": ".3f",
-    **{f"{time:g} s": ".2f" for time in TIMES},
-    "all tracks, 120 s": ".2f",
-    "off Fig. 9": ".2f",
-}
-
-
 def _in_main(readings: Sequence[Counts]) -> list[Counts]:
     """The readings in the main scene."""
     return [one for one in readings if (one.period, one.detection_probability) == MAIN]
@@ -411,20 +417,6 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
             rows,
         ),
     ]
-
-
-PUBLISHED: list[Cell] = [
-    "-",
-    "-",
-    "-",
-    "published",
-    FOUR_OR_MORE,
-    ALL_SIX,
-    "-",
-    *FORMED,
-    "-",
-    "-",
-]
 
 
 def _row(reading: Counts) -> list[Cell]:

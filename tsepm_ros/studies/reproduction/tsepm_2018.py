@@ -70,6 +70,22 @@ MIN_SHOWN = 7
 """Minimum N of the rows of P_D and P_F(2) in the report."""
 MAX_DETECTION_DIFFERENCE = 1e-4
 MAX_FALSE_DIFFERENCE = 1e-3
+DENOMINATORS = {
+    "share of first-scan starts": (
+        Counted.STARTS_WITH_TRACK,
+        Counted.FIRST_SCAN_STARTS,
+    ),
+    "per first-scan start": (Counted.FIRST_SCAN_TRACKS, Counted.FIRST_SCAN_STARTS),
+    "per start, N scans": (Counted.WRONG, Counted.STARTS),
+}
+"""Readings of P_F(2): numerator and denominator."""
+SHOWN = (
+    "tsepm, f1 literal",
+    "clutter test, size 0.5",
+    "multiple model",
+    OWN_GATE,
+)
+"""Curves that the report shows as numbers."""
 
 
 def detection(row: Table1Row) -> list[float]:
@@ -116,17 +132,6 @@ def unmatched_false_before() -> list[str]:
         for row in TABLE_1
         if abs(false_before(row, FITTED_MARGIN) - row.false_before) > MAX_FALSE_DIFFERENCE
     ]
-
-
-DENOMINATORS = {
-    "share of first-scan starts": (
-        Counted.STARTS_WITH_TRACK,
-        Counted.FIRST_SCAN_STARTS,
-    ),
-    "per first-scan start": (Counted.FIRST_SCAN_TRACKS, Counted.FIRST_SCAN_STARTS),
-    "per start, N scans": (Counted.WRONG, Counted.STARTS),
-}
-"""Readings of P_F(2): numerator and denominator."""
 
 
 def reproduce(
@@ -427,15 +432,6 @@ class Curves:
 def _style(name: str, k: int) -> dict[str, object]:
     dashes = {"clutter": "--", "multiple": "-."}.get(name.split()[0], "-")
     return {"fmt": "osD^vPX*"[k], "ls": dashes, "color": f"C{k}", "ms": 4, "lw": 1}
-
-
-SHOWN = (
-    "tsepm, f1 literal",
-    "clutter test, size 0.5",
-    "multiple model",
-    OWN_GATE,
-)
-"""Curves that the report shows as numbers."""
 
 
 def gate_hit_probability(error: float) -> float:

@@ -54,6 +54,12 @@ from tsepm_ros.tracker.measurement import convert, major_sigma, position_covaria
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
+RINGS = 60
+"""Rings into which the disc is divided."""
+PATHS = 10_000
+MIN_PASSES = 3.0
+"""Minimum number of passing paths for a share; with fewer, the share of this number counts."""
+
 
 def rule_detection_probability(
     min_hits: int, window: int, detection_probability: float, gate_probability: float
@@ -179,10 +185,6 @@ def confirmed_by(
         alive = moved
         by_scan[scan] = confirmed
     return by_scan
-
-
-RINGS = 60
-"""Rings into which the disc is divided."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -337,11 +339,6 @@ def _fewest_hits(covering: FloatArray) -> FloatArray:
         where=by_hits[:, None] > 0.0,
     )
     return share * probability[:, None]
-
-
-PATHS = 10_000
-MIN_PASSES = 3.0
-"""Minimum number of passing paths for a share; with fewer, the share of this number counts."""
 
 
 def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:

@@ -54,6 +54,37 @@ from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.threshold import ANY_RATIO
 
+PATCH_SIGMAS = 4.0
+MAX_WHOLE_COVERAGE = 10_000.0
+"""Maximum number of false detections per scan for a scene of the whole coverage."""
+DETECTIONS_PER_TARGET = 36.0
+"""Minimum number of false detections per scan for each target of a scene with several.
+
+With 20, P_D of the default case falls by 0.05, since the targets raise the estimated density.
+"""
+MAX_TARGETS_PER_SCENE = 50
+MAX_PLACEMENT_TRIES = 1000
+SEGMENTS = 8
+"""Number of runs with clutter alone."""
+MIN_TARGETS = 28
+"""Minimum number of simulated targets before an early end."""
+WINDOWS = (8, 12, 16, 24, 32, 48, 64)
+RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
+MIN_DETECTION_INCREASE = 0.01
+"""Minimum increase of P_D for the choice of a longer window."""
+MAX_SIMULATED_RULES = 2
+HALF_WIDTH = 0.04
+"""Half the width of the interval of P_D at which the simulation of a method's targets ends."""
+MAX_CLUTTER_DETECTIONS = 80_000.0
+"""Maximum number of false detections simulated without a target."""
+MIN_DETECTIONS_PER_SCAN = 20.0
+"""Minimum number of detections for the cost of a scan."""
+EXPECTED_FALSE_TRACKS = 10.0
+"""Expected false tracks in a simulation that estimates their rate."""
+MIN_CLUTTER_SCANS = 40
+REMEDY_HALF_WIDTH = 0.09
+"""Half the width of the interval of P_D at which the simulation of a change ends."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
@@ -126,18 +157,6 @@ class Case:
     def starts_per_hour(self) -> float:
         """False detections per hour: the starts from clutter if every detection starts a track."""
         return self.detections_per_scan * self.scans_per_hour
-
-
-PATCH_SIGMAS = 4.0
-MAX_WHOLE_COVERAGE = 10_000.0
-"""Maximum number of false detections per scan for a scene of the whole coverage."""
-DETECTIONS_PER_TARGET = 36.0
-"""Minimum number of false detections per scan for each target of a scene with several.
-
-With 20, P_D of the default case falls by 0.05, since the targets raise the estimated density.
-"""
-MAX_TARGETS_PER_SCENE = 50
-MAX_PLACEMENT_TRIES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,12 +266,6 @@ def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
     half = path + PATCH_SIGMAS * measurement_sigma(case.sensor, target.centre) + reach
     x, y = target.centre
     return x - half, x + half, y - half, y + half
-
-
-SEGMENTS = 8
-"""Number of runs with clutter alone."""
-MIN_TARGETS = 28
-"""Minimum number of simulated targets before an early end."""
 
 
 @dataclass(frozen=True)
@@ -404,21 +417,6 @@ def _count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> i
 
 Labelled = Callable[[str], Progress]
 """Progress of a part of the simulation by its name."""
-
-WINDOWS = (8, 12, 16, 24, 32, 48, 64)
-RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
-MIN_DETECTION_INCREASE = 0.01
-"""Minimum increase of P_D for the choice of a longer window."""
-MAX_SIMULATED_RULES = 2
-HALF_WIDTH = 0.04
-"""Half the width of the interval of P_D at which the simulation of a method's targets ends."""
-MAX_CLUTTER_DETECTIONS = 80_000.0
-"""Maximum number of false detections simulated without a target."""
-MIN_DETECTIONS_PER_SCAN = 20.0
-"""Minimum number of detections for the cost of a scan."""
-EXPECTED_FALSE_TRACKS = 10.0
-"""Expected false tracks in a simulation that estimates their rate."""
-MIN_CLUTTER_SCANS = 40
 
 
 @dataclass(frozen=True)
@@ -671,10 +669,6 @@ def first_estimate(case: Case, options: ScoreOptions, *, given_window: bool) -> 
         options = dataclasses.replace(options, window=score_window(case, options))
     [(threshold, found)] = passages(case, options, [options.window])
     return FirstEstimate(options.window, threshold, found[: case.scans])
-
-
-REMEDY_HALF_WIDTH = 0.09
-"""Half the width of the interval of P_D at which the simulation of a change ends."""
 
 
 def remedies(case: Case) -> list[tuple[str, Case]]:

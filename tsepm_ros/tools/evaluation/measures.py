@@ -36,6 +36,8 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tracker.sensor import SensorModel
 
+SECONDS_PER_HOUR = 3600.0
+
 
 def cramer_rao(
     positions: ArrayLike,
@@ -338,9 +340,6 @@ def _targets_held(run: SimulatedRun, scan: int) -> int:
     offset = held[:, None, :] - targets
     near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.array(sigmas)
     return int(near.any(axis=0).sum())
-
-
-SECONDS_PER_HOUR = 3600.0
 
 
 def _shown(heading: str, spec: str) -> dict[str, str]:

@@ -18,6 +18,8 @@ from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
+ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
+
 
 @dataclass(frozen=True)
 class ScanView:
@@ -221,9 +223,6 @@ def _tracks(number: int, kind: str = "") -> str:
 def target_name(index: int) -> str:
     """Name of a target in tables and pictures: A to Z, then by number. Tracks have numbers."""
     return chr(ord("A") + index) if index < 26 else f"T{index}"
-
-
-ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 
 
 def velocity_seconds(scene: RunScene) -> float:

@@ -30,6 +30,20 @@ from tsepm_ros.settings import parameter_files
 from tsepm_ros.tracker.scan import ECHO_FEATURES
 from tsepm_ros.tracker.sensor import SensorModel
 
+LAWS = ("rayleigh", "k", "log_normal")
+FLUCTUATIONS = ("swerling_1", "swerling_3", "steady")
+WAVES = 256
+"""Waves of which a texture is the sum."""
+PLACEMENT_TRIES = 10_000
+MAX_SCANS = 10_000_000
+FILE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,100}")
+"""Names of scenarios: a part of the names of files."""
+TARGET = {"state": "", "features": "", "strength": ""}
+"""Keys of a target whose state is given."""
+OF_TARGETS = ("areas", "target_features", "target_strengths")
+"""Fields of a scenario that are given by its targets."""
+MAY_BE_NULL = ("strength", "clutter_strength")
+
 
 @dataclass(frozen=True)
 class OwnShipMotion:
@@ -167,11 +181,6 @@ class WaypointMotion:
 
 Motion = OwnShipMotion | WaypointMotion
 
-LAWS = ("rayleigh", "k", "log_normal")
-FLUCTUATIONS = ("swerling_1", "swerling_3", "steady")
-WAVES = 256
-"""Waves of which a texture is the sum."""
-
 
 @dataclass(frozen=True)
 class TargetStrength:
@@ -306,8 +315,6 @@ class Strengths:
         phase = position @ self._wave_numbers.T + self._rates * time + self._phases
         return np.asarray(math.sqrt(2.0 / WAVES) * np.cos(phase).sum(axis=1))
 
-
-PLACEMENT_TRIES = 10_000
 
 Features = Mapping[str, tuple[float, float]]
 """Mean and standard deviation of plots' features, by name."""
@@ -474,12 +481,6 @@ class Scenario:
             return self.sensor.coverage_area
         x_min, x_max, y_min, y_max = self.clutter_box
         return (x_max - x_min) * (y_max - y_min)
-
-
-MAX_SCANS = 10_000_000
-
-FILE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,100}")
-"""Names of scenarios: a part of the names of files."""
 
 
 def shipped_scenarios() -> list[str]:
@@ -691,11 +692,6 @@ def _numbers(count: int, value: Any, where: str) -> FloatArray:
     return array
 
 
-TARGET = {"state": "", "features": "", "strength": ""}
-"""Keys of a target whose state is given."""
-OF_TARGETS = ("areas", "target_features", "target_strengths")
-"""Fields of a scenario that are given by its targets."""
-MAY_BE_NULL = ("strength", "clutter_strength")
 READERS: dict[str, Callable[[Any, str], Any]] = {
     "sensor": partial(_section, SensorModel),
     "own_ship": _own_ship,

@@ -38,6 +38,34 @@ from tsepm_ros.tools.viewer.page_content import (
     served_page,
 )
 
+MAX_BROWSERS = 32
+"""Maximum number of connected browsers; further ones are refused."""
+PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
+"""Times after which a silent browser is asked for a sign of life, and given up, s."""
+REQUEST_TIMEOUT = 20.0
+"""Time for a connection to send a whole request, s."""
+MAX_CONNECTIONS = 50
+"""Maximum number of connections without a websocket; the one that was quiet longest is closed."""
+ACCEPT_PAUSE = 0.1
+"""Pause in accepting connections while the process has no free file, s."""
+CLOSE_TIMEOUT = 2.0
+"""Time for connections to close at the end, s."""
+MAX_REQUEST = 4096
+"""Largest message and body that a browser may send, bytes."""
+ANY_ADDRESS = ("0.0.0.0", "::")
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
 
 def token_for(addresses: Iterable[str], given: str) -> str:
     """Token that a server on some addresses demands; empty if it needs none.
@@ -102,37 +130,6 @@ class Access:
         True if none is demanded.
         """
         return not self.token or hmac.compare_digest(given.encode(), self.token.encode())
-
-
-MAX_BROWSERS = 32
-"""Maximum number of connected browsers; further ones are refused."""
-PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
-"""Times after which a silent browser is asked for a sign of life, and given up, s."""
-REQUEST_TIMEOUT = 20.0
-"""Time for a connection to send a whole request, s."""
-MAX_CONNECTIONS = 50
-"""Maximum number of connections without a websocket; the one that was quiet longest is closed."""
-ACCEPT_PAUSE = 0.1
-"""Pause in accepting connections while the process has no free file, s."""
-CLOSE_TIMEOUT = 2.0
-"""Time for connections to close at the end, s."""
-MAX_REQUEST = 4096
-"""Largest message and body that a browser may send, bytes."""
-
-ANY_ADDRESS = ("0.0.0.0", "::")
-
-HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    ),
-    "X-Content-Type-Options": "nosniff",
-    "X-Frame-Options": "DENY",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
 
 
 class PageServer:

@@ -97,6 +97,30 @@ others beside it, more than clutter explains, if it shows by then whether these 
 target's: a choice."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
+SCATTER_MEMORY = 50.0
+"""Plots of several detections a ping that count: older ones fade."""
+SCATTER_PRIOR = 0.5
+"""Degrees of freedom for which the extent counts before anything is seen: v = extent^2 / 12, and
+all error common to the ping."""
+TRIPLES = 6.0
+"""Degrees of freedom of plots of three and more from which on pairs do not count.
+
+Detections of clutter are next to others by chance, and rarely in threes.
+"""
+LONGEST_RUN = 30.0
+"""Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
+WHOLE = 2.0
+"""Extent of a plot over the half width of the boxes in which its detections were seen."""
+FURTHER_PLOTS = 1.0
+"""Mean number of plots, beside its own, of a target with several detections a ping: a choice."""
+BESIDE = 32.0
+"""Distance from a track within which a second start waits, m: shorter for a short range."""
+LONGEST_WAY = 48.0
+"""Distance from a track within which a start may be of the same hull, m: as `BESIDE`."""
+ONE_HULL = math.log(1e3)
+"""L from which on a held track is of the hull of an older one: a choice."""
+RECENT = 8
+"""Pings whose detections between two tracks count."""
 
 
 def track_record(sizes: int) -> np.dtype[np.void]:
@@ -333,18 +357,6 @@ def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
     return np.stack([along, (angle * scan.range) ** 2])
 
 
-SCATTER_MEMORY = 50.0
-"""Plots of several detections a ping that count: older ones fade."""
-SCATTER_PRIOR = 0.5
-"""Degrees of freedom for which the extent counts before anything is seen: v = extent^2 / 12, and
-all error common to the ping."""
-TRIPLES = 6.0
-"""Degrees of freedom of plots of three and more from which on pairs do not count.
-
-Detections of clutter are next to others by chance, and rarely in threes.
-"""
-
-
 def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Sums of values (..., n) over the rows of each group (n,), ascending, (..., count)."""
     first = np.searchsorted(group, np.arange(count + 1))
@@ -407,26 +419,6 @@ class ClusterDispersion:
         weight = 1.0 / np.maximum(found, 1e-12) ** 2
         left = (found - independent * error) @ weight / weight.sum()
         return ClusterErrors(independent, max(float(left), 0.0))
-
-
-LONGEST_RUN = 30.0
-"""Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
-WHOLE = 2.0
-"""Extent of a plot over the half width of the boxes in which its detections were seen."""
-
-
-FURTHER_PLOTS = 1.0
-"""Mean number of plots, beside its own, of a target with several detections a ping: a choice."""
-BESIDE = 32.0
-"""Distance from a track within which a second start waits, m: shorter for a short range."""
-
-
-LONGEST_WAY = 48.0
-"""Distance from a track within which a start may be of the same hull, m: as `BESIDE`."""
-ONE_HULL = math.log(1e3)
-"""L from which on a held track is of the hull of an older one: a choice."""
-RECENT = 8
-"""Pings whose detections between two tracks count."""
 
 
 class ExtendedTargets:

@@ -61,6 +61,52 @@ REFERENCE = np.dtype(
         ("strength", np.float64),  # as measured
     ]
 )
+LAGS = 3
+"""Pings before whose detections are neighbours too."""
+MEMORY = 50
+"""Time constant, in pings, with which the correlation fades."""
+DEVIATIONS = 2.0
+"""Standard deviations of the correlation that do not count."""
+MIN_PAIRS = 20
+"""Pairs without which nothing is known."""
+LARGEST_CORRELATION = 0.95
+"""Largest rank correlation that counts."""
+PING_WINDOWS = (16, 4, 1)
+"""Pings over which a level is judged, from long to short."""
+PING_DEVIATIONS = 2.5
+"""Standard deviations of the median's rank beyond which the level of pings changes."""
+PLACE_DEVIATIONS = 1.25
+"""Standard deviations of a window's mean within which the level of a place stays unchanged."""
+RANGE_DEVIATIONS = 3.0
+"""Standard deviations of a change with range beyond which it counts."""
+RANGE_TARGET_COUNT = 4.0
+"""Detections at some range that may be of a target that is not known as likely."""
+MAX_RANGE_CHANGES = 4
+"""Changes with range that are looked for."""
+PLACE_MEMORY = 50
+"""Time constant, in pings, with which the levels of places fade."""
+CELLS_TOGETHER = 2
+"""Cells of a clutter map along a side of a cell here."""
+RINGS = 4
+"""Rings in a cell of a clutter map; a step with range is placed between two rings."""
+RINGS_TOGETHER = CELLS_TOGETHER * RINGS
+"""Rings in a cell here."""
+MAX_TARGET_COUNT = 16.0
+"""Detections in a window that may be of a target: at most this, or two and one a ping."""
+TAIL_SAMPLES = 2.0
+"""Samples of the tail for which each of its detections stands, in N; see `amplitude_law`."""
+MAX_SAME_SHARE = 0.9
+"""Share of one value from which on strengths say nothing: they are constant."""
+RENEWAL = 0.1
+"""Share of new references from which on the law is made anew."""
+TAIL_CHANGE = 4.0
+"""New references for which each whose weight changes counts: it may be in the tail."""
+WINSORISED = (0.05, 0.95)
+"""Quantiles of strengths at which those of the levels of places end."""
+LEAST_CHANGE = 0.05
+"""Sum of the changes of weights of a ping's references that is worth the while."""
+SATURATED = 4
+"""References at the top value from which on it counts as the end of the scale, whatever level."""
 
 
 def keys_of(scan: IntArray | int, index: IntArray) -> IntArray:
@@ -72,18 +118,6 @@ def last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
     """References (n,) of the last pings; changes of them are kept."""
     ping = references["ping"]
     return references[np.searchsorted(ping, ping.max(initial=0) - pings, side="right") :]
-
-
-LAGS = 3
-"""Pings before whose detections are neighbours too."""
-MEMORY = 50
-"""Time constant, in pings, with which the correlation fades."""
-DEVIATIONS = 2.0
-"""Standard deviations of the correlation that do not count."""
-MIN_PAIRS = 20
-"""Pairs without which nothing is known."""
-LARGEST_CORRELATION = 0.95
-"""Largest rank correlation that counts."""
 
 
 class Texture:
@@ -141,30 +175,6 @@ class Texture:
         rank = math.sqrt(12.0) * (0.5 - share)  # of mean 0 and variance 1
         self._products = keep * self._products + float(pairs @ (rank[own:][one] * rank[two]))
         self._count = keep * self._count + float(pairs.sum())
-
-
-PING_WINDOWS = (16, 4, 1)
-"""Pings over which a level is judged, from long to short."""
-PING_DEVIATIONS = 2.5
-"""Standard deviations of the median's rank beyond which the level of pings changes."""
-PLACE_DEVIATIONS = 1.25
-"""Standard deviations of a window's mean within which the level of a place stays unchanged."""
-RANGE_DEVIATIONS = 3.0
-"""Standard deviations of a change with range beyond which it counts."""
-RANGE_TARGET_COUNT = 4.0
-"""Detections at some range that may be of a target that is not known as likely."""
-MAX_RANGE_CHANGES = 4
-"""Changes with range that are looked for."""
-PLACE_MEMORY = 50
-"""Time constant, in pings, with which the levels of places fade."""
-CELLS_TOGETHER = 2
-"""Cells of a clutter map along a side of a cell here."""
-RINGS = 4
-"""Rings in a cell of a clutter map; a step with range is placed between two rings."""
-RINGS_TOGETHER = CELLS_TOGETHER * RINGS
-"""Rings in a cell here."""
-MAX_TARGET_COUNT = 16.0
-"""Detections in a window that may be of a target: at most this, or two and one a ping."""
 
 
 def ping_level(
@@ -369,22 +379,6 @@ class PlaceLevels:
     def by_range(self, places: IntArray) -> FloatArray:
         """Level by range at places (n,), as of the last `renew`."""
         return np.asarray(self._by_range[places // self.shape[1]])
-
-
-TAIL_SAMPLES = 2.0
-"""Samples of the tail for which each of its detections stands, in N; see `amplitude_law`."""
-MAX_SAME_SHARE = 0.9
-"""Share of one value from which on strengths say nothing: they are constant."""
-RENEWAL = 0.1
-"""Share of new references from which on the law is made anew."""
-TAIL_CHANGE = 4.0
-"""New references for which each whose weight changes counts: it may be in the tail."""
-WINSORISED = (0.05, 0.95)
-"""Quantiles of strengths at which those of the levels of places end."""
-LEAST_CHANGE = 0.05
-"""Sum of the changes of weights of a ping's references that is worth the while."""
-SATURATED = 4
-"""References at the top value from which on it counts as the end of the scale, whatever level."""
 
 
 class ClutterAmplitudes:

@@ -62,6 +62,23 @@ REACH = 2.0
 """The exponent is at most ln(1 + n) and this."""
 RANK_DEVIATIONS = 2.0
 """The tail is no thinner than the ranks allow, with so many standard deviations of their count."""
+RATIOS_DB = np.arange(-5.0, 12.6, 2.5)
+"""Signal-to-clutter ratios of the prior, which is uniform over them, dB.
+
+The exponents of stronger targets end where those of the strongest do: the law is not known there.
+"""
+SAYS_NOTHING = 0.4
+"""Prior probability that the target is no stronger than clutter, r = 0."""
+COUNT_STEP = 0.1
+"""N goes in steps of this part, so that similar scans share a table."""
+FIGURES_DB = np.arange(-5.0, 40.1, 1.0)
+"""Ratios that may be published, dB."""
+_ONE_MORE = 1.0 + 10.0 ** (FIGURES_DB[:, None] / 10.0)
+_LOG_ONE_MORE, _OF_ONE_MORE = np.log(_ONE_MORE), 1.0 / _ONE_MORE
+LAW_KNOWN = 1e6
+"""N with which the law of clutter is as good as known."""
+GRID_END, GRID_POINTS = 4000.0, 320
+"""End of the table's grid of V, and its points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,25 +202,6 @@ def _hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
     flat = curvature == 0.0
     some = np.where(flat, 1.0, curvature)
     return np.asarray(np.where(flat, excess, np.expm1(some * excess) / some))
-
-
-RATIOS_DB = np.arange(-5.0, 12.6, 2.5)
-"""Signal-to-clutter ratios of the prior, which is uniform over them, dB.
-
-The exponents of stronger targets end where those of the strongest do: the law is not known there.
-"""
-SAYS_NOTHING = 0.4
-"""Prior probability that the target is no stronger than clutter, r = 0."""
-COUNT_STEP = 0.1
-"""N goes in steps of this part, so that similar scans share a table."""
-FIGURES_DB = np.arange(-5.0, 40.1, 1.0)
-"""Ratios that may be published, dB."""
-_ONE_MORE = 1.0 + 10.0 ** (FIGURES_DB[:, None] / 10.0)
-_LOG_ONE_MORE, _OF_ONE_MORE = np.log(_ONE_MORE), 1.0 / _ONE_MORE
-LAW_KNOWN = 1e6
-"""N with which the law of clutter is as good as known."""
-GRID_END, GRID_POINTS = 4000.0, 320
-"""End of the table's grid of V, and its points."""
 
 
 def ratio_prior() -> tuple[FloatArray, FloatArray]:

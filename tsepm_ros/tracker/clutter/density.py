@@ -48,6 +48,22 @@ MAX_DETECTIONS = 500
 """Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
 MIN_CLUTTER_PROBABILITY = 0.5
 """A detection less probably clutter does not count."""
+DATA_SHEET_COUNT = 0.5
+"""Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
+MIN_SEEN_SHARE = 0.1
+"""Share of a window that counts as seen at least."""
+MAX_TARGET_COUNT = 8.0
+"""Detections in a window attributed to new targets: at most this, or two and one a scan."""
+RENEWAL = 0.1
+"""Share of new scans, or of new detections, from which on the density is estimated anew."""
+MIN_WINDOW_CELLS = 4
+"""Cells along a side of the smallest window; each larger window is twice as wide."""
+PER_SIDE, MIN_STEP = 8, 2
+"""Windows begin this often along the side of a window, but at least so many cells apart."""
+ARCS = 2, 4, 8
+"""Parts of a ring that its arcs are."""
+LEAST_RISE = 1.2
+"""Factor, at least, by which a ring is denser than its thinnest cell: less is no harm."""
 
 
 @dataclass(frozen=True)
@@ -241,24 +257,6 @@ def _widened(low: float, high: float, number: int) -> tuple[float, float]:
     """Ends of an interval, from the least and the largest of uniform values in it."""
     beyond = (high - low) / (number - 1)
     return low - beyond, high + beyond
-
-
-DATA_SHEET_COUNT = 0.5
-"""Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
-MIN_SEEN_SHARE = 0.1
-"""Share of a window that counts as seen at least."""
-MAX_TARGET_COUNT = 8.0
-"""Detections in a window attributed to new targets: at most this, or two and one a scan."""
-RENEWAL = 0.1
-"""Share of new scans, or of new detections, from which on the density is estimated anew."""
-MIN_WINDOW_CELLS = 4
-"""Cells along a side of the smallest window; each larger window is twice as wide."""
-PER_SIDE, MIN_STEP = 8, 2
-"""Windows begin this often along the side of a window, but at least so many cells apart."""
-ARCS = 2, 4, 8
-"""Parts of a ring that its arcs are."""
-LEAST_RISE = 1.2
-"""Factor, at least, by which a ring is denser than its thinnest cell: less is no harm."""
 
 
 def squares(rows: int, columns: int) -> list[tuple[int, int]]:

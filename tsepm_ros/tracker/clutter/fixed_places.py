@@ -39,6 +39,32 @@ MIN_RESOLUTION, MAX_RESOLUTION = 1e-3, 1e6
 """Smallest and largest side of a cell, m."""
 MAX_DISTANCE = 1e9
 """Largest coordinate of a chart, m."""
+SIDE = 2.0
+"""Sides of the smaller cells in standard deviations of a detection, about."""
+LEAST_SIDE = 0.25
+"""The same in m, at least."""
+DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
+"""Cells from a cell to that on one side; to that on the other side they are the same, negative."""
+SCANS = 8
+"""Scans of a period, at least."""
+LEAST_TIME = 5.0
+"""Duration of a period, s, at least: fast sonars have many pings while a target leaves a cell."""
+PERIODS = 12
+"""Periods that count."""
+MOST_DETECTIONS = 1000
+"""Detections of a period from which on no further scan is counted: bounds the time.
+
+In dense clutter these are the first scans of the period alone.
+"""
+VIEWS = 16
+"""Different views of a period, at most, that show which cells were seen: of more, random ones."""
+RISE = 2.0
+"""Factor above the map's density from which on that of a cell is used."""
+_BITS = 28
+"""Of the number of a cell, for its place on each axis."""
+_MASK = (1 << _BITS) - 1
+_LEVELS = 32
+"""Added to the power of two of a side, so that it is positive."""
 
 
 class LandMask:
@@ -115,34 +141,6 @@ class LandMask:
         on_land = np.zeros(len(positions), bool)
         on_land[inside] = (self._bits[place >> 3] >> (7 - (place & 7)).astype(np.uint8)) & 1
         return on_land
-
-
-SIDE = 2.0
-"""Sides of the smaller cells in standard deviations of a detection, about."""
-LEAST_SIDE = 0.25
-"""The same in m, at least."""
-DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
-"""Cells from a cell to that on one side; to that on the other side they are the same, negative."""
-SCANS = 8
-"""Scans of a period, at least."""
-LEAST_TIME = 5.0
-"""Duration of a period, s, at least: fast sonars have many pings while a target leaves a cell."""
-PERIODS = 12
-"""Periods that count."""
-MOST_DETECTIONS = 1000
-"""Detections of a period from which on no further scan is counted: bounds the time.
-
-In dense clutter these are the first scans of the period alone.
-"""
-VIEWS = 16
-"""Different views of a period, at most, that show which cells were seen: of more, random ones."""
-RISE = 2.0
-"""Factor above the map's density from which on that of a cell is used."""
-_BITS = 28
-"""Of the number of a cell, for its place on each axis."""
-_MASK = (1 << _BITS) - 1
-_LEVELS = 32
-"""Added to the power of two of a side, so that it is positive."""
 
 
 class CellNumbers(NamedTuple):

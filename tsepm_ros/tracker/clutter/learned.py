@@ -57,6 +57,21 @@ MAX_CLUTTER_RANGE_RATE = 1e4
 """Largest estimate of the median magnitude of clutter's range rates, m/s."""
 RANGE_RATE_MEMORY = 50
 """Number of latest scans in the estimate."""
+MAX_INTERVALS = 50
+"""Intervals of which the median is taken."""
+ERRORS = "range_std", "range_std_fraction", "azimuth_std"
+"""Fields of a sensor that innovations are compared with."""
+COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
+"""Fields of a sensor of which the cells of the clutter map are."""
+MIN_SHARE = 1e-3
+"""Share of the coverage that a scan looked at, at least."""
+FORMAT = 1
+"""Version of the text."""
+HALF_LIFE = 6.0 * 3600.0
+"""Age at which what was learned counts half, s."""
+MAX_HALF_LIVES = 40.0
+"""What is older counts as if of this age: smaller shares vanish in products."""
+UNLEARNED = "its content is not that of a learned state"
 
 
 class ClutterRangeRates:
@@ -83,10 +98,6 @@ class ClutterRangeRates:
         return replace(sensor, clutter_range_rate=min(width, MAX_CLUTTER_RANGE_RATE))
 
 
-MAX_INTERVALS = 50
-"""Intervals of which the median is taken."""
-
-
 class ScanInterval:
     """Median of the last intervals: a lost ping or a pause does not change it.
 
@@ -105,12 +116,6 @@ class ScanInterval:
         if interval > 0.0:
             self._intervals.append(interval)
             self.median = statistics.median(self._intervals)
-
-
-ERRORS = "range_std", "range_std_fraction", "azimuth_std"
-"""Fields of a sensor that innovations are compared with."""
-COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
-"""Fields of a sensor of which the cells of the clutter map are."""
 
 
 @dataclass(frozen=True)
@@ -194,10 +199,6 @@ class Learned:
             secondary_echoes=fresh.secondary_echoes,
             batch=fresh.batch,
         )
-
-
-MIN_SHARE = 1e-3
-"""Share of the coverage that a scan looked at, at least."""
 
 
 class ScanClutter:
@@ -369,15 +370,6 @@ class ScanClutter:
         if not self._estimated:
             return np.full(len(self.weight), self._given)
         return self._learned.clutter_map.at(self.cells)
-
-
-FORMAT = 1
-"""Version of the text."""
-HALF_LIFE = 6.0 * 3600.0
-"""Age at which what was learned counts half, s."""
-MAX_HALF_LIVES = 40.0
-"""What is older counts as if of this age: smaller shares vanish in products."""
-UNLEARNED = "its content is not that of a learned state"
 
 
 def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -> str:

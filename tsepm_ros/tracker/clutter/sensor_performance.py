@@ -42,6 +42,17 @@ MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
 
 MAX_GAP = 100.0
 """Scans from a detection to the next one that outlive a restart, on average at most."""
+CHI_SQUARE_MEDIAN = 0.4549
+"""Median of a squared standard normal variable."""
+CHI_SQUARE_TAIL = 3.841
+"""Its 0.95 quantile."""
+NEARLY_ZERO = 1e-4
+"""Squared innovation over its assumed variance below which it shows a rounding."""
+MAX_SAMPLES = 1000
+MIN_SAMPLES = 60
+"""Innovations from which on a judgement is made: a standard deviation of it is a sixth."""
+MAX_SPACING = 4.0
+"""Ratio of the two intervals up to which three detections count."""
 
 
 class DetectionProbability:
@@ -87,19 +98,6 @@ class DetectionProbability:
         weight = DATA_SHEET_SCANS
         estimate = (weight * given + self._detected) / (weight + self._covered)
         return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)
-
-
-CHI_SQUARE_MEDIAN = 0.4549
-"""Median of a squared standard normal variable."""
-CHI_SQUARE_TAIL = 3.841
-"""Its 0.95 quantile."""
-NEARLY_ZERO = 1e-4
-"""Squared innovation over its assumed variance below which it shows a rounding."""
-MAX_SAMPLES = 1000
-MIN_SAMPLES = 60
-"""Innovations from which on a judgement is made: a standard deviation of it is a sixth."""
-MAX_SPACING = 4.0
-"""Ratio of the two intervals up to which three detections count."""
 
 
 @dataclass(frozen=True)

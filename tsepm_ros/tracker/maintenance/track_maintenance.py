@@ -58,6 +58,14 @@ ENDS = {
     "cleared": "all tracks were cleared",
 }
 """Why a track ends, in words."""
+HOLDING_SHARE = 0.3
+"""Share of the time of a scan for which held tracks may be carried through it."""
+SECONDS_PER_TRACK = 5e-5
+"""Time to carry a track through a scan, at least: measured where thousands are held."""
+MANY = 1000
+"""Held tracks from which on the time that they took is measured."""
+LEAST_ROOM = 10
+"""Tracks that a scan may start in any case."""
 
 
 class ExternalTracker(enum.Enum):
@@ -484,16 +492,6 @@ class TrackMaintenance:
         reasons = np.broadcast_to(reason, len(kept))[over].tolist()
         ended |= dict(zip(ids, reasons, strict=True))
         self.held = self.held[kept]
-
-
-HOLDING_SHARE = 0.3
-"""Share of the time of a scan for which held tracks may be carried through it."""
-SECONDS_PER_TRACK = 5e-5
-"""Time to carry a track through a scan, at least: measured where thousands are held."""
-MANY = 1000
-"""Held tracks from which on the time that they took is measured."""
-LEAST_ROOM = 10
-"""Tracks that a scan may start in any case."""
 
 
 def room_for(limit: TimeLimit, held: int) -> int:
