@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter1d
 
 from msg_adapters import messages
-from msg_adapters.ping import fitted, read_by, stated_sound_speed
+from msg_adapters.ping import fitted, read_by, seconds_of, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Detector, Stages
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
@@ -141,7 +141,7 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     if len(lengths) != 1 or not lengths[0]:
         raise MessageError("wrong_length", f"rays must have equal numbers of echoes; got {lengths}")
     number = np.arange(len(rays))
-    step = message.time_increment.sec + 1e-9 * message.time_increment.nanosec
+    step = seconds_of(message.time_increment)
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,

@@ -172,6 +172,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"
     ),
+    "unknown_version": DropReason(
+        DETECTIONS,
+        "scan",
+        "the message has other fields than the versions of its type that are read",
+        "Publish, or convert the bag to, a version that docs/messages.md names",
+    ),
     "package_not_installed": DropReason(
         DETECTIONS, "scan", "the package of the type is not installed", "Install the package"
     ),

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import sqlite3
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 from msg_adapters import MessageError, message_class, supported_types
 from msg_adapters.detections import installed_class
+from msg_adapters.ping import present_name
 from msg_adapters.sonar_images import IMAGES
-from tsepm_ros.tools.replay.recording import MCAP, SQLITE, kind_of
+from tsepm_ros.tools.replay.recording import MCAP, SQLITE, bag_files, kind_of
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
 LAND = "land"
@@ -29,6 +35,15 @@ _OUTPUTS = (
     *("potential_tracks", "fixed_echoes"),
 )
 """Topics that are never taken for the topic of a driver."""
+_CDR, _PACKED = "cdr", b"\x28\xb5\x2f\xfd"
+"""Encoding of the messages of ROS, and the first bytes of a message that is compressed."""
+_REPAIRS = {
+    MCAP: "mcap recover FILE -o NEW.mcap",
+    SQLITE: "sqlite3 FILE .recover | sqlite3 NEW.db3",
+}
+"""Commands that save what is whole of a bag's file."""
+_BESIDE = "-wal", "-journal"
+"""Ends of the names of files that belong to an SQLite file while it is not closed."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +67,9 @@ class BagMessage:
 class Bag:
     """A bag that is open for reading; closed at the end of its `with` block.
 
-    Where ROS is sourced, rosbag2_py reads it; else, and for message types that are not installed
-    there, the library rosbags. That uses the bag's own message definitions, else those of ROS 2
-    Jazzy and `LAYOUTS`.
+    Where ROS is sourced, rosbag2_py reads it; else, and where that cannot, such as message types
+    that are not installed, the library rosbags. The definitions of the messages that are read are
+    the bag's own, else those of ROS 2 Jazzy and `LAYOUTS`. No file of the bag is changed.
 
     Parameters
     ----------
@@ -64,7 +79,7 @@ class Bag:
     Attributes
     ----------
     topics : dict of str to str
-        Message types by topic.
+        Message types by topic, under their present names.
     start_ns, end_ns : int
         Times of the first and last message, ns; equal if the bag has no messages.
     notes : list of str
@@ -79,18 +94,23 @@ class Bag:
     def __init__(self, path: Path | str) -> None:
         self._path = Path(path)
         self._open = ExitStack()
+        self._files, self.notes = bag_files(self._path)
         with self._reading():
             try:
                 self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
-            except (ImportError, MessageError):  # rosbags reads more
-                self._storage = _RosbagsStorage(self._path, self._open)
-        self.topics = {name: kind for name, (kind, _) in self._storage.topics.items()}
+            except Exception as error:  # rosbags reads more
+                if not (isinstance(error, (ImportError, MessageError)) or find_spec("rosbags")):
+                    raise
+                self._storage = _RosbagsStorage(self._files, self._open, self.notes)
+        self._kinds = {name: kind for name, (kind, _) in self._storage.topics.items()}
+        self.topics = {name: present_name(kind) for name, kind in self._kinds.items()}
         self.start_ns, self.end_ns = self._storage.span_ns
-        self._assumed = set(self._storage.undefined & set(LAYOUTS))
-        self.notes = [
+        self._fitting: set[str] = set()
+        self.notes += [
             f"the bag has no definition of {name}: its messages are read by a layout of this "
             "package"
-            for name in sorted(self._assumed)
+            for name in sorted(self._storage.undefined)
+            if present_name(name) in LAYOUTS
         ]
 
     def __enter__(self) -> Bag:
@@ -146,21 +166,26 @@ class Bag:
         ValueError
             If the bag has no definition of its type, and no known layout fits.
         """
-        name = self.topics[message.topic]
+        name = self._kinds[message.topic]
+        if message.data.startswith(_PACKED):
+            raise ValueError(
+                f"the messages of {self._path} are compressed: name the bag's folder, which has "
+                "metadata.yaml, in place of the file"
+            )
         try:
             content = self._storage.deserialize(message.data, name)
         except Exception as error:  # the parsers raise errors of many kinds
-            if name in self._storage.undefined - LAYOUTS.keys() | self._assumed:
+            if name in self._storage.undefined - self._fitting:
                 raise ValueError(
-                    f"the bag {self._path} has no definition of {name}, and its messages do not "
-                    "have a layout that this package knows: convert the bag to MCAP by ros2 bag "
-                    f"convert on a machine with {name.partition('/')[0]}"
+                    f"the bag {self._path} has no definition of {name} that can be read, and its "
+                    "messages do not have a layout that this package knows: convert the bag to "
+                    f"MCAP by ros2 bag convert on a machine with {name.partition('/')[0]}"
                 ) from error
             raise MessageError(
                 "message_corrupt",
                 f"a message on {message.topic} is not a valid {name}: {error}",
             ) from error
-        self._assumed.discard(name)  # the layout fits
+        self._fitting.add(name)
         return content
 
     @contextmanager
@@ -170,10 +195,14 @@ class Bag:
             yield
         except ImportError as error:
             raise ValueError(f"{self._path} is a bag, {error}") from None
+        except OSError as error:
+            raise ValueError(f"the bag {self._path} cannot be read: {error}") from error
         except Exception as error:
+            repair = _REPAIRS.get(kind_of(self._files[0]) if self._files[0].is_file() else "")
             raise ValueError(
-                f"the bag {self._path} cannot be read: {error or type(error).__name__} (ros2 bag "
-                "reindex and mcap recover repair a bag whose recording was interrupted)"
+                f"the bag {self._path} cannot be read: {error or type(error).__name__} (a file of "
+                "it is damaged, or its end is missing: copy it again"
+                + (f", or save what is whole by {repair})" if repair else ")")
             ) from error
 
 
@@ -194,8 +223,9 @@ class _Rosbag2Storage:
             for topic in information.topics_with_message_count
         }
         self.undefined: frozenset[str] = frozenset()
-        for name in {kind for kind, _ in self.topics.values()} & set(supported_types()):
-            message_class(name)
+        readable = {*supported_types(), *IMAGES}
+        for name in {present_name(kind) for kind, _ in self.topics.values()} & readable:
+            message_class(name, readable)
         start_ns = information.starting_time.nanoseconds if information.message_count else 0
         self.span_ns: tuple[int, int] = start_ns, start_ns + information.duration.nanoseconds
 
@@ -211,50 +241,166 @@ class _Rosbag2Storage:
             yield BagMessage(topic, log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
-        return self._deserialize(data, installed_class(type_name))
+        return self._deserialize(data, installed_class(present_name(type_name)))
+
+
+_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
+"""Formats of definitions, as rosbags calls them, by the encodings of files."""
+_NO_TEXT = "", ""
+_IDL = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE)
+"""Heads of the parts of an IDL definition."""
+
+
+class _Topic(NamedTuple):
+    """A topic of a file: its number there, and the format and text of its messages' definition."""
+
+    number: int
+    name: str
+    kind: str
+    definition: tuple[str, str]
+    count: int
+
+
+class _SqliteFile:
+    """A file of a bag, an SQLite database; it is not changed."""
+
+    def __init__(self, path: Path, stack: ExitStack, notes: list[str]) -> None:
+        beside = [path.with_name(path.name + end) for end in _BESIDE]
+        beside = [file for file in beside if file.is_file() and file.stat().st_size]
+        address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+        if beside:  # SQLite puts them into the file: a copy
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+            for file in (path, *beside):
+                shutil.copyfile(file, folder / file.name)
+            address = (folder / path.name).as_uri()
+            names = ", ".join(file.name for file in beside)
+            notes.append(f"{path.name} was not closed by its recorder: {names} is read with it")
+        base = sqlite3.connect(address, uri=True, check_same_thread=False)
+        self._base = stack.enter_context(closing(base))
+        base.text_factory = lambda text: text.decode(errors="replace")
+        tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master")}
+        if not {"topics", "messages"} <= tables:
+            raise ValueError(f"{path.name} is a database without the tables of a bag")
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        stored = base.execute(query) if "message_definitions" in tables else ()
+        definitions = {kind: (_FORMATS.get(form, ""), text) for kind, form, text in stored}
+        query = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
+        counts = {topic: row for topic, *row in base.execute(query)}
+        query = "SELECT id, name, type FROM topics WHERE serialization_format = ?"
+        self.topics = [
+            _Topic(number, name, kind, definitions.get(kind, _NO_TEXT), counts.get(number, [0])[0])
+            for number, name, kind in base.execute(query, (_CDR,))
+        ]
+        self.times = [time for _, *times in counts.values() for time in times]
+
+    def messages(self, numbers: list[int], start_ns: int | None) -> Iterator[tuple[Any, ...]]:
+        query = (
+            "SELECT topic_id, timestamp, data FROM messages WHERE timestamp >= ? AND topic_id IN "
+            f"({','.join('?' * len(numbers))}) ORDER BY timestamp, id"
+        )
+        yield from self._base.execute(query, (start_ns or -(2**63), *numbers))
+
+
+class _RosbagsFile:
+    """A file of a bag, MCAP, or the folder of a compressed bag, read by rosbags."""
+
+    def __init__(self, path: Path, stack: ExitStack) -> None:
+        from rosbags.rosbag2 import Reader, storage_mcap
+
+        # A topic that nobody reads refuses no bag, whatever its definition is.
+        vars(storage_mcap).update(get_msgdef=_definition, read_string=_text)
+        if path.is_file() and path.suffix != MCAP:  # rosbags goes by the suffix
+            link = Path(stack.enter_context(TemporaryDirectory()), f"bag{MCAP}")
+            link.symlink_to(path.resolve())
+            path = link
+        self._reader = Reader(path)
+        self._reader.open()
+        stack.callback(self._reader.close)
+        self.topics = [
+            _Topic(c.id, c.topic, c.msgtype, (c.msgdef.format.name, c.msgdef.data), c.msgcount)
+            for c in self._reader.connections
+            if c.ext.serialization_format == _CDR
+        ]
+        some = self._reader.message_count
+        # The reader's end is 1 ns after the last message.
+        self.times = [self._reader.start_time, self._reader.end_time - 1] if some else []
+
+    def messages(self, numbers: list[int], start_ns: int | None) -> Iterator[tuple[Any, ...]]:
+        connections = [c for c in self._reader.connections if c.id in numbers]
+        for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
+            yield connection.id, log_ns, data
+
+
+def _definition(schema: Any) -> Any:
+    """The definition of a schema of an MCAP file, as rosbags has it; none of another encoding."""
+    from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+
+    form = _FORMATS.get(schema.encoding) if schema else None
+    return MessageDefinition(MessageDefinitionFormat[form or "NONE"], schema.data if form else "")
+
+
+def _text(file: Any) -> str:
+    """A text of an MCAP file: its length and the text, which need not be UTF-8."""
+    length = int.from_bytes(file.read(4), "little")
+    return str(file.read(length), errors="replace")
 
 
 class _RosbagsStorage:
     """A bag read by the library rosbags, without ROS."""
 
-    def __init__(self, path: Path, stack: ExitStack) -> None:
+    def __init__(self, files: list[Path], stack: ExitStack, notes: list[str]) -> None:
         try:
-            from rosbags.highlevel import AnyReader
+            self._known, self._standard = message_types()
         except ImportError:
             raise ImportError(
                 "which requires ROS with the packages of its message types, or the library "
                 "rosbags; it is not installed: pip install rosbags (with Python from apt: "
                 "docs/python_and_command_line.md)"
             ) from None
-        if path.is_file() and path.suffix != kind_of(path):  # rosbags goes by the suffix
-            link = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind_of(path)}")
-            link.symlink_to(path.resolve())
-            path = link
-        store, standard = message_types()
-        reader = AnyReader([path], default_typestore=store)
-        reader.open()
-        stack.callback(reader.close)
-        defined = {c.msgtype for c in reader.connections if c.msgdef.data}
-        missing = store.fielddefs.keys() - reader.typestore.fielddefs.keys()
-        reader.typestore.register({name: store.fielddefs[name] for name in missing})
-        self._reader = reader
-        self.topics = {
-            name: (topic.msgtype or "", int(topic.msgcount))
-            for name, topic in reader.topics.items()
-        }
-        self.undefined = {kind for kind, _ in self.topics.values()} - defined - standard
-        # The reader's end is 1 ns after the last message.
-        self.span_ns: tuple[int, int] = (0, 0)
-        if reader.message_count:
-            self.span_ns = (reader.start_time, reader.end_time - 1)
+        self._files = [
+            _SqliteFile(path, stack, notes)
+            if path.is_file() and kind_of(path) == SQLITE
+            else _RosbagsFile(path, stack)
+            for path in files
+        ]
+        topics = [topic for file in self._files for topic in file.topics]
+        counts = Counter[str]()
+        for topic in topics:
+            counts[topic.name] += topic.count
+        self.topics = {topic.name: (topic.kind, counts[topic.name]) for topic in topics}
+        self._definitions = {one.kind: one.definition for one in topics if all(one.definition)}
+        self.undefined = {one.kind for one in topics} - self._definitions.keys() - self._standard
+        times = [time for file in self._files for time in file.times]
+        self.span_ns: tuple[int, int] = (min(times), max(times)) if times else (0, 0)
+        self._stores: dict[str, tuple[Any, str]] = {}
 
     def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
-        connections = [c for c in self._reader.connections if c.topic in topics]
-        for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
-            yield BagMessage(connection.topic, log_ns, bytes(data))
+        for file in self._files:
+            names = {topic.number: topic.name for topic in file.topics if topic.name in topics}
+            for number, log_ns, data in file.messages(list(names), start_ns) if names else ():
+                yield BagMessage(names[number], log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
-        return self._reader.deserialize(data, type_name)
+        if type_name not in self._stores:
+            self._stores[type_name] = self._store_of(type_name)
+        store, name = self._stores[type_name]
+        return store.deserialize_cdr(data, name)
+
+    def _store_of(self, type_name: str) -> tuple[Any, str]:
+        """Types for messages of one type, by its own definition if that can be read; its name."""
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+        form, text = self._definitions.get(type_name, _NO_TEXT)
+        own: dict[str, Any] = {}
+        with suppress(Exception):  # the parsers raise errors of many kinds
+            for part in filter(str.strip, _IDL.split(text) if form == "IDL" else [text]):
+                types = get_types_from_idl(part) if form == "IDL" else {}
+                own |= types or get_types_from_msg(part, type_name)
+        if type_name not in own:
+            self.undefined |= {type_name} - self._standard
+        store = get_typestore(Stores.EMPTY)
+        store.register({**self._known.fielddefs, **own})
+        return store, type_name if type_name in store.fielddefs else present_name(type_name)
 
 
 def message_types() -> tuple[Any, set[str]]:
