@@ -148,7 +148,7 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
         np.linspace(message.range_min, message.range_max, lengths[0], dtype=np.float64),
         (message.angle_start + message.angle_increment * number) * (-1 if layout.clockwise else 1),
         np.array(rays),
-        time_offset=step * number if step else None,
+        time_offset=np.asarray(step * number, np.float64) if step else None,
         is_part=True,
     )
 

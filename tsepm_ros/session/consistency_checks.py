@@ -21,6 +21,7 @@ from tsepm_ros.session.drop_reasons import EXPECTED, Notice, reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, leap_seconds
 from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
+from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -174,6 +175,49 @@ class MessageCheck:
                     f"{hint or ': set the clocks'}"
                 )
         return said
+
+
+CHANGED_SHARE, MIN_EQUAL = 0.5, 2
+"""Share of the detections of two scans that differ, above which two equal scans are no chance, and
+least number of detections of the first of these."""
+
+
+class Repetitions:
+    """Finds scans that repeat the scan before: all detections are equal to the bit.
+
+    If the detections change otherwise, this is no chance, and no new evidence: a driver or a relay
+    has sent the scan again. If they do not change, as those of a simulator without noise, it is
+    none. Before any change, equal scans are used.
+
+    Attributes
+    ----------
+    used_again : bool
+        Whether the last scan has shown that the few equal scans before it were repetitions.
+    """
+
+    def __init__(self) -> None:
+        self._stamp, self._bits, self._places = -math.inf, b"", np.zeros(0, complex)
+        self._changing = self._found = self.used_again = False
+        self._used: float = 0  # equal scans so far; nan after the first change
+
+    def repeats(self, scan: Scan) -> bool:
+        """Whether a scan repeats the last that has detections; their times do not count."""
+        self.used_again = False
+        if not len(scan) or scan.stamp <= self._stamp:
+            return False
+        features = [values for _, values in sorted(scan.features.items())]
+        bits = b"".join(values.tobytes() for values in (scan.range, scan.azimuth, *features))
+        equal, first = bits == self._bits, not len(self._places)
+        if not equal:
+            places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
+            self._changing = not first and np.isin(places, self._places).mean() < CHANGED_SHARE
+            known = len(self._places) >= MIN_EQUAL
+            self.used_again = self._changing and known and 0 < self._used <= MESSAGES
+            self._places, self._used = places, 0 if first else math.nan
+        self._used += equal
+        self._stamp, self._bits = scan.stamp, bits
+        self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
+        return equal and self._changing and self._found
 
 
 LAST, MIN_SCANS, MIN_LOST = 20, 5, 40

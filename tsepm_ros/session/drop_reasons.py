@@ -210,6 +210,14 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "Look for two drivers on one topic, or a driver that sends scans twice or does not set "
         "`header.stamp` anew",
     ),
+    "scan_repeated": DropReason(
+        DETECTIONS,
+        "scan",
+        "all detections equal those of the last scan to the bit, though other scans differ: no new "
+        "evidence",
+        "Look for a driver or a relay that sends a scan again under a new stamp; it must send each "
+        "scan once",
+    ),
     "scan_late": DropReason(
         DETECTIONS,
         "scan",

@@ -258,7 +258,7 @@ class _Topic(NamedTuple):
     name: str
     kind: str
     definition: tuple[str, str]
-    count: int
+    number_of_messages: int
 
 
 class _SqliteFile:
@@ -366,7 +366,7 @@ class _RosbagsStorage:
         topics = [topic for file in self._files for topic in file.topics]
         counts = Counter[str]()
         for topic in topics:
-            counts[topic.name] += topic.count
+            counts[topic.name] += topic.number_of_messages
         self.topics = {topic.name: (topic.kind, counts[topic.name]) for topic in topics}
         self._definitions = {one.kind: one.definition for one in topics if all(one.definition)}
         self.undefined = {one.kind for one in topics} - self._definitions.keys() - self._standard
