@@ -309,13 +309,6 @@ def present_name(type_name: str) -> str:
     return "/".join([RENAMED.get(package, package), *rest])
 
 
-def seconds_of(duration: Any) -> float:
-    """Seconds of a duration, which older versions of a type have as a number of seconds."""
-    if isinstance(duration, (int, float)):
-        return float(duration)
-    return float(duration.sec + 1e-9 * duration.nanosec)
-
-
 def stated_sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str, ...]]:
     """The sound speed of a message of marine_acoustic_msgs, m/s, and what is assumed about it.
 

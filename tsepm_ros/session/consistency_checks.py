@@ -17,7 +17,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
-from tsepm_ros.session.drop_reasons import EXPECTED, Notice, reason_of
+from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, leap_seconds
 from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
@@ -187,37 +187,28 @@ class Repetitions:
 
     If the detections change otherwise, this is no chance, and no new evidence: a driver or a relay
     has sent the scan again. If they do not change, as those of a simulator without noise, it is
-    none. Before any change, equal scans are used.
-
-    Attributes
-    ----------
-    used_again : bool
-        Whether the last scan has shown that the few equal scans before it were repetitions.
+    none. Until the first change, and while it may be chance, equal scans are used.
     """
 
     def __init__(self) -> None:
         self._stamp, self._bits, self._places = -math.inf, b"", np.zeros(0, complex)
-        self._changing = self._found = self.used_again = False
-        self._used: float = 0  # equal scans so far; nan after the first change
+        self._changing = self._found = False
 
-    def repeats(self, scan: Scan) -> bool:
-        """Whether a scan repeats the last that has detections; their times do not count."""
-        self.used_again = False
+    def refusal(self, scan: Scan) -> Rejection | None:
+        """Refuse a scan that repeats the last that has detections; their times do not count."""
         if not len(scan) or scan.stamp <= self._stamp:
-            return False
+            return None
         features = [values for _, values in sorted(scan.features.items())]
         bits = b"".join(values.tobytes() for values in (scan.range, scan.azimuth, *features))
-        equal, first = bits == self._bits, not len(self._places)
-        if not equal:
-            places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
-            self._changing = not first and np.isin(places, self._places).mean() < CHANGED_SHARE
-            known = len(self._places) >= MIN_EQUAL
-            self.used_again = self._changing and known and 0 < self._used <= MESSAGES
-            self._places, self._used = places, 0 if first else math.nan
-        self._used += equal
+        equal, before = bits == self._bits, self._places
         self._stamp, self._bits = scan.stamp, bits
+        if not equal:
+            self._places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
+            share = np.isin(self._places, before).mean() if len(before) else 1.0
+            self._changing = bool(share < CHANGED_SHARE)
         self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
-        return equal and self._changing and self._found
+        said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
+        return Rejection("scan_repeated", said) if equal and self._changing & self._found else None
 
 
 LAST, MIN_SCANS, MIN_LOST = 20, 5, 40

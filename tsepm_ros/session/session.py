@@ -358,16 +358,10 @@ class Session:
             self.arrived_stamp = arrived.scan.stamp
             self.arrivals += 1
         arrived, refusal = self._frames.admit(arrived, self.settings.common.max_detections)
+        refusal = refusal or self._repetitions[0].refusal(arrived.scan)
         if refusal is not None:
             self.drop(*refusal)
             return
-        if self._repeated(arrived, 0):
-            return
-        if self._repetitions[0].used_again and not of_a_sweep:
-            self._queue = ScanQueue(self.settings)
-            self._start_over()
-            said = "the first detections were sent several times: their tracks are discarded"
-            self._report("first scan", said)
         if self.own_ship.moves:
             arrived, refusal = self.own_ship.without_late_echoes(arrived)
         questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
@@ -383,18 +377,10 @@ class Session:
             if note:
                 self.arrived_stamp = scan.scan.stamp
                 self.arrivals += 1
-            again = self._sweep.active and self._repeated(scan, 1)
-            refusal = None if again else self._queue.add(scan, now)
+            refusal = self._repetitions[1].refusal(scan.scan) if self._sweep.active else None
+            refusal = refusal or self._queue.add(scan, now)
             if refusal is not None:
                 self.drop(*refusal)
-
-    def _repeated(self, arrived: SensorScan, of: int) -> bool:
-        """Drop a message (0) or a scan (1) that repeats the one before."""
-        repeated = self._repetitions[of].repeats(arrived.scan)
-        if repeated:
-            said = f"the detections at {arrived.scan.stamp:.3f} s equal the last ones to the bit"
-            self.drop("scan_repeated", said)
-        return repeated
 
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.

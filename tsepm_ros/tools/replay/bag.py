@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 import shutil
 import sqlite3
-from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 from msg_adapters import MessageError, message_class, supported_types
 from msg_adapters.detections import installed_class
@@ -35,15 +33,16 @@ _OUTPUTS = (
     *("potential_tracks", "fixed_echoes"),
 )
 """Topics that are never taken for the topic of a driver."""
-_CDR, _PACKED = "cdr", b"\x28\xb5\x2f\xfd"
-"""Encoding of the messages of ROS, and the first bytes of a message that is compressed."""
 _REPAIRS = {
     MCAP: "mcap recover FILE -o NEW.mcap",
     SQLITE: "sqlite3 FILE .recover | sqlite3 NEW.db3",
 }
 """Commands that save what is whole of a bag's file."""
-_BESIDE = "-wal", "-journal"
-"""Ends of the names of files that belong to an SQLite file while it is not closed."""
+_CAUSES = {
+    "Profile is not": "the MCAP file is not of ROS 2: record by ros2 bag record -s mcap",
+    "missing tables": "the database is no bag's, or a -wal file that belongs to it is missing",
+}
+"""What causes some errors of the libraries, by words of them."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +97,9 @@ class Bag:
         with self._reading():
             try:
                 self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
-            except Exception as error:  # rosbags reads more
-                if not (isinstance(error, (ImportError, MessageError)) or find_spec("rosbags")):
-                    raise
+            except Exception:  # rosbags reads more, with errors of its own
                 self._storage = _RosbagsStorage(self._files, self._open, self.notes)
-        self._kinds = {name: kind for name, (kind, _) in self._storage.topics.items()}
-        self.topics = {name: present_name(kind) for name, kind in self._kinds.items()}
+        self.topics = {name: present_name(kind) for name, (kind, _) in self._storage.topics.items()}
         self.start_ns, self.end_ns = self._storage.span_ns
         self._fitting: set[str] = set()
         self.notes += [
@@ -166,8 +162,8 @@ class Bag:
         ValueError
             If the bag has no definition of its type, and no known layout fits.
         """
-        name = self._kinds[message.topic]
-        if message.data.startswith(_PACKED):
+        name, _ = self._storage.topics[message.topic]
+        if message.data.startswith(b"\x28\xb5\x2f\xfd"):  # zstd, no CDR
             raise ValueError(
                 f"the messages of {self._path} are compressed: name the bag's folder, which has "
                 "metadata.yaml, in place of the file"
@@ -195,14 +191,17 @@ class Bag:
             yield
         except ImportError as error:
             raise ValueError(f"{self._path} is a bag, {error}") from None
-        except OSError as error:
-            raise ValueError(f"the bag {self._path} cannot be read: {error}") from error
         except Exception as error:
-            repair = _REPAIRS.get(kind_of(self._files[0]) if self._files[0].is_file() else "")
+            first = self._files[0] if self._files else self._path
+            repair = _REPAIRS.get(kind_of(first) if first.is_file() else "", "unpack it by unzstd")
+            damaged = (
+                "a file of it is damaged, or its end is missing: copy it again, or save what is "
+                f"whole: {repair}"
+            )
+            causes = (cause for words, cause in _CAUSES.items() if words in str(error))
+            remedy = "" if isinstance(error, OSError) else f" ({next(causes, damaged)})"
             raise ValueError(
-                f"the bag {self._path} cannot be read: {error or type(error).__name__} (a file of "
-                "it is damaged, or its end is missing: copy it again"
-                + (f", or save what is whole by {repair})" if repair else ")")
+                f"the bag {self._path} cannot be read: {error or type(error).__name__}{remedy}"
             ) from error
 
 
@@ -244,91 +243,79 @@ class _Rosbag2Storage:
         return self._deserialize(data, installed_class(present_name(type_name)))
 
 
-_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
-"""Formats of definitions, as rosbags calls them, by the encodings of files."""
-_NO_TEXT = "", ""
-_IDL = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE)
-"""Heads of the parts of an IDL definition."""
+class _RosbagsStorage:
+    """A bag read by the library rosbags, without ROS, file by file."""
 
-
-class _Topic(NamedTuple):
-    """A topic of a file: its number there, and the format and text of its messages' definition."""
-
-    number: int
-    name: str
-    kind: str
-    definition: tuple[str, str]
-    number_of_messages: int
-
-
-class _SqliteFile:
-    """A file of a bag, an SQLite database; it is not changed."""
-
-    def __init__(self, path: Path, stack: ExitStack, notes: list[str]) -> None:
-        beside = [path.with_name(path.name + end) for end in _BESIDE]
-        beside = [file for file in beside if file.is_file() and file.stat().st_size]
-        address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
-        if beside:  # SQLite puts them into the file: a copy
-            folder = Path(stack.enter_context(TemporaryDirectory()))
-            for file in (path, *beside):
-                shutil.copyfile(file, folder / file.name)
-            address = (folder / path.name).as_uri()
-            names = ", ".join(file.name for file in beside)
-            notes.append(f"{path.name} was not closed by its recorder: {names} is read with it")
-        base = sqlite3.connect(address, uri=True, check_same_thread=False)
-        self._base = stack.enter_context(closing(base))
-        base.text_factory = lambda text: text.decode(errors="replace")
-        tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master")}
-        if not {"topics", "messages"} <= tables:
-            raise ValueError(f"{path.name} is a database without the tables of a bag")
-        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        stored = base.execute(query) if "message_definitions" in tables else ()
-        definitions = {kind: (_FORMATS.get(form, ""), text) for kind, form, text in stored}
-        query = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
-        counts = {topic: row for topic, *row in base.execute(query)}
-        query = "SELECT id, name, type FROM topics WHERE serialization_format = ?"
-        self.topics = [
-            _Topic(number, name, kind, definitions.get(kind, _NO_TEXT), counts.get(number, [0])[0])
-            for number, name, kind in base.execute(query, (_CDR,))
-        ]
-        self.times = [time for _, *times in counts.values() for time in times]
-
-    def messages(self, numbers: list[int], start_ns: int | None) -> Iterator[tuple[Any, ...]]:
-        query = (
-            "SELECT topic_id, timestamp, data FROM messages WHERE timestamp >= ? AND topic_id IN "
-            f"({','.join('?' * len(numbers))}) ORDER BY timestamp, id"
-        )
-        yield from self._base.execute(query, (start_ns or -(2**63), *numbers))
-
-
-class _RosbagsFile:
-    """A file of a bag, MCAP, or the folder of a compressed bag, read by rosbags."""
-
-    def __init__(self, path: Path, stack: ExitStack) -> None:
-        from rosbags.rosbag2 import Reader, storage_mcap
-
+    def __init__(self, files: list[Path], stack: ExitStack, notes: list[str]) -> None:
+        try:
+            from rosbags.rosbag2 import Reader, storage_mcap
+        except ImportError:
+            raise ImportError(
+                "which ROS here, if any, does not read: that requires the packages of its message "
+                "types and a whole bag. The library rosbags is not installed: pip install rosbags "
+                "(with Python from apt: docs/python_and_command_line.md)"
+            ) from None
         # A topic that nobody reads refuses no bag, whatever its definition is.
         vars(storage_mcap).update(get_msgdef=_definition, read_string=_text)
-        if path.is_file() and path.suffix != MCAP:  # rosbags goes by the suffix
-            link = Path(stack.enter_context(TemporaryDirectory()), f"bag{MCAP}")
-            link.symlink_to(path.resolve())
-            path = link
-        self._reader = Reader(path)
-        self._reader.open()
-        stack.callback(self._reader.close)
-        self.topics = [
-            _Topic(c.id, c.topic, c.msgtype, (c.msgdef.format.name, c.msgdef.data), c.msgcount)
-            for c in self._reader.connections
-            if c.ext.serialization_format == _CDR
+        self._readers = [
+            stack.enter_context(Reader(_readable(path, stack, notes))) for path in files
         ]
-        some = self._reader.message_count
-        # The reader's end is 1 ns after the last message.
-        self.times = [self._reader.start_time, self._reader.end_time - 1] if some else []
+        self._known, self._standard = message_types()
+        connections = [
+            connection
+            for reader in self._readers
+            for connection in reader.connections
+            if getattr(connection.ext, "serialization_format", "cdr") == "cdr"
+        ]
+        self.topics = {
+            one.topic: (one.msgtype, sum(c.msgcount for c in connections if c.topic == one.topic))
+            for one in connections
+        }
+        self._definitions = {one.msgtype: one.msgdef for one in connections if one.msgdef.data}
+        kinds = {one.msgtype for one in connections}
+        self.undefined = kinds - self._definitions.keys() - self._standard
+        some = [reader for reader in self._readers if reader.message_count]
+        # A reader's end is 1 ns after the last message.
+        self.span_ns: tuple[int, int] = (
+            min((reader.start_time for reader in some), default=0),
+            max((reader.end_time - 1 for reader in some), default=0),
+        )
+        self._stores: dict[str, tuple[Any, str]] = {}
 
-    def messages(self, numbers: list[int], start_ns: int | None) -> Iterator[tuple[Any, ...]]:
-        connections = [c for c in self._reader.connections if c.id in numbers]
-        for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
-            yield connection.id, log_ns, data
+    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
+        for reader in self._readers:
+            connections = [c for c in reader.connections if c.topic in topics]
+            found = reader.messages(connections, start=start_ns) if connections else ()
+            for connection, log_ns, data in found:
+                yield BagMessage(connection.topic, log_ns, bytes(data))
+
+    def deserialize(self, data: bytes, type_name: str) -> Any:
+        if type_name not in self._stores:
+            self._stores[type_name] = self._store_of(type_name)
+        store, name = self._stores[type_name]
+        return store.deserialize_cdr(data, name)
+
+    def _store_of(self, type_name: str) -> tuple[Any, str]:
+        """Types for messages of one type, by its own definition if that can be read; its name."""
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+        own: dict[str, Any] = {}
+        with suppress(Exception):  # the parsers raise errors of many kinds
+            definition = self._definitions[type_name]
+            is_idl = definition.format.name == "IDL"
+            for part in filter(str.strip, _IDL.split(definition.data)):
+                own |= get_types_from_idl(part) if is_idl else get_types_from_msg(part, type_name)
+        if type_name not in own:
+            self.undefined |= {type_name} - self._standard
+        store = get_typestore(Stores.EMPTY)
+        store.register({**self._known.fielddefs, **own})
+        return store, type_name if type_name in store.fielddefs else present_name(type_name)
+
+
+_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
+"""Formats of definitions, as rosbags calls them, by the encodings of files."""
+_IDL = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE)
+"""Heads of the parts of an IDL definition."""
 
 
 def _definition(schema: Any) -> Any:
@@ -341,66 +328,44 @@ def _definition(schema: Any) -> Any:
 
 def _text(file: Any) -> str:
     """A text of an MCAP file: its length and the text, which need not be UTF-8."""
-    length = int.from_bytes(file.read(4), "little")
-    return str(file.read(length), errors="replace")
+    return str(file.read(int.from_bytes(file.read(4), "little")), errors="replace")
 
 
-class _RosbagsStorage:
-    """A bag read by the library rosbags, without ROS."""
+def _readable(path: Path, stack: ExitStack, notes: list[str]) -> Path:
+    """A file of a bag under a name by which rosbags reads all of it, and as it is.
 
-    def __init__(self, files: list[Path], stack: ExitStack, notes: list[str]) -> None:
-        try:
-            self._known, self._standard = message_types()
-        except ImportError:
-            raise ImportError(
-                "which requires ROS with the packages of its message types, or the library "
-                "rosbags; it is not installed: pip install rosbags (with Python from apt: "
-                "docs/python_and_command_line.md)"
-            ) from None
-        self._files = [
-            _SqliteFile(path, stack, notes)
-            if path.is_file() and kind_of(path) == SQLITE
-            else _RosbagsFile(path, stack)
-            for path in files
-        ]
-        topics = [topic for file in self._files for topic in file.topics]
-        counts = Counter[str]()
-        for topic in topics:
-            counts[topic.name] += topic.number_of_messages
-        self.topics = {topic.name: (topic.kind, counts[topic.name]) for topic in topics}
-        self._definitions = {one.kind: one.definition for one in topics if all(one.definition)}
-        self.undefined = {one.kind for one in topics} - self._definitions.keys() - self._standard
-        times = [time for file in self._files for time in file.times]
-        self.span_ns: tuple[int, int] = (min(times), max(times)) if times else (0, 0)
-        self._stores: dict[str, tuple[Any, str]] = {}
+    What a database does not have yet, and other files have, is put into a copy, as SQLite does; so
+    are definitions left out that rosbags does not know.
+    """
+    kind = kind_of(path) if path.is_file() else ""
+    if kind not in (MCAP, SQLITE):  # the folder of a compressed bag
+        return path
+    place = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind}")
+    beside = [Path(f"{path}{end}") for end in ("-wal", "-journal") if kind == SQLITE]
+    beside = [file for file in beside if file.is_file() and file.stat().st_size]
+    address = f"{path.resolve().as_uri()}?immutable=1"
+    if kind == MCAP or not (beside or _answers(address, f"SELECT 1 {_UNKNOWN}")):
+        place.symlink_to(path.resolve())
+        return place
+    for file in (path, *beside):
+        shutil.copyfile(file, f"{place}{file.name.removeprefix(path.name)}")
+    _answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
+    notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
+    return place
 
-    def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
-        for file in self._files:
-            names = {topic.number: topic.name for topic in file.topics if topic.name in topics}
-            for number, log_ns, data in file.messages(list(names), start_ns) if names else ():
-                yield BagMessage(names[number], log_ns, bytes(data))
 
-    def deserialize(self, data: bytes, type_name: str) -> Any:
-        if type_name not in self._stores:
-            self._stores[type_name] = self._store_of(type_name)
-        store, name = self._stores[type_name]
-        return store.deserialize_cdr(data, name)
+_UNKNOWN = "FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')"
+"""Definitions of a database that rosbags does not know."""
 
-    def _store_of(self, type_name: str) -> tuple[Any, str]:
-        """Types for messages of one type, by its own definition if that can be read; its name."""
-        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-        form, text = self._definitions.get(type_name, _NO_TEXT)
-        own: dict[str, Any] = {}
-        with suppress(Exception):  # the parsers raise errors of many kinds
-            for part in filter(str.strip, _IDL.split(text) if form == "IDL" else [text]):
-                types = get_types_from_idl(part) if form == "IDL" else {}
-                own |= types or get_types_from_msg(part, type_name)
-        if type_name not in own:
-            self.undefined |= {type_name} - self._standard
-        store = get_typestore(Stores.EMPTY)
-        store.register({**self._known.fielddefs, **own})
-        return store, type_name if type_name in store.fielddefs else present_name(type_name)
+def _answers(address: str, commands: str) -> list[Any]:
+    """What a database answers, up to a command about a table that it does not have."""
+    answers: list[Any] = []
+    base = sqlite3.connect(address, uri=True, isolation_level=None)
+    with closing(base), suppress(sqlite3.OperationalError):
+        for command in commands.split(";"):
+            answers += base.execute(command)
+    return answers
 
 
 def message_types() -> tuple[Any, set[str]]:
