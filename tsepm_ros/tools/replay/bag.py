@@ -307,15 +307,17 @@ class _RosbagsStorage:
                 own |= get_types_from_idl(part) if is_idl else get_types_from_msg(part, type_name)
         if type_name not in own:
             self.undefined |= {type_name} - self._standard
-        store = get_typestore(Stores.EMPTY)
-        store.register({**self._known.fielddefs, **own})
-        return store, type_name if type_name in store.fielddefs else present_name(type_name)
+            known = type_name in self._known.fielddefs
+            return self._known, type_name if known else present_name(type_name)
+        store, whole = get_typestore(Stores.EMPTY), {*re.findall(_NAME, repr(own))} <= own.keys()
+        store.register(own if whole else {**self._known.fielddefs, **own})
+        return store, type_name
 
 
 _FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
 """Formats of definitions, as rosbags calls them, by the encodings of files."""
-_IDL = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE)
-"""Heads of the parts of an IDL definition."""
+_IDL, _NAME = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE), re.compile(r"'(\w+/msg/\w+)'")
+"""Heads of the parts of an IDL definition, and names of types."""
 
 
 def _definition(schema: Any) -> Any:
