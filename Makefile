@@ -22,11 +22,11 @@ ifneq ($(SOURCED),)
   # The distribution's rclpy, numpy and scipy stay; pip adds only what is missing.
   PYTHONS := python3
   VENV_FLAGS := --system-site-packages
-  RUNTIME := plot,viewer,progress
+  RUNTIME := plot,viewer,progress,bags
   MADE := $(VENV)/.made-sourced
 else
   PYTHONS := python3 python3.12 python3.11
-  RUNTIME := ros,plot,viewer,progress
+  RUNTIME := ros,plot,viewer,progress,bags
   MADE := $(VENV)/.made-wheels
   # Only Fast DDS comes as a wheel. Another ROS in the calling shell must not mix with the wheels,
   # nor may the library path of other wheels, which comes with their guard variable.

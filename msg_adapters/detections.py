@@ -444,8 +444,8 @@ def _each(detections: Any, condition: Callable[[Any], bool]) -> BoolArray:
 
 
 def _score(result: Any) -> float:
-    """Return the score of a result; -inf if it is nan."""
-    score = float(result.hypothesis.score)
+    """Return the score of a result; -inf if it is nan. Older versions have no hypothesis."""
+    score = float(getattr(result, "hypothesis", result).score)
     return score if score == score else -np.inf
 
 

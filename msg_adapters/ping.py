@@ -261,16 +261,18 @@ def read_by(readers: Mapping[str, Callable[..., T]], message: Any, *options: Any
     Raises
     ------
     MessageError
-        If there is no reader, or the message lacks a field; and what the reader raises.
+        If there is no reader, or the message has other fields; and what the reader raises.
     """
     name = type_name_of(message)
     check_supported(name, readers)
     try:
         return readers[name](message, *options)
-    except AttributeError as error:  # the installed package has another version of the type
+    except (AttributeError, TypeError) as error:
+        field = getattr(error, "name", "") or "a value of another kind"
         raise MessageError(
-            "missing_field",
-            f"this {name} does not have the fields of the supported version: {error}",
+            "unknown_version",
+            f"this {name} is of a version that is not read: its fields differ at {field}; "
+            "docs/messages.md says which versions are read",
         ) from error
 
 
@@ -291,10 +293,20 @@ def check_supported(type_name: str, readable: Collection[str]) -> None:
 
 
 def type_name_of(message: Any) -> str:
-    """ROS name of a message's type, also of a message of a bag library."""
+    """Present ROS name of a message's type, also of a message of a bag library."""
     kind = type(message)
     declared: str | None = getattr(kind, "__msgtype__", None)
-    return declared or f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+    return present_name(declared or f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}")
+
+
+RENAMED = {"acoustic_msgs": "marine_acoustic_msgs", "ping360_sonar": "ping360_sonar_msgs"}
+"""Packages of messages that have another name since, as in bags of ROS 1."""
+
+
+def present_name(type_name: str) -> str:
+    """The name of a message type in the present package."""
+    package, *rest = type_name.split("/")
+    return "/".join([RENAMED.get(package, package), *rest])
 
 
 def stated_sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str, ...]]:

@@ -141,14 +141,15 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     if len(lengths) != 1 or not lengths[0]:
         raise MessageError("wrong_length", f"rays must have equal numbers of echoes; got {lengths}")
     number = np.arange(len(rays))
-    step = message.time_increment.sec + 1e-9 * message.time_increment.nanosec
+    step = message.time_increment  # older versions have seconds
+    seconds = float(step if isinstance(step, float) else step.sec + 1e-9 * step.nanosec)
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
         np.linspace(message.range_min, message.range_max, lengths[0], dtype=np.float64),
         (message.angle_start + message.angle_increment * number) * (-1 if layout.clockwise else 1),
         np.array(rays),
-        time_offset=step * number if step else None,
+        time_offset=np.asarray(seconds * number, np.float64) if seconds else None,
         is_part=True,
     )
 

@@ -23,7 +23,7 @@ class MessageError(ValueError):
     Parameters
     ----------
     reason : str
-        Reason for counting. Every adapter may raise ``unknown_type``,
+        Reason for counting. Every adapter may raise ``unknown_type``, ``unknown_version``,
         ``package_not_installed``, ``missing_field``, ``stamp_invalid`` and ``frame_axes``; messages
         of arrays ``wrong_length``;
         clouds ``duplicate_field``, ``wrong_datatype``, ``wrong_count``, ``bad_offset``,

@@ -187,9 +187,17 @@ def test_a_package_that_is_not_installed_is_named(type_name, monkeypatch):
 
 def test_a_type_that_has_changed_is_refused_by_the_name_of_its_field():
     radar = foreign_messages.RadarScan(header=header_at(START), returns=[Point()])
-    with pytest.raises(MessageError, match=r"radar_msgs/msg/RadarScan .*'range'") as error:
+    with pytest.raises(MessageError, match=r"radar_msgs/msg/RadarScan .*at range;") as error:
         read_detections(radar)
-    assert error.value.reason == "missing_field"
+    assert error.value.reason == "unknown_version"
+
+
+def test_a_field_that_has_another_kind_of_value_is_of_another_version():
+    radar = foreign_messages.RadarScan(header=header_at(START), returns=None)
+    with pytest.raises(MessageError, match="another kind") as error:
+        read_detections(radar)
+    assert error.value.reason == "unknown_version"
+    assert "object" not in str(error.value), "not the inside of the program"
 
 
 NASTY = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e-45, 3e38, -3e38, 1.6, 1e8)

@@ -93,6 +93,18 @@ def test_the_box_counts_before_the_pose_of_a_result_and_without_a_box_the_best()
     np.testing.assert_array_equal(found.scan.features["intensity"], [0.9])
 
 
+def test_a_result_without_a_hypothesis_as_in_older_definitions_has_its_own_score():
+    fields = {"id": str, "score": float, "pose": PoseWithCovariance}
+    older = foreign.message_type("vision_msgs", "ObjectHypothesisWithPose", fields)
+    results = (
+        older(score=score, pose=PoseWithCovariance(pose=pose(*at)))
+        for score, at in ((0.2, (1.0, 0.0)), (0.9, (6.0, 8.0)))
+    )
+    found = read_detections(array(detection((0.0, 0.0), *results)))
+    assert found.scan.range[0] == pytest.approx(10.0)
+    np.testing.assert_array_equal(found.scan.features["intensity"], [0.9])
+
+
 @pytest.mark.parametrize("optical", [False, True])
 def test_the_covariance_is_turned_along_and_across_the_line_of_sight(optical):
     angle, along, across = 0.6, 9.0, 4.0

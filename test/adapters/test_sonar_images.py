@@ -151,6 +151,17 @@ def test_an_echo_is_one_bearing_and_spokes_are_a_part_of_a_turn_each_at_its_own_
     assert read(message, clockwise=True).azimuth.tolist() == [-0.7]
 
 
+@pytest.mark.parametrize("step", [Duration(nanosec=2_000_000), 0.002])
+def test_the_time_of_spokes_is_a_duration_or_seconds_as_in_older_definitions(step):
+    spokes = [foreign.RadarEcho(echoes=row.tolist()) for row in TABLE]
+    message = foreign.RadarSector(
+        header=HEADER, range_max=100.0, time_increment=step, intensities=spokes
+    )
+    np.testing.assert_allclose(read(message).time_offset, [0.0, 0.002, 0.004, 0.006])
+    message.time_increment = type(step)()
+    assert read(message).time_offset is None
+
+
 def picture(table, encoding="mono8", kind="u1", pad=0, big=False):
     form = np.dtype(kind).newbyteorder(">" if big else "<")
     rows = np.ascontiguousarray(table, form)

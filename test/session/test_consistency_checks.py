@@ -109,6 +109,96 @@ def test_detections_that_repeat_to_the_bit_are_said_with_their_share(share):
     assert f"{100 * share:.0f} % of" in sentence and "They are used" in sentence
 
 
+def noise(count, n=5, seed=6):
+    """Detections of scans, none of which is like another."""
+    rng = np.random.default_rng(seed)
+    return [(rng.uniform(100.0, 900.0, n), rng.uniform(-1.0, 1.0, n)) for _ in range(count)]
+
+
+def dropped_of(scans, *, period=2.0, **features):
+    """Drops of scans (range, azimuth), the number of results, and what was reported."""
+    said = []
+    session = Session(settings(), lambda *why: said.append(why))
+    results = 0
+    for index, (range_, azimuth) in enumerate(scans):
+        ping = good_detections(
+            round(1e9 * (START + period * index)),
+            "sonar",
+            ReadingOptions(),
+            range=np.asarray(range_, float),
+            azimuth=np.asarray(azimuth, float),
+            features={name: values[index] for name, values in features.items()},
+        )
+        session.add_scan(ping.sensor_scan, START + period * index)
+        results += len(list(session.process(START + period * index)))
+    results += len(list(session.process(last=True)))
+    return session.dropped, results, said
+
+
+@pytest.mark.parametrize("period", [0.1, 12.0])
+@pytest.mark.parametrize("times", [2, 5])
+def test_scans_that_are_sent_several_times_are_no_new_evidence(times, period):
+    # Before the first change, a scan that is equal may be that of a simulator without noise.
+    scans = [scan for scan in noise(8) for _ in range(times)]
+    dropped, results, said = dropped_of(scans, period=period)
+    assert dropped == {"scan_repeated": 7 * (times - 1)}
+    assert results == 8 + times - 1
+    assert any(reason == "scan_repeated" and "to the bit" in text for reason, text in said)
+    assert times > 2 or not any("They are used" in text for _, text in said)
+
+
+def test_a_driver_that_repeats_its_last_scan_for_ever_gives_no_evidence():
+    scans = noise(8)
+    dropped, results, said = dropped_of([*scans, *[scans[-1]] * 30])
+    assert (dropped, results) == ({"scan_repeated": 30}, 8)
+    assert any("scans were dropped" in text for _, text in said)
+
+
+def test_a_source_whose_every_scan_is_equal_goes_on_and_is_said():
+    dropped, results, said = dropped_of(noise(1) * 30)
+    assert (dropped, results) == ({}, 30)
+    assert any("They are used" in text for _, text in said)
+
+
+def test_equal_scans_of_a_source_without_noise_that_misses_some_echoes_are_used():
+    (range_, azimuth), rng = noise(1)[0], np.random.default_rng(8)
+    seen = [rng.random(5) < 0.8 for _ in range(40)]
+    dropped, results, _ = dropped_of([(range_[some], azimuth[some]) for some in seen])
+    assert (dropped, results) == ({}, 40)
+
+
+def test_scans_without_detections_and_single_coarse_detections_do_not_repeat_the_last():
+    nothing = np.zeros(0)
+    assert dropped_of([(nothing, nothing)] * 20)[:2] == ({}, 20)
+    steps = [(np.array([100.0 + k // 3]), np.array([0.5])) for k in range(30)]
+    assert dropped_of(steps)[:2] == ({}, 30)
+
+
+def test_equal_places_of_other_strength_are_other_detections():
+    scans, rng = noise(4), np.random.default_rng(9)
+    doubled = [scan for scan in scans for _ in range(2)]
+    strengths = [rng.random(5) for _ in doubled]
+    assert dropped_of(doubled, intensity=strengths)[0] == {}
+    assert dropped_of(doubled, intensity=[s for s in strengths[::2] for _ in range(2)])[0] == {
+        "scan_repeated": 3
+    }
+
+
+def test_a_turn_in_parts_that_is_repeated_for_ever_gives_no_evidence():
+    rng, parts = np.random.default_rng(3), 16
+    width = 2.0 * math.pi / parts
+    messages = [
+        (rng.uniform(50.0, 900.0, 3), part * width + rng.uniform(0.02, width - 0.02, 3))
+        for _ in range(6)
+        for part in range(parts)
+    ]
+    once = dropped_of(messages, period=0.2)
+    again = dropped_of(messages + 6 * messages[-parts:], period=0.2)
+    assert once[0] == {}
+    assert again[0]["scan_repeated"] >= 5
+    assert again[1] <= once[1] + 1
+
+
 def test_values_for_no_return_are_said_with_their_share():
     facts = MessageFacts(rays=200, no_return={"nan": 20, "inf": 100, "a constant": 50})
     sentence = asked_of(noisy(facts=facts))["no_return"]

@@ -17,10 +17,11 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
-from tsepm_ros.session.drop_reasons import EXPECTED, Notice, reason_of
+from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, leap_seconds
 from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
+from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -174,6 +175,40 @@ class MessageCheck:
                     f"{hint or ': set the clocks'}"
                 )
         return said
+
+
+CHANGED_SHARE, MIN_EQUAL = 0.5, 2
+"""Share of the detections of two scans that differ, above which two equal scans are no chance, and
+least number of detections of the first of these."""
+
+
+class Repetitions:
+    """Finds scans that repeat the scan before: all detections are equal to the bit.
+
+    If the detections change otherwise, this is no chance, and no new evidence: a driver or a relay
+    has sent the scan again. If they do not change, as those of a simulator without noise, it is
+    none. Until the first change, and while it may be chance, equal scans are used.
+    """
+
+    def __init__(self) -> None:
+        self._stamp, self._bits, self._places = -math.inf, b"", np.zeros(0, complex)
+        self._changing = self._found = False
+
+    def refusal(self, scan: Scan) -> Rejection | None:
+        """Refuse a scan that repeats the last that has detections; their times do not count."""
+        if not len(scan) or scan.stamp <= self._stamp:
+            return None
+        features = [values for _, values in sorted(scan.features.items())]
+        bits = b"".join(values.tobytes() for values in (scan.range, scan.azimuth, *features))
+        equal, before = bits == self._bits, self._places
+        self._stamp, self._bits = scan.stamp, bits
+        if not equal:
+            self._places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
+            share = np.isin(self._places, before).mean() if len(before) else 1.0
+            self._changing = bool(share < CHANGED_SHARE)
+        self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
+        said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
+        return Rejection("scan_repeated", said) if equal and self._changing & self._found else None
 
 
 LAST, MIN_SCANS, MIN_LOST = 20, 5, 40

@@ -172,6 +172,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"
     ),
+    "unknown_version": DropReason(
+        DETECTIONS,
+        "scan",
+        "the message has other fields than the versions of its type that are read",
+        "Publish, or convert the bag to, a version that docs/messages.md names",
+    ),
     "package_not_installed": DropReason(
         DETECTIONS, "scan", "the package of the type is not installed", "Install the package"
     ),
@@ -203,6 +209,14 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "the stamp equals that of the previous scan",
         "Look for two drivers on one topic, or a driver that sends scans twice or does not set "
         "`header.stamp` anew",
+    ),
+    "scan_repeated": DropReason(
+        DETECTIONS,
+        "scan",
+        "all detections equal those of the last scan to the bit, though other scans differ: no new "
+        "evidence",
+        "Look for a driver or a relay that sends a scan again under a new stamp; it must send each "
+        "scan once",
     ),
     "scan_late": DropReason(
         DETECTIONS,

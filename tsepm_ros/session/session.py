@@ -26,6 +26,7 @@ from tsepm_ros.own_ship.registration import SensorScan, exchanged
 from tsepm_ros.session.consistency_checks import (
     Losses,
     MessageCheck,
+    Repetitions,
     SensorCheck,
     SensorFigures,
     findings,
@@ -275,6 +276,7 @@ class Session:
         self.dropped: Counter[str] = Counter()
         self._ends: Counter[str] = Counter()
         self._losses = Losses()
+        self._repetitions = Repetitions(), Repetitions()  # of messages, and of scans
         self._sensor_check = SensorCheck()
         self.arrived_stamp: float | None = None
         self._queue = ScanQueue(self.settings)
@@ -356,6 +358,7 @@ class Session:
             self.arrived_stamp = arrived.scan.stamp
             self.arrivals += 1
         arrived, refusal = self._frames.admit(arrived, self.settings.common.max_detections)
+        refusal = refusal or self._repetitions[0].refusal(arrived.scan)
         if refusal is not None:
             self.drop(*refusal)
             return
@@ -374,7 +377,8 @@ class Session:
             if note:
                 self.arrived_stamp = scan.scan.stamp
                 self.arrivals += 1
-            refusal = self._queue.add(scan, now)
+            refusal = self._repetitions[1].refusal(scan.scan) if self._sweep.active else None
+            refusal = refusal or self._queue.add(scan, now)
             if refusal is not None:
                 self.drop(*refusal)
 

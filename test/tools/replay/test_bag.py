@@ -1,14 +1,18 @@
 """Bags: what is read, found and refused, and that a run of one is repeatable to the bit."""
 
 import copy
+import gzip
 import re
+import shutil
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="bags need the library rosbags")
 
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bag_files import (
     GRID,
@@ -58,6 +62,15 @@ def run(path, *parameters, source="odometry"):
         topics = find_topics(bag.topics, {})
         given = MessageInput(session, made[InitiatorNodeOptions])
         return list(bag_results(bag, topics, session, given)), session
+
+
+def read_all(path):
+    """The messages of a bag in their order, each of which can be read."""
+    with Bag(path) as bag:
+        topics = find_topics(bag.topics, {}).values()
+        messages = list(bag.messages(topics))
+        assert all(bag.read(message).header.frame_id for message in messages)
+        return [(message.topic, message.log_ns, message.data) for message in messages]
 
 
 # Reading
@@ -168,30 +181,216 @@ def test_a_corrupt_message_is_told_apart_from_the_bag(tmp_path, data, said):
             bag.read(message)
 
 
+def a_database_that_is_no_bag(tmp_path):
+    path = tmp_path / "other.db3"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE other (x)")
+    return path.read_bytes()
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+REMEDIES = {
+    "truncated": r"end is missing: copy it again.*(mcap recover|\.recover)",
+    "other bytes": "is no bag, whatever its name says",
+    "a page of a web server": "is no bag, whatever its name says",
+    "a pointer of a large-file store": "a pointer of git LFS.*git lfs pull",
+    "a pointer of git-annex": "a pointer of git-annex.*git annex get",
+    "empty": "is empty: .*copy it again",
+    "packed": "is compressed: unpack it .gunzip",
+    "another database": "no bag's, or a -wal file",
+}
+
+
 @BOTH
-@pytest.mark.parametrize("fault", ["truncated", "garbage", "empty file", "gone"])
-def test_a_bag_that_cannot_be_read_is_refused_by_name(tmp_path, storage, fault):
+@pytest.mark.parametrize("fault", REMEDIES)
+@pytest.mark.parametrize("named", ["folder", "file"])
+def test_a_bag_that_cannot_be_read_says_why_and_what_to_do(tmp_path, storage, fault, named):
     folder = write_bag(tmp_path / "bag", simulated(), storage)
     file = storage_file(folder)
-    content = file.read_bytes()
-    if fault == "gone":
-        file.unlink()
-    else:
-        broken = {"truncated": content[: len(content) // 2], "garbage": b"no bag " * 99}
-        file.write_bytes(broken.get(fault, b""))
-    for path in [folder, file]:
-        with pytest.raises(ValueError, match=r"the bag .* cannot be read: .*ros2 bag reindex"):
-            run(path)
+    content = {
+        "truncated": file.read_bytes()[: file.stat().st_size // 2],
+        "other bytes": b"no bag " * 99,
+        "a page of a web server": b"<!DOCTYPE html>",
+        "a pointer of a large-file store": POINTER,
+        "a pointer of git-annex": b"/annex/objects/MD5E-s77--4d7a.mcap\n",
+        "empty": b"",
+        "packed": gzip.compress(b"bag"),
+        "another database": a_database_that_is_no_bag(tmp_path),
+    }
+    file.write_bytes(content[fault])
+    with pytest.raises(ValueError, match=REMEDIES[fault]) as refused:
+        read_all(source_of(folder if named == "folder" else file)[0])
+    assert "reindex" not in str(refused.value)
 
 
-def test_a_number_of_messages_that_is_none_is_refused_by_name(tmp_path):
-    folder = write_bag(tmp_path / "bag", simulated(), "sqlite3")
-    metadata = folder / "metadata.yaml"
-    text = metadata.read_text()
-    assert "message_count" in text
-    metadata.write_text(re.sub(r"message_count: \d+", "message_count: x", text))
-    with pytest.raises(ValueError, match="cannot be read"):
+@BOTH
+def test_a_file_that_the_metadata_names_and_that_is_missing_is_named(tmp_path, storage):
+    folder = write_bag(tmp_path / "bag", simulated(), storage)
+    file = storage_file(folder)
+    renamed = file.rename(folder / f"other{file.suffix}")
+    with pytest.raises(ValueError, match=rf"names {file.name}.*renamed.*name other\{file.suffix}"):
         Bag(folder)
+    with Bag(renamed) as bag:
+        assert bag.count("/detections") == 10
+    renamed.unlink()
+    with pytest.raises(ValueError, match=rf"names {file.name}.*copy it there$"):
+        Bag(folder)
+
+
+def test_a_file_beside_those_of_the_metadata_is_said_not_to_be_read(tmp_path):
+    folder = write_bag(tmp_path / "bag", simulated())
+    shutil.copy(storage_file(folder), folder / "more_1.mcap")
+    with Bag(folder) as bag:
+        assert [note for note in bag.notes if "more_1.mcap" in note and "not read" in note]
+
+
+@pytest.mark.parametrize("text", ["", "rosbag2: [", "other: 1", POINTER.decode()])
+def test_metadata_that_is_none_has_its_own_remedy(tmp_path, text):
+    folder = write_bag(tmp_path / "bag", simulated())
+    (folder / "metadata.yaml").write_text(text)
+    remedy = "git lfs pull" if "lfs" in text else "is no metadata of a bag .*ros2 bag reindex"
+    with pytest.raises(ValueError, match=remedy):
+        Bag(folder)
+
+
+@BOTH
+def test_figures_of_the_metadata_do_not_count_against_the_files(tmp_path, storage):
+    """The quality of service is often edited, and counts are those of an earlier time."""
+    folder = write_bag(tmp_path / "bag", simulated(), storage)
+    text = (folder / "metadata.yaml").read_text()
+    text = re.sub(r"message_count: \d+", "message_count: 0", text)
+    edited = "{history: 1, depth: 9, reliability: 1, durability: 2, liveliness: 1, "
+    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
+        edited += f"{name}: {{sec: 0, nsec: 0}}, "
+    edited = f"offered_qos_profiles: [{edited}avoid_ros_namespace_conventions: false}}]"
+    assert "offered_qos_profiles: []" in text
+    (folder / "metadata.yaml").write_text(text.replace("offered_qos_profiles: []", edited))
+    with Bag(folder) as bag:
+        assert bag.count("/detections") == len(list(bag.messages(["/detections"]))) == 10
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+@pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
+def test_a_compressed_bag_is_read_from_its_folder(tmp_path, storage, mode):
+    path = tmp_path / "bag"
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
+    writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    entries = simulated()
+    with writer:
+        topics = {
+            topic: writer.add_connection(topic, kind, typestore=STORE)
+            for topic, kind in (("/detections", POINTS), ("/own_ship/odometry", ODOMETRY))
+        }
+        for entry in entries:
+            writer.write(topics[entry.topic], round(entry.time * 1e9), serialized(entry))
+    assert read_all(path) == read_all(write_bag(tmp_path / "plain", entries))
+    [file] = [file for file in path.iterdir() if file.name != "metadata.yaml"]
+    with pytest.raises(ValueError, match=r"compressed: .*folder"):
+        read_all(source_of(file)[0])
+
+
+@pytest.mark.parametrize("kept", [0, 10])
+@pytest.mark.parametrize("mode", ["wal", "persist"])
+@pytest.mark.parametrize("named", ["folder", "file"])
+def test_what_a_killed_recorder_left_beside_a_database_is_read_and_no_file_changes(
+    tmp_path, kept, mode, named
+):
+    folder = write_bag(tmp_path / "bag", simulated(), "sqlite3")
+    expected = read_all(folder)
+    file = storage_file(folder)
+    with closing(sqlite3.connect(file)) as source:
+        script = list(source.iterdump())
+    file.unlink()
+    with closing(sqlite3.connect(tmp_path / file.name, isolation_level=None)) as recorder:
+        if mode == "wal":
+            recorder.execute("PRAGMA journal_mode = WAL")
+            recorder.execute("PRAGMA wal_autocheckpoint = 0")
+        messages = 0
+        for line in script:
+            if line.startswith(("BEGIN", "COMMIT")):
+                continue
+            messages += line.startswith('INSERT INTO "messages"')
+            if messages == kept:
+                recorder.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            recorder.execute(line)
+        if mode == "persist":  # killed within a change, of which a part is in the file
+            recorder.execute("PRAGMA cache_size = 1")
+            recorder.execute("BEGIN")
+            recorder.execute("UPDATE messages SET data = zeroblob(length(data))")
+        for end in ("", "-wal", "-journal"):
+            if (left := tmp_path / f"{file.name}{end}").exists():
+                shutil.copy(left, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert len(before) == 3
+    assert read_all(folder if named == "folder" else file) == expected
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    with Bag(folder) as bag:
+        assert [note for note in bag.notes if "is read with it" in note]
+
+
+ODD = {
+    "a service's events": ("ros2msg", "---\nbool success\nstring message\n"),
+    "no definition": ("", ""),
+    "unknown to the recorder": ("unknown", ""),
+    "another encoding": ("jsonschema", '{"type": "object"}'),
+    "nonsense": ("ros2msg", "((("),
+    "no IDL": ("ros2idl", "((("),
+}
+
+
+@BOTH
+@pytest.mark.parametrize("odd", ODD)
+def test_the_definition_of_a_topic_that_is_not_read_refuses_nothing(tmp_path, storage, odd):
+    encoding, text = ODD[odd]
+    kind = "other_msgs/msg/Event"
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg("bool success\n", kind))
+    entries = simulated()
+    expected = read_all(write_bag(tmp_path / "plain", entries, storage))
+    event = Entry(entries[0].time, "/reset/_service_event", kind, b"\0\1\0\0" + bytes(40))
+    path = write_bag(tmp_path / "bag", [event, *entries], storage, store)
+    file = storage_file(path)
+    if storage == "sqlite3":
+        with sqlite3.connect(file) as database:
+            database.execute(
+                "UPDATE message_definitions SET encoding = ?, encoded_message_definition = ? "
+                "WHERE topic_type = ?",
+                (encoding, text, kind),
+            )
+    else:
+        file.write_bytes(with_schema(file.read_bytes(), kind, encoding, text))
+    for named in (path, file):
+        assert read_all(named) == expected
+
+
+def with_schema(content: bytes, name: str, encoding: str, text: str) -> bytes:
+    """An MCAP file with another definition of a type, without the index at its end."""
+
+    def string(value: str) -> bytes:
+        return len(value.encode()).to_bytes(4, "little") + value.encode()
+
+    done, place = bytearray(content[:8]), 8
+    while content[place] != 0x0F:  # the end of the data
+        size = int.from_bytes(content[place + 1 : place + 9], "little")
+        kind, record = content[place], content[place + 9 : place + 9 + size]
+        if kind == 0x03 and string(name) in record:
+            record = record[:2] + string(name) + string(encoding) + string(text)
+        done += bytes([kind]) + len(record).to_bytes(8, "little") + record
+        place += 9 + size
+    footer = bytes(20)
+    return bytes(done) + b"\x02" + (20).to_bytes(8, "little") + footer + content[:8]
+
+
+@pytest.mark.parametrize("old", ["acoustic_msgs", "marine_acoustic_msgs"])
+def test_a_package_is_read_under_its_earlier_name(tmp_path, old):
+    path, name = detections_without_a_definition(tmp_path)
+    earlier = name.replace("marine_acoustic_msgs", old)
+    with sqlite3.connect(storage_file(path)) as database:
+        database.execute("UPDATE topics SET type = ? WHERE type = ?", (earlier, name))
+    with Bag(storage_file(path)) as bag:
+        assert find_topics(bag.topics, {})[DETECTIONS] == "/detections"
+        ping = read_detections(bag.read(next(bag.messages(["/detections"]))))
+    assert ping.sensor_scan.scan.range == pytest.approx([300.0])
 
 
 @pytest.mark.parametrize(("storage", "named"), [*zip(STORAGES, ("folder", "file"), strict=True)])
@@ -228,9 +427,11 @@ def test_a_type_that_is_not_installed_is_read_by_the_bag_s_definition(tmp_path, 
 
 def test_a_bag_that_ros_cannot_read_is_refused_by_name(tmp_path, monkeypatch):
     pytest.importorskip("support.rosbag2_stand_in", exc_type=ImportError).install(monkeypatch)
-    (tmp_path / "metadata.yaml").write_text("rosbag2: [")
-    with pytest.raises(ValueError, match=r"the bag .* cannot be read"):
-        Bag(tmp_path)
+    path = write_bag(tmp_path / "bag", simulated())
+    file = storage_file(path)
+    file.write_bytes(file.read_bytes()[:-9])
+    with pytest.raises(ValueError, match=r"the bag .* cannot be read.*mcap recover"):
+        Bag(path)
 
 
 # Topics

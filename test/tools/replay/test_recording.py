@@ -330,6 +330,16 @@ def holding(tmp_path):
     return make
 
 
+LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 123\n"
+
+
+@pytest.mark.parametrize("name", ["detections.csv", "own_ship.csv", "target.csv"])
+def test_a_pointer_in_place_of_a_table_is_told_from_a_table(holding, name):
+    folder = holding(**{"detections.csv": TABLE, name: LFS})
+    with pytest.raises(ValueError, match=f"{name} is a pointer of git LFS.*git lfs pull"):
+        read_recording(folder)
+
+
 @pytest.mark.parametrize("name", ["run2.csv", "RUN2.CSV", "detections.csv", "own_ship.csv"])
 def test_a_csv_file_names_itself(holding, name):
     path = holding(**{name: TABLE, "other.csv": TABLE}) / name
@@ -340,7 +350,7 @@ def test_a_csv_file_names_itself(holding, name):
     ("name", "content"),
     [
         *(("a.mcap", MCAP), ("a.db3", SQLITE), ("A.MCAP", MCAP), ("a.mcap.active", MCAP)),
-        *(("a.sqlite3", SQLITE), ("a.mcap", b""), ("a.db3", b"")),
+        *(("a.sqlite3", SQLITE), ("a.mcap", SQLITE), ("a.db3", MCAP)),
     ],
 )
 def test_a_bag_s_file_names_itself_by_its_content_or_suffix(holding, name, content):
@@ -413,6 +423,10 @@ def test_a_folder_of_bags_asks_for_one_and_a_path_that_does_not_exist_is_named(t
         ("a.zip", b"PK\x03\x04", "compressed: unpack it .unzip"),
         ("a.json", b"{}", "is no recording; expected a .csv file"),
         ("a.pcap", b"", "is no recording; expected a .csv file"),
+        ("a.mcap", b"", "is empty"),
+        ("a.db3", b"time_s,range_m", "is no bag, whatever its name says"),
+        ("a.csv", LFS, "pointer of git LFS"),
+        ("a.mcap", LFS, "pointer of git LFS"),
     ],
 )
 def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, remedy):

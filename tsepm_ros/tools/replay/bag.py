@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import sqlite3
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -12,8 +15,9 @@ from typing import Any
 
 from msg_adapters import MessageError, message_class, supported_types
 from msg_adapters.detections import installed_class
+from msg_adapters.ping import present_name
 from msg_adapters.sonar_images import IMAGES
-from tsepm_ros.tools.replay.recording import MCAP, SQLITE, kind_of
+from tsepm_ros.tools.replay.recording import MCAP, SQLITE, bag_files, kind_of
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
 LAND = "land"
@@ -29,6 +33,16 @@ _OUTPUTS = (
     *("potential_tracks", "fixed_echoes"),
 )
 """Topics that are never taken for the topic of a driver."""
+_REPAIRS = {
+    MCAP: "mcap recover FILE -o NEW.mcap",
+    SQLITE: "sqlite3 FILE .recover | sqlite3 NEW.db3",
+}
+"""Commands that save what is whole of a bag's file."""
+_CAUSES = {
+    "Profile is not": "the MCAP file is not of ROS 2: record by ros2 bag record -s mcap",
+    "missing tables": "the database is no bag's, or a -wal file that belongs to it is missing",
+}
+"""What causes some errors of the libraries, by words of them."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +66,9 @@ class BagMessage:
 class Bag:
     """A bag that is open for reading; closed at the end of its `with` block.
 
-    Where ROS is sourced, rosbag2_py reads it; else, and for message types that are not installed
-    there, the library rosbags. That uses the bag's own message definitions, else those of ROS 2
-    Jazzy and `LAYOUTS`.
+    Where ROS is sourced, rosbag2_py reads it; else, and where that cannot, such as message types
+    that are not installed, the library rosbags. The definitions of the messages that are read are
+    the bag's own, else those of ROS 2 Jazzy and `LAYOUTS`. No file of the bag is changed.
 
     Parameters
     ----------
@@ -64,7 +78,7 @@ class Bag:
     Attributes
     ----------
     topics : dict of str to str
-        Message types by topic.
+        Message types by topic, under their present names.
     start_ns, end_ns : int
         Times of the first and last message, ns; equal if the bag has no messages.
     notes : list of str
@@ -79,18 +93,20 @@ class Bag:
     def __init__(self, path: Path | str) -> None:
         self._path = Path(path)
         self._open = ExitStack()
+        self._files, self.notes = bag_files(self._path)
         with self._reading():
             try:
                 self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
-            except (ImportError, MessageError):  # rosbags reads more
-                self._storage = _RosbagsStorage(self._path, self._open)
-        self.topics = {name: kind for name, (kind, _) in self._storage.topics.items()}
+            except Exception:  # rosbags reads more, with errors of its own
+                self._storage = _RosbagsStorage(self._files, self._open, self.notes)
+        self.topics = {name: present_name(kind) for name, (kind, _) in self._storage.topics.items()}
         self.start_ns, self.end_ns = self._storage.span_ns
-        self._assumed = set(self._storage.undefined & set(LAYOUTS))
-        self.notes = [
+        self._fitting: set[str] = set()
+        self.notes += [
             f"the bag has no definition of {name}: its messages are read by a layout of this "
             "package"
-            for name in sorted(self._assumed)
+            for name in sorted(self._storage.undefined)
+            if present_name(name) in LAYOUTS
         ]
 
     def __enter__(self) -> Bag:
@@ -146,21 +162,26 @@ class Bag:
         ValueError
             If the bag has no definition of its type, and no known layout fits.
         """
-        name = self.topics[message.topic]
+        name, _ = self._storage.topics[message.topic]
+        if message.data.startswith(b"\x28\xb5\x2f\xfd"):  # zstd, no CDR
+            raise ValueError(
+                f"the messages of {self._path} are compressed: name the bag's folder, which has "
+                "metadata.yaml, in place of the file"
+            )
         try:
             content = self._storage.deserialize(message.data, name)
         except Exception as error:  # the parsers raise errors of many kinds
-            if name in self._storage.undefined - LAYOUTS.keys() | self._assumed:
+            if name in self._storage.undefined - self._fitting:
                 raise ValueError(
-                    f"the bag {self._path} has no definition of {name}, and its messages do not "
-                    "have a layout that this package knows: convert the bag to MCAP by ros2 bag "
-                    f"convert on a machine with {name.partition('/')[0]}"
+                    f"the bag {self._path} has no definition of {name} that can be read, and its "
+                    "messages do not have a layout that this package knows: convert the bag to "
+                    f"MCAP by ros2 bag convert on a machine with {name.partition('/')[0]}"
                 ) from error
             raise MessageError(
                 "message_corrupt",
                 f"a message on {message.topic} is not a valid {name}: {error}",
             ) from error
-        self._assumed.discard(name)  # the layout fits
+        self._fitting.add(name)
         return content
 
     @contextmanager
@@ -171,9 +192,16 @@ class Bag:
         except ImportError as error:
             raise ValueError(f"{self._path} is a bag, {error}") from None
         except Exception as error:
+            first = self._files[0] if self._files else self._path
+            repair = _REPAIRS.get(kind_of(first) if first.is_file() else "", "unpack it by unzstd")
+            damaged = (
+                "a file of it is damaged, or its end is missing: copy it again, or save what is "
+                f"whole: {repair}"
+            )
+            causes = (cause for words, cause in _CAUSES.items() if words in str(error))
+            remedy = "" if isinstance(error, OSError) else f" ({next(causes, damaged)})"
             raise ValueError(
-                f"the bag {self._path} cannot be read: {error or type(error).__name__} (ros2 bag "
-                "reindex and mcap recover repair a bag whose recording was interrupted)"
+                f"the bag {self._path} cannot be read: {error or type(error).__name__}{remedy}"
             ) from error
 
 
@@ -194,8 +222,9 @@ class _Rosbag2Storage:
             for topic in information.topics_with_message_count
         }
         self.undefined: frozenset[str] = frozenset()
-        for name in {kind for kind, _ in self.topics.values()} & set(supported_types()):
-            message_class(name)
+        readable = {*supported_types(), *IMAGES}
+        for name in {present_name(kind) for kind, _ in self.topics.values()} & readable:
+            message_class(name, readable)
         start_ns = information.starting_time.nanoseconds if information.message_count else 0
         self.span_ns: tuple[int, int] = start_ns, start_ns + information.duration.nanoseconds
 
@@ -211,50 +240,134 @@ class _Rosbag2Storage:
             yield BagMessage(topic, log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
-        return self._deserialize(data, installed_class(type_name))
+        return self._deserialize(data, installed_class(present_name(type_name)))
 
 
 class _RosbagsStorage:
-    """A bag read by the library rosbags, without ROS."""
+    """A bag read by the library rosbags, without ROS, file by file."""
 
-    def __init__(self, path: Path, stack: ExitStack) -> None:
+    def __init__(self, files: list[Path], stack: ExitStack, notes: list[str]) -> None:
         try:
-            from rosbags.highlevel import AnyReader
+            from rosbags.rosbag2 import Reader, storage_mcap
         except ImportError:
             raise ImportError(
-                "which requires ROS with the packages of its message types, or the library "
-                "rosbags; it is not installed: pip install rosbags (with Python from apt: "
-                "docs/python_and_command_line.md)"
+                "which ROS here, if any, does not read: that requires the packages of its message "
+                "types and a whole bag. The library rosbags is not installed: pip install rosbags "
+                "(with Python from apt: docs/python_and_command_line.md)"
             ) from None
-        if path.is_file() and path.suffix != kind_of(path):  # rosbags goes by the suffix
-            link = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind_of(path)}")
-            link.symlink_to(path.resolve())
-            path = link
-        store, standard = message_types()
-        reader = AnyReader([path], default_typestore=store)
-        reader.open()
-        stack.callback(reader.close)
-        defined = {c.msgtype for c in reader.connections if c.msgdef.data}
-        missing = store.fielddefs.keys() - reader.typestore.fielddefs.keys()
-        reader.typestore.register({name: store.fielddefs[name] for name in missing})
-        self._reader = reader
+        # A topic that nobody reads refuses no bag, whatever its definition is.
+        vars(storage_mcap).update(get_msgdef=_definition, read_string=_text)
+        self._readers = [
+            stack.enter_context(Reader(_readable(path, stack, notes))) for path in files
+        ]
+        self._known, self._standard = message_types()
+        connections = [
+            connection
+            for reader in self._readers
+            for connection in reader.connections
+            if getattr(connection.ext, "serialization_format", "cdr") == "cdr"
+        ]
         self.topics = {
-            name: (topic.msgtype or "", int(topic.msgcount))
-            for name, topic in reader.topics.items()
+            one.topic: (one.msgtype, sum(c.msgcount for c in connections if c.topic == one.topic))
+            for one in connections
         }
-        self.undefined = {kind for kind, _ in self.topics.values()} - defined - standard
-        # The reader's end is 1 ns after the last message.
-        self.span_ns: tuple[int, int] = (0, 0)
-        if reader.message_count:
-            self.span_ns = (reader.start_time, reader.end_time - 1)
+        self._definitions = {one.msgtype: one.msgdef for one in connections if one.msgdef.data}
+        kinds = {one.msgtype for one in connections}
+        self.undefined = kinds - self._definitions.keys() - self._standard
+        some = [reader for reader in self._readers if reader.message_count]
+        # A reader's end is 1 ns after the last message.
+        self.span_ns: tuple[int, int] = (
+            min((reader.start_time for reader in some), default=0),
+            max((reader.end_time - 1 for reader in some), default=0),
+        )
+        self._stores: dict[str, tuple[Any, str]] = {}
 
     def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
-        connections = [c for c in self._reader.connections if c.topic in topics]
-        for connection, log_ns, data in self._reader.messages(connections, start=start_ns):
-            yield BagMessage(connection.topic, log_ns, bytes(data))
+        for reader in self._readers:
+            connections = [c for c in reader.connections if c.topic in topics]
+            found = reader.messages(connections, start=start_ns) if connections else ()
+            for connection, log_ns, data in found:
+                yield BagMessage(connection.topic, log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
-        return self._reader.deserialize(data, type_name)
+        if type_name not in self._stores:
+            self._stores[type_name] = self._store_of(type_name)
+        store, name = self._stores[type_name]
+        return store.deserialize_cdr(data, name)
+
+    def _store_of(self, type_name: str) -> tuple[Any, str]:
+        """Types for messages of one type, by its own definition if that can be read; its name."""
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+        own: dict[str, Any] = {}
+        with suppress(Exception):  # the parsers raise errors of many kinds
+            definition = self._definitions[type_name]
+            is_idl = definition.format.name == "IDL"
+            for part in filter(str.strip, _IDL.split(definition.data)):
+                own |= get_types_from_idl(part) if is_idl else get_types_from_msg(part, type_name)
+        if type_name not in own:
+            self.undefined |= {type_name} - self._standard
+            known = type_name in self._known.fielddefs
+            return self._known, type_name if known else present_name(type_name)
+        store, whole = get_typestore(Stores.EMPTY), {*re.findall(_NAME, repr(own))} <= own.keys()
+        store.register(own if whole else {**self._known.fielddefs, **own})
+        return store, type_name
+
+
+_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
+"""Formats of definitions, as rosbags calls them, by the encodings of files."""
+_IDL, _NAME = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE), re.compile(r"'(\w+/msg/\w+)'")
+"""Heads of the parts of an IDL definition, and names of types."""
+
+
+def _definition(schema: Any) -> Any:
+    """The definition of a schema of an MCAP file, as rosbags has it; none of another encoding."""
+    from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+
+    form = _FORMATS.get(schema.encoding) if schema else None
+    return MessageDefinition(MessageDefinitionFormat[form or "NONE"], schema.data if form else "")
+
+
+def _text(file: Any) -> str:
+    """A text of an MCAP file: its length and the text, which need not be UTF-8."""
+    return str(file.read(int.from_bytes(file.read(4), "little")), errors="replace")
+
+
+def _readable(path: Path, stack: ExitStack, notes: list[str]) -> Path:
+    """A file of a bag under a name by which rosbags reads all of it, and as it is.
+
+    What a database does not have yet, and other files have, is put into a copy, as SQLite does; so
+    are definitions left out that rosbags does not know.
+    """
+    kind = kind_of(path) if path.is_file() else ""
+    if kind not in (MCAP, SQLITE):  # the folder of a compressed bag
+        return path
+    place = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind}")
+    beside = [Path(f"{path}{end}") for end in ("-wal", "-journal") if kind == SQLITE]
+    beside = [file for file in beside if file.is_file() and file.stat().st_size]
+    address = f"{path.resolve().as_uri()}?immutable=1"
+    if kind == MCAP or not (beside or _answers(address, f"SELECT 1 {_UNKNOWN}")):
+        place.symlink_to(path.resolve())
+        return place
+    for file in (path, *beside):
+        shutil.copyfile(file, f"{place}{file.name.removeprefix(path.name)}")
+    _answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
+    notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
+    return place
+
+
+_UNKNOWN = "FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')"
+"""Definitions of a database that rosbags does not know."""
+
+
+def _answers(address: str, commands: str) -> list[Any]:
+    """What a database answers, up to a command about a table that it does not have."""
+    answers: list[Any] = []
+    base = sqlite3.connect(address, uri=True, isolation_level=None)
+    with closing(base), suppress(sqlite3.OperationalError):
+        for command in commands.split(";"):
+            answers += base.execute(command)
+    return answers
 
 
 def message_types() -> tuple[Any, set[str]]:

@@ -35,7 +35,7 @@ import math
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,7 @@ _PACKED = (
     "is compressed: unpack it ({tool}), or name the folder of a compressed bag, if it has "
     f"{METADATA}"
 )
+_EMPTY, _OTHER, _LFS, _ANNEX = "empty", "other", "git LFS", "git-annex"
 _STARTS = (
     (b"\x89MCAP0\r\n", MCAP),
     (b"SQLite format 3\0", SQLITE),
@@ -74,21 +75,39 @@ _STARTS = (
     (b"BZh", ".bz2"),
     (b"\xfd7zXZ", ".xz"),
     (b"PK\x03\x04", ".zip"),
+    (b"version https://git-lfs", _LFS),
+    (b"/annex/objects/", _ANNEX),
 )
 """First bytes of files, and the suffix that stands for their kind."""
 _TOOLS = {
     **{".zst": "unzstd", ".zstd": "unzstd", ".gz": "gunzip", ".lz4": "unlz4"},
     **{".bz2": "bunzip2", ".xz": "unxz", ".zip": "unzip"},
 }
+_REMEDIES = {
+    ".bag": _ROS_1,
+    **dict.fromkeys(_TOOLS, _PACKED),
+    _EMPTY: "is empty: the recording, or a copy, was interrupted; copy it again",
+    _OTHER: "is no bag, whatever its name says: its first bytes are those of another file; "
+    + EXPECTED,
+    _LFS: "is a pointer of git LFS, and the file itself is not here: run git lfs pull",
+    _ANNEX: "is a pointer of git-annex, and the file itself is not here: run git annex get {path}",
+}
+"""What is said of a file, by its kind, that is not read."""
 _MAX_LISTED = 8
 """Most names of a folder's content in a message."""
 
 
 def kind_of(path: Path) -> str:
-    """Kind of a file by its first bytes, else by its name, as a suffix in lower case."""
+    """Kind of a file by its first bytes, else by its name, as a suffix in lower case; or a word.
+
+    A file with the name of a bag's may be empty, or another file.
+    """
     with path.open("rb") as file:
-        start = file.read(16)
-    return next((kind for first, kind in _STARTS if start.startswith(first)), path.suffix.lower())
+        start = file.read(32)
+    named = path.suffix.lower()
+    if named in (MCAP, SQLITE):
+        named = _OTHER if start else _EMPTY
+    return next((kind for first, kind in _STARTS if start.startswith(first)), named)
 
 
 def source_of(path: Path | str) -> tuple[Path, bool]:
@@ -119,24 +138,77 @@ def source_of(path: Path | str) -> tuple[Path, bool]:
         raise ValueError(f"{path} cannot be read: {error.strerror}; {EXPECTED}") from None
 
 
-def _file(path: Path) -> tuple[Path, bool]:
+def _file(path: Path, *others: str) -> tuple[Path, bool]:
+    """A file, and whether it is a bag's; refused if it is none of a recording, or of `others`."""
     kind = kind_of(path)
-    if kind in (CSV, MCAP, SQLITE):
+    if kind in (CSV, MCAP, SQLITE, *others):
         return path, kind != CSV
-    remedy = (
-        _ROS_1 if kind == ".bag" else _PACKED if kind in _TOOLS else f"is no recording; {EXPECTED}"
-    )
+    remedy = _REMEDIES.get(kind, f"is no recording; {EXPECTED}")
     raise ValueError(f"{path} {remedy.format(path=path, tool=f'{_TOOLS.get(kind)} {path}')}")
+
+
+def bag_files(source: Path) -> tuple[list[Path], list[str]]:
+    """Find the files of a bag.
+
+    Parameters
+    ----------
+    source : Path
+        As `source_of` returns it.
+
+    Returns
+    -------
+    files : list of Path
+        In the order of their messages; the folder itself if they are compressed.
+    notes : list of str
+        A sentence about files that the metadata does not name.
+
+    Raises
+    ------
+    ValueError
+        If a file is missing or cannot be a bag's; the message has the remedy.
+    """
+    try:
+        return ([_file(source)[0]], []) if source.is_file() else _files_of(source)
+    except OSError as error:
+        raise ValueError(f"{error.filename or source} cannot be read: {error.strerror}") from None
+
+
+def _files_of(folder: Path) -> tuple[list[Path], list[str]]:
+    metadata, _ = _file(folder / METADATA, ".yaml")
+    try:
+        stated = yaml.safe_load(metadata.read_bytes())["rosbag2_bagfile_information"]
+        named = [PurePath(name).name for name in stated["relative_file_paths"]]
+    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise ValueError(
+            f"{metadata} is no metadata of a bag ({error!r}): write it anew by ros2 bag reindex "
+            f"{folder}, or name a file of the bag"
+        ) from None
+    # A file may have been unpacked since.
+    places = [(folder / name, folder / PurePath(name).stem) for name in named]
+    files = [next((path for path in both if path.is_file()), both[0]) for both in places]
+    present = {path.name for path in folder.iterdir() if path.suffix in (MCAP, SQLITE)}
+    others = ", ".join(sorted(present - {path.name for path in files}))
+    missing = ", ".join(path.name for path in files if not path.is_file())
+    if missing:
+        raise ValueError(
+            f"{metadata} names {missing}, and there is no such file beside it: copy it there"
+            + f", or, if it was renamed, give it its name again, or name {others}" * bool(others)
+        )
+    packed = [_file(path, ".zst")[0].suffix not in (MCAP, SQLITE) for path in files]
+    by_message = str(stated.get("compression_mode")).lower() == "message"
+    notes = [f"{METADATA} does not name {others} beside it: not read"] if others else []
+    return ([folder] if any(packed) or by_message else files), notes
 
 
 def _in_folder(folder: Path) -> tuple[Path, bool]:
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
     if len(whole) == 1:
-        return (folder, True) if whole == [METADATA] else (folder / DETECTIONS_FILE, False)
+        return (folder, True) if whole == [METADATA] else _file(folder / DETECTIONS_FILE)
     paths = [folder / name for name in names]
     kinds = {path: kind_of(path) for path in paths if path.is_file()}
-    candidates = [path for path in kinds if kinds[path] in (CSV, MCAP, SQLITE, ".bag", *_TOOLS)]
+    recorded = {CSV, MCAP, SQLITE, ".bag", *_TOOLS}
+    candidates = [path for path in kinds if {kinds[path], path.suffix.lower()} & recorded]
     if len(candidates) == 1 and CSV not in kinds.values():
         return _file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
@@ -274,6 +346,7 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
     if not path.exists():
         return {}
     try:
+        _file(path)
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             filled = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
