@@ -183,27 +183,29 @@ def read_fix(message: messages.NavSatFix) -> tuple[float, float, float, float]:
         If it has no position (``no_fix``), no stamp (``fix_stamp``), or a stated standard deviation
         above `MAX_FIX_STD` (``fix_vague``).
     """
-    if message.status.status < 0:
-        raise MessageError("no_fix", "its status says that it has no position")
     stamp_ns = time_to_ns(message.header.stamp)
-    if not stamp_ns:
-        raise MessageError("fix_stamp", "its stamp is 0: the driver must write the position's time")
     stated = [float(message.position_covariance[place]) for place in (0, 4)]
     variances = [value for value in stated if value > 0.0]  # 0, -1 and nan are unknown
     std = math.sqrt(max(variances, default=math.nan))
-    if std > MAX_FIX_STD:
-        raise MessageError(
-            "fix_vague",
-            f"its covariance states a standard deviation of {std:.3g} m, more than "
-            f"{MAX_FIX_STD:g} m",
-        )
     is_known = message.position_covariance_type and len(variances) == len(stated)
-    if not is_known and max(abs(message.latitude), abs(message.longitude)) <= NULL_ISLAND:
-        raise MessageError(
+    faults = (
+        (message.status.status < 0, "no_fix", "its status says that it has no position"),
+        (not stamp_ns, "fix_stamp", "its stamp is 0: the driver must write the position's time"),
+        (
+            std > MAX_FIX_STD,
+            "fix_vague",
+            f"its covariance states a standard deviation of {std:.3g} m, more than {MAX_FIX_STD} m",
+        ),
+        (
+            not is_known and max(abs(message.latitude), abs(message.longitude)) <= NULL_ISLAND,
             "no_fix",
             "latitude and longitude are 0 and the covariance is unknown: the receiver has no "
             "position",
-        )
+        ),
+    )
+    for is_fault, reason, sentence in faults:
+        if is_fault:
+            raise MessageError(reason, sentence)
     return ns_to_seconds(stamp_ns), message.latitude, message.longitude, std
 
 

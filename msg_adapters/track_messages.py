@@ -338,8 +338,7 @@ def _set_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     twist.twist.linear.x = speed = math.hypot(vx, vy)
     course_std = math.sqrt(max(float(velocity[1, 1]), 0.0)) / speed if speed else math.inf
     is_course = course_std <= MAX_COURSE_STD
-    position = np.zeros((3, 3))
-    position[:2, :2] = track.position_covariance
+    position = np.pad(track.position_covariance, (0, 1))
     position[2, 2] = course_std**2 if is_course else UNOBSERVED_VARIANCE
     pose.covariance = odometry_covariance(position, (X, Y, YAW))
     kinematics.acceleration_with_covariance.covariance = odometry_covariance(np.zeros((0, 0)), ())

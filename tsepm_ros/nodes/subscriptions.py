@@ -502,7 +502,7 @@ def tf_buffer(node: Node) -> Any:
     return buffer
 
 
-def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> PoseSample | None:
+def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> PoseSample:
     """Pose and velocity of a vessel at a stamp, or the newest before, as tf has them.
 
     Parameters
@@ -515,23 +515,26 @@ def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> Pose
 
     Returns
     -------
-    PoseSample or None
-        None if tf has no pose; without a velocity if tf has no pose `VELOCITY_SPAN` before.
+    PoseSample
+        Without a velocity if tf has no pose `VELOCITY_SPAN` before.
+
+    Raises
+    ------
+    MessageError
+        If tf has no pose: ``no_own_ship``.
     """
     at = Time(nanoseconds=max(0, round(stamp * 1e9)))
-    if not buffer.can_transform(fixed_frame, frame, at):
-        at = Time()  # the newest
-        if not buffer.can_transform(fixed_frame, frame, at):
-            return None
+    at = at if buffer.can_transform(fixed_frame, frame, at) else Time()  # the newest
+    if not (fixed_frame and buffer.can_transform(fixed_frame, frame, at)):
+        raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
     found = buffer.lookup_transform(fixed_frame, frame, at)
-    if not at.nanoseconds:
-        stamp = Time.from_msg(found.header.stamp).nanoseconds * 1e-9
+    stamp = Time.from_msg(found.header.stamp).nanoseconds * 1e-9
     sample = _sample(stamp, found.transform, "body", fixed_frame)
-    before = Time(nanoseconds=max(0, round((stamp - VELOCITY_SPAN) * 1e9)))
-    if not (before.nanoseconds and buffer.can_transform(fixed_frame, frame, before)):
+    before = Time(nanoseconds=max(1, round((stamp - VELOCITY_SPAN) * 1e9)))
+    if not buffer.can_transform(fixed_frame, frame, before):
         return sample
     earlier = buffer.lookup_transform(fixed_frame, frame, before).transform
-    start = _sample(stamp - VELOCITY_SPAN, earlier, "body", fixed_frame)
+    start = _sample(stamp, earlier, "body", fixed_frame)
     vx, vy = (sample.x - start.x) / VELOCITY_SPAN, (sample.y - start.y) / VELOCITY_SPAN
     return replace(sample, rates=(vx, vy, math.nan))
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from ipaddress import IPv4Address
 
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.own_ship.registration import east_north_up
@@ -484,6 +483,9 @@ class BridgeNodeOptions(ParameterGroup):
             )
 
 
+_IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
+
+
 def udp_address(name: str, text: str) -> tuple[str, int] | None:
     """Host and port of an address; None of an empty text.
 
@@ -495,16 +497,12 @@ def udp_address(name: str, text: str) -> tuple[str, int] | None:
     if not text:
         return None
     host, _, port = text.rpartition(":")
-    try:
-        # A name would be looked up for each sentence.
-        address = str(IPv4Address(host)), int(port)
-    except ValueError:
-        address = "", 0
-    if not 0 < address[1] < 65_536:
+    # A name would be looked up for each sentence.
+    if not re.fullmatch(_IPV4, host) or not port.isdecimal() or not 0 < int(port) < 65_536:
         raise ValueError(
             f"{name} must be an IP address and a port, such as 127.0.0.1:10110; got {text!r}"
         )
-    return address
+    return host, int(port)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -88,10 +88,9 @@ class GeographicReference:
         """
         from pyproj import Geod
 
-        with np.errstate(over="ignore", invalid="ignore"):
-            east, north = (np.reshape(position, (-1, 2)) - (self.east, self.north)).T
-            away = np.hypot(east, north)
-        is_near, n = away <= MAX_DISTANCE, len(away)
+        east, north = (np.reshape(position, (-1, 2)) - (self.east, self.north)).T
+        away, n = np.hypot(east, north), len(east)
+        is_near = away <= MAX_DISTANCE
         longitude, latitude, _ = Geod(ellps="WGS84").fwd(
             np.full(n, self.longitude),
             np.full(n, self.latitude),
@@ -102,14 +101,11 @@ class GeographicReference:
         return np.where(is_near[:, None], places, np.nan)
 
     def distance(self, other: GeographicReference) -> float:
-        """Distance, m, between the place of another reference and where this one has its point.
-
-        nan beyond `MAX_DISTANCE`.
-        """
+        """Distance, m, between the point of another reference and its place by this one."""
         from pyproj import Geod
 
-        ((latitude, longitude),) = self.geographic(np.array([other.east, other.north])).tolist()
-        if math.isnan(latitude):
-            return math.nan
-        place = longitude, latitude, other.longitude, other.latitude
-        return float(Geod(ellps="WGS84").inv(*place)[2])
+        places = self.longitude, self.latitude, other.longitude, other.latitude
+        azimuth, _, away = Geod(ellps="WGS84").inv(*places)
+        angle = math.radians(azimuth)
+        east, north = self.east + away * math.sin(angle), self.north + away * math.cos(angle)
+        return math.hypot(east - other.east, north - other.north)

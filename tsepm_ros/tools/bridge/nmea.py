@@ -8,8 +8,9 @@ of targets. A sentence has at most 82 characters.
 Signal K reads neither: a delta is a line of JSON in SI units and radians. Its context is the track,
 a vessel with a UUID.
 
-A report of a track is the fields of its sentence, or its delta. At a track's end its last report is
-repeated with the status lost, in a delta with null: empty fields would be read as a place.
+A report of a track is its sentence without status and time, or context and values of its delta. At
+a track's end its last report is repeated with the status lost, in a delta with null: empty fields
+would be read as a place.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import json
 import math
 import uuid
 from collections import deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
@@ -45,12 +46,11 @@ MAX_SPEED = 999.9
 MIN_MILES = 0.001
 """Smallest distance that is written, nautical miles: receivers take 0 for a lost target."""
 TRACKED, LOST = "T", "L"
-STATUS_AND_TIME = {"TTM": (12, 14), "TLL": (8, 7)}
-"""Places of these fields in a sentence."""
 LEAST_SPEED = 1e-3
 """Relative speed, m/s, below which nothing approaches: rounding of equal velocities."""
 MINUTE_PARTS = 10_000
 """Parts of a minute of arc that are written: 0.2 m."""
+Report = str | tuple[str, dict[str, Any]]
 OFFLINE = uuid.UUID(int=0)
 """Instance of offline runs: a recording gives the same deltas each time."""
 
@@ -113,9 +113,11 @@ class Reports:
     """What a receiver was told of each track, so that it is told each end."""
 
     def __init__(self) -> None:
-        self._last: dict[int, Any] = {}
+        self._last: dict[int, Report] = {}
 
-    def texts(self, present: Collection[int], stamp: float, reports: dict[int, Any]) -> list[str]:
+    def texts(
+        self, present: Collection[int], stamp: float, reports: Mapping[int, Report]
+    ) -> list[str]:
         """Lines to send: the ends of tracks that are no longer there, and the new reports.
 
         Parameters
@@ -124,41 +126,39 @@ class Reports:
             Ids of the held tracks.
         stamp : float
             s.
-        reports : dict of int to report
-            Of held tracks, by id: fields of sentences, or deltas.
+        reports : mapping of int to report
+            Of held tracks, by id.
         """
-        ended = [self._last.pop(track) for track in list(self._last) if track not in present]
+        gone = [self._last.pop(track) for track in list(self._last) if track not in present]
         self._last |= reports
-        return [_line(one) for one in (*(_end(one, stamp) for one in ended), *reports.values())]
+        ends = [_line(one, stamp, LOST) for one in gone]
+        return ends + [_line(one, stamp, TRACKED) for one in reports.values()]
 
 
-def _line(report: Any) -> str:
-    if isinstance(report, dict):
-        return json.dumps(report, allow_nan=False, separators=(",", ":")) + "\n"
-    return sentence(*report)
+def _line(report: Report, stamp: float, status: str) -> str:
+    """A sentence, or a delta, with its end of line."""
+    date = datetime.fromtimestamp(round(stamp, 1 if isinstance(report, str) else 3), UTC)
+    if isinstance(report, str):
+        return sentence(report.format(status, date.strftime("%H%M%S.%f")[:8]))
+    context, given = report
+    values = [
+        {"path": path, "value": None if status == LOST else value}
+        for path, value in given.items()
+        if path or status == TRACKED  # the name stays
+    ]
+    time = date.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    update = {"$source": "tsepm_ros", "timestamp": time, "values": values}
+    return json.dumps({"context": context, "updates": [update]}, allow_nan=False) + "\n"
 
 
-def _end(report: Any, stamp: float) -> Any:
-    """The last report of a track as that of its end."""
-    if isinstance(report, dict):
-        (update,) = report["updates"]
-        values = [one | {"value": None} for one in update["values"] if one["path"]]
-        return report | {"updates": [update | {"timestamp": _date(stamp), "values": values}]}
-    ended = list(report)
-    status, time = STATUS_AND_TIME[report[0][2:]]
-    ended[status], ended[time] = LOST, _time(stamp)
-    return ended
-
-
-def sentence(*fields: str) -> str:
-    """A sentence of fields, with its checksum and line end.
+def sentence(body: str) -> str:
+    """A sentence of fields between commas, with its checksum and line end.
 
     Parameters
     ----------
-    *fields : str
-        The first is talker and type, such as ``RATTM``.
+    body : str
+        Begins with talker and type, such as ``RATTM``.
     """
-    body = ",".join(fields)
     return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n"
 
 
@@ -168,8 +168,8 @@ def ttm(
     numbers: dict[int, int],
     own_ship: tuple[FloatArray, FloatArray],
     from_north: bool = True,
-) -> dict[int, list[str]]:
-    """Fields of tracks relative to own ship, by id.
+) -> dict[int, str]:
+    """Reports of tracks relative to own ship, by id.
 
     Parameters
     ----------
@@ -185,38 +185,32 @@ def ttm(
     from_north : bool
         Whether the axes are east and north: bearings are true, else from the x axis.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        away = np.hypot(*(tracks.state[:, 0::2] - own_ship[0]).T)
-        speed = np.hypot(*tracks.state[:, 1::2].T) / KNOT
-    written = (away <= MAX_DISTANCE) & (np.round(speed, 1) <= MAX_SPEED)
-    tracks = tracks.where(written)
     position, velocity = tracks.state[:, 0::2] - own_ship[0], tracks.state[:, 1::2]
+    away, speed = np.hypot(*position.T), np.round(np.hypot(*velocity.T) / KNOT, 1)
     times, distances = closest_approach(position, velocity - own_ship[1])
     figures = [
-        np.maximum(away[written] / NAUTICAL_MILE, MIN_MILES),
+        (away <= MAX_DISTANCE) & (speed <= MAX_SPEED),
+        np.maximum(away / NAUTICAL_MILE, MIN_MILES),
         _direction(position, from_north),
-        speed[written],
+        speed,
         _direction(velocity, from_north),
         distances / NAUTICAL_MILE,
         np.round(np.clip(times / 60.0, -MAX_MINUTES, MAX_MINUTES), 1) + 0.0,  # 0.0, not -0.0
     ]
-    axis, time = "T" if from_north else "R", _time(tracks.stamp.max(initial=0.0))
+    axis = "T" if from_north else "R"
     rows = zip(tracks.track_id.tolist(), *map(np.ndarray.tolist, figures), strict=True)
     return {
-        track: [
-            *(f"{talker}TTM", f"{numbers[track]:02d}", _miles(away), f"{bearing:.1f}", axis),
-            *(f"{speed:.1f}", f"{course:.1f}", axis, _miles(closest), f"{minutes:.1f}", "N"),
-            *(_name(track), TRACKED, "", time, "A"),
-        ]
-        for track, away, bearing, speed, course, closest, minutes in rows
-        if track in numbers
+        track: f"{talker}TTM,{numbers[track]:02d},{_miles(away)},{bearing:.1f},{axis},{speed:.1f},"
+        f"{course:.1f},{axis},{_miles(closest)},{minutes:.1f},N,{_name(track)},{{0}},,{{1}},A"
+        for track, is_written, away, bearing, speed, course, closest, minutes in rows
+        if is_written and track in numbers
     }
 
 
 def tll(
     talker: str, tracks: TrackArrays, numbers: dict[int, int], geographic: FloatArray
-) -> dict[int, list[str]]:
-    """Fields of tracks on the earth, by id.
+) -> dict[int, str]:
+    """Reports of tracks on the earth, by id.
 
     Parameters
     ----------
@@ -225,22 +219,19 @@ def tll(
     geographic : (n, 2) ndarray
         Latitude and longitude of the tracks, degrees; tracks where it is nan are left out.
     """
-    rows = zip(tracks.track_id.tolist(), tracks.stamp.tolist(), geographic.tolist(), strict=True)
+    rows = zip(tracks.track_id.tolist(), geographic.tolist(), strict=True)
     return {
-        track: [
-            *(f"{talker}TLL", f"{numbers[track]:02d}"),
-            *(*_angle(latitude, 2, "NS"), *_angle(longitude, 3, "EW")),
-            *(_name(track), _time(stamp), TRACKED, ""),
-        ]
-        for track, stamp, (latitude, longitude) in rows
+        track: f"{talker}TLL,{numbers[track]:02d},{_angle(latitude, 2, 'NS')},"
+        f"{_angle(longitude, 3, 'EW')},{_name(track)},{{1}},{{0}},"
+        for track, (latitude, longitude) in rows
         if track in numbers and math.isfinite(latitude)
     }
 
 
 def deltas(
     tracks: TrackArrays, instance: uuid.UUID, geographic: FloatArray
-) -> dict[int, dict[str, Any]]:
-    """Deltas of Signal K for tracks in east and north, by id.
+) -> dict[int, tuple[str, dict[str, Any]]]:
+    """Reports of tracks in east and north for Signal K, by id: context, and values by path.
 
     Parameters
     ----------
@@ -250,31 +241,26 @@ def deltas(
     geographic : (n, 2) ndarray
         See `tll`.
     """
-    rows = zip(tracks.track_id.tolist(), tracks.stamp.tolist(), geographic.tolist(), strict=True)
-    made: dict[int, dict[str, Any]] = {}
-    for (track, stamp, (latitude, longitude)), (vx, vy) in zip(
-        rows, tracks.state[:, 1::2].tolist(), strict=True
-    ):
-        if not math.isfinite(latitude):
-            continue
-        # Signal K takes UUIDs of version 4 only.
-        vessel = uuid.UUID(bytes=uuid.uuid5(instance, str(track)).bytes, version=4)
-        values = {
-            "navigation.position": {
-                "latitude": round(latitude, 7),
-                "longitude": round(longitude, 7),
+    velocities = tracks.state[:, 1::2].tolist()
+    rows = zip(tracks.track_id.tolist(), geographic.tolist(), velocities, strict=True)
+    return {
+        track: (
+            # Signal K takes UUIDs of version 4 only.
+            "vessels.urn:mrn:signalk:uuid:"
+            f"{uuid.UUID(bytes=uuid.uuid5(instance, str(track)).bytes, version=4)}",
+            {
+                "navigation.position": {
+                    "latitude": round(latitude, 7),
+                    "longitude": round(longitude, 7),
+                },
+                "navigation.courseOverGroundTrue": round(math.atan2(vx, vy) % math.tau, 4),
+                "navigation.speedOverGround": round(math.hypot(vx, vy), 3),
+                "": {"name": f"Track {track}"},
             },
-            "navigation.courseOverGroundTrue": round(math.atan2(vx, vy) % math.tau, 4),
-            "navigation.speedOverGround": round(math.hypot(vx, vy), 3),
-            "": {"name": f"Track {track}"},
-        }
-        update = {
-            "$source": "tsepm_ros",
-            "timestamp": _date(stamp),
-            "values": [{"path": path, "value": value} for path, value in values.items()],
-        }
-        made[track] = {"context": f"vessels.urn:mrn:signalk:uuid:{vessel}", "updates": [update]}
-    return made
+        )
+        for track, (latitude, longitude), (vx, vy) in rows
+        if math.isfinite(latitude)
+    }
 
 
 def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
@@ -294,23 +280,12 @@ def _name(track: int) -> str:
     return str(track % 1_000_000)
 
 
-def _date(stamp: float) -> str:
-    """Date and time in UTC as Signal K has it."""
-    text = datetime.fromtimestamp(stamp, UTC).isoformat(timespec="milliseconds")
-    return text.replace("+00:00", "Z")
-
-
-def _time(stamp: float) -> str:
-    """Time of day in UTC, hhmmss.s."""
-    return datetime.fromtimestamp(round(stamp, 1), UTC).strftime("%H%M%S.%f")[:8]
-
-
-def _angle(degrees: float, digits: int, signs: str) -> tuple[str, str]:
-    """Degrees and minutes of an angle, and its direction."""
+def _angle(degrees: float, digits: int, signs: str) -> str:
+    """Degrees and minutes of an angle, and its direction: two fields."""
     parts = round(abs(degrees) * 60 * MINUTE_PARTS)
     whole, parts = divmod(parts, 60 * MINUTE_PARTS)
-    minutes = f"{parts / MINUTE_PARTS:07.4f}"
-    return f"{whole:0{digits}d}{minutes}", signs[0] if degrees >= 0.0 else signs[1]
+    sign = signs[0] if degrees >= 0.0 else signs[1]
+    return f"{whole:0{digits}d}{parts / MINUTE_PARTS:07.4f},{sign}"
 
 
 def report_writer(
@@ -335,7 +310,7 @@ def report_writer(
         present = tracks.track_id.tolist()
         places = reference.geographic(tracks.state[:, 0::2])
         if form == "signalk":
-            reports: dict[int, Any] = deltas(tracks, OFFLINE, places)
+            reports: Mapping[int, Report] = deltas(tracks, OFFLINE, places)
         else:
             without = numbers.update(present)
             reports = tll("RA", tracks, numbers.of, places)

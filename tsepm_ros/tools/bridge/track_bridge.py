@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import socket
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 from msg_adapters import MessageError, message_class, read_own_ship, read_track_cloud
 from msg_adapters.nav_messages import read_fix
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
+from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
 from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch, tf_buffer, tf_own_ship
@@ -164,146 +165,122 @@ class TrackBridge(ParameterisedNode):
         if without and self._addresses.keys() - {SIGNAL_K}:
             self._drop("numbers", f"tracks beyond {nmea.NUMBERS} are not sent", without)
         for kind, told in self._told.items():
-            reports = self._reports(kind, tracks, stamp) if present else {}
+            reports: Mapping[int, nmea.Report] = {}
+            try:
+                reports = self._reports(kind, tracks, stamp) if present else {}
+            except ValueError as error:
+                self._drop(getattr(error, "reason", "bad_own_ship"), f"no {kind}: {error}")
             for text in told.texts(set(present), stamp, reports):
-                self._send(text, self._addresses[kind])
+                try:
+                    self._socket.sendto(text.encode("ascii"), self._addresses[kind])
+                except OSError as error:
+                    sentence = f"reports cannot be sent to {self._addresses[kind]}: {error}"
+                    self._drop("not_sent", sentence)
 
-    def _reports(self, kind: str, tracks: TrackArrays, stamp: float) -> dict[int, Any]:
-        """Reports of a kind; none, and said, where own ship or the reference is not known."""
-        talker, numbers = self._options.nmea_talker, self._numbers.of
-        reports: dict[int, Any]
-        expected = len(set(tracks.track_id.tolist()) if kind == SIGNAL_K else numbers)
-        if kind == "TTM":
-            own_ship = self._own_ship(stamp, TRACKS, self._frame)
-            if own_ship is None:
-                return {}
-            reports = nmea.ttm(talker, tracks, numbers, own_ship[:2], self._from_north)
-        elif self._reference is None:
-            self._drop(
-                "no_position", f"no {kind}: there is no usable position on {FIX}, and no origin"
-            )
-            return {}
-        elif self._is_other(self._reference_frame, self._frame):
-            return {}
-        else:
-            places = self._reference.geographic(tracks.state[:, 0::2])
-            if kind == "TLL":
-                reports = nmea.tll(talker, tracks, numbers, places)
-            else:
-                reports = nmea.deltas(tracks, self._instance, places)
-        if len(reports) < expected:
-            self._drop(
-                "too_far",
-                f"tracks that are on no place of the earth, or faster than {nmea.MAX_SPEED} knots, "
-                f"are not sent as {kind}",
-                expected - len(reports),
-            )
-        return reports
-
-    def _send(self, text: str, address: tuple[str, int]) -> None:
-        try:
-            self._socket.sendto(text.encode("ascii"), address)
-        except OSError as error:
-            self._drop("not_sent", f"reports cannot be sent to {address}: {error}")
-
-    def _is_other(self, frame: str, tracks_frame: str) -> bool:
-        """Whether own ship is in another frame than the tracks, which is said."""
-        if not (frame and tracks_frame) or frame == tracks_frame:
-            return False
-        self._drop(
-            "frames",
-            f"own ship is in the frame {frame!r}, but the tracks are in {tracks_frame!r}: let "
-            f"{OWN_SHIP} and {TRACKS} have one frame (fixed_frame of track_initiator), or give "
-            "own_ship_source:=tf",
-        )
-        return True
-
-    def _own_ship(
-        self, stamp: float, topic: str, frame: str = ""
-    ) -> tuple[FloatArray, FloatArray, str] | None:
-        """Position, velocity and frame of own ship at a stamp; None, and said, where not known.
-
-        Parameters
-        ----------
-        stamp : float
-            s.
-        topic : str
-            Whose message needs it.
-        frame : str
-            In which it must be, if it is given.
-        """
-        if self._options.own_ship_source == "none":
-            return np.zeros(2), np.zeros(2), frame
-        try:
-            sample = self._sample(stamp)
-            sample.check()
-        except ValueError as error:
-            reason = error.reason if isinstance(error, MessageError) else "bad_own_ship"
-            source = OWN_SHIP if self._options.own_ship_source == "odometry" else "tf"
-            self._drop(reason, f"{source} is not used for {topic}: {error}")
-            return None
-        if self._is_other(sample.frame_id, frame):
-            return None
-        elapsed = stamp - sample.stamp
-        if abs(elapsed) > self._options.own_ship_timeout:
-            self._drop(
-                "own_ship_stale",
-                f"{topic} at {stamp:.3f} s is {abs(elapsed):.3g} s "
-                f"{'after' if elapsed > 0.0 else 'before'} own ship's pose at {sample.stamp:.3f} "
-                f"s, more than own_ship_timeout of {self._options.own_ship_timeout:g} s",
-            )
-            return None
-        velocity = np.nan_to_num(np.array((sample.rates or (0.0, 0.0))[:2]))
-        return np.array([sample.x, sample.y]) + elapsed * velocity, velocity, sample.frame_id
-
-    def _sample(self, stamp: float) -> PoseSample:
-        """Own ship's newest pose, or of tf that at a stamp.
+    def _reports(self, kind: str, tracks: TrackArrays, stamp: float) -> Mapping[int, nmea.Report]:
+        """Reports of a kind.
 
         Raises
         ------
         ValueError
-            If there is none that is usable.
+            If own ship, or for places on the earth the reference, is not known.
         """
-        if self._options.own_ship_source == "tf":
-            frame = self._options.own_ship_frame
-            found = self._frame and tf_own_ship(self._buffer, self._frame, frame, stamp)
-            if not found:
-                raise MessageError(
-                    "no_own_ship",
-                    f"tf has no transform from {frame!r} (own_ship_frame) to {self._frame!r}, the "
-                    f"frame of {TRACKS}",
-                )
-            return found
+        talker, numbers = self._options.nmea_talker, self._numbers.of
+        number = len(set(tracks.track_id.tolist()) if kind == SIGNAL_K else numbers)
+        reports: Mapping[int, nmea.Report]
+        if kind == "TTM":
+            position, velocity, frame = self._own_ship(stamp)
+            self._check_frame(frame)
+            reports = nmea.ttm(talker, tracks, numbers, (position, velocity), self._from_north)
+        elif self._reference is None:
+            raise MessageError("no_position", f"no usable position on {FIX}, and no origin")
+        else:
+            self._check_frame(self._reference_frame)
+            places = self._reference.geographic(tracks.state[:, 0::2])
+            if kind == SIGNAL_K:
+                reports = nmea.deltas(tracks, self._instance, places)
+            else:
+                reports = nmea.tll(talker, tracks, numbers, places)
+        if len(reports) < number:
+            self._drop(
+                "too_far",
+                f"tracks that are on no place of the earth, or faster than {nmea.MAX_SPEED} knots, "
+                f"are not sent as {kind}",
+                number - len(reports),
+            )
+        return reports
+
+    def _check_frame(self, frame: str) -> None:
+        """Refuse own ship in another frame than that of the tracks; unnamed frames are equal."""
+        if frame and self._frame and frame != self._frame:
+            raise MessageError(
+                "frames",
+                f"own ship is in the frame {frame!r}, but the tracks are in {self._frame!r}: let "
+                f"{OWN_SHIP} and {TRACKS} have one frame (fixed_frame of track_initiator), or give "
+                "own_ship_source:=tf",
+            )
+
+    def _own_ship(self, stamp: float) -> tuple[FloatArray, FloatArray, str]:
+        """Position, velocity and frame of own ship at a stamp.
+
+        Raises
+        ------
+        ValueError
+            If it is not known.
+        """
+        source, frame = self._options.own_ship_source, self._options.own_ship_frame
+        if source == "none":
+            return np.zeros(2), np.zeros(2), ""
+        if source == "tf":
+            sample = tf_own_ship(self._buffer, self._frame, frame, stamp)
+        else:
+            sample = self._newest()
+        with refusing_message(
+            "bad_own_ship", f"{'tf' if source == 'tf' else OWN_SHIP} is not used:"
+        ):
+            sample.check()
+        elapsed = stamp - sample.stamp
+        if abs(elapsed) > self._options.own_ship_timeout:
+            raise MessageError(
+                "own_ship_stale",
+                f"its stamp, {stamp:.3f} s, is {abs(elapsed):.3g} s "
+                f"{'after' if elapsed > 0.0 else 'before'} that of own ship, {sample.stamp:.3f} s, "
+                f"more than own_ship_timeout of {self._options.own_ship_timeout:g} s",
+            )
+        velocity = np.nan_to_num(np.array((sample.rates or (0.0, 0.0))[:2]))
+        return np.array([sample.x, sample.y]) + elapsed * velocity, velocity, sample.frame_id
+
+    def _newest(self) -> PoseSample:
+        """Own ship by the newest odometry."""
         if self._odometry is None:
             raise MessageError(
                 "no_own_ship",
                 f"there is no message on {OWN_SHIP}; a fixed sonar needs own_ship_source:=none",
             )
-        return read_own_ship(deserialize_message(self._odometry, Odometry))
+        with refusing_message("bad_own_ship", f"{OWN_SHIP} is not used:"):
+            return read_own_ship(deserialize_message(self._odometry, Odometry))
 
     def _take_fix(self, fix: NavSatFix) -> None:
         """Tie the fixed frame to the earth where own ship is now."""
         try:
             stamp, latitude, longitude, std = read_fix(fix)
-            own_ship = self._own_ship(stamp, FIX)
-            if own_ship is not None:
-                place, _, frame = own_ship
-                self._tie(GeographicReference(latitude, longitude, *place.tolist()), frame, std)
+            position, _, frame = self._own_ship(stamp)
+            found = GeographicReference(latitude, longitude, *position.tolist())
+            self._tie(found, frame, JUMP + 3.0 * float(np.nan_to_num(std)))
         except ValueError as error:
-            reason = error.reason if isinstance(error, MessageError) else "bad_fix"
-            self._drop(reason, f"{FIX} is not used: {error}")
+            self._drop(getattr(error, "reason", "bad_fix"), f"{FIX} is not used: {error}")
 
-    def _tie(self, found: GeographicReference, frame: str, std: float) -> None:
-        """Take a reference, unless it is far from where the one before has own ship.
+    def _tie(self, found: GeographicReference, frame: str, near: float) -> None:
+        """Take a reference, unless it is not near where the one before has own ship.
 
         Raises
         ------
         MessageError
-            If it is, until `AGREEING` in a row agree.
+            If it is not, until `AGREEING` in a row are near to each other.
         """
-        near = JUMP + 3.0 * np.nan_to_num(std)
         known = self._reference if frame == self._reference_frame else None
-        if known is not None and not (away := known.distance(found)) <= near:
+        away = known.distance(found) if known else 0.0
+        if away > near:
             agrees = self._doubted and self._doubted[-1].distance(found) <= near
             self._doubted = [*(self._doubted if agrees else ()), found]
             if len(self._doubted) < AGREEING:
