@@ -25,6 +25,7 @@ PACKAGES = {
     "RadarTracks": "radar_msgs",
     "Image": "sensor_msgs",
     "LaserScan": "sensor_msgs",
+    "NavSatFix": "sensor_msgs",
     "PointCloud2": "sensor_msgs",
     "PointField": "sensor_msgs",
     "ColorRGBA": "std_msgs",

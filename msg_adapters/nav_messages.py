@@ -1,8 +1,10 @@
-"""nav_msgs: own ship and land in, a track out.
+"""Navigation: own ship, position fixes and land in, a track out.
 
 The 6 x 6 covariances of nav_msgs/Odometry: x, y, z, then rotations about the x, y, z axes.
 
 The own ship's pose and motion in nav_msgs/Odometry.
+
+A position on the earth in sensor_msgs/NavSatFix.
 
 A track as nav_msgs/Odometry, for tools that read only standard messages.
 
@@ -48,6 +50,12 @@ MAX_VARIANCE = 1e12
 A source writes a larger variance only for an unknown quantity, and in sums and squares it would
 cancel the known variances by rounding.
 """
+
+
+MAX_FIX_STD = 100.0
+"""Largest stated standard deviation of a position fix that is used, m."""
+NULL_ISLAND = 1e-5
+"""Latitude and longitude, degrees, up to which a receiver without a position may write 0."""
 
 
 def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
@@ -159,6 +167,46 @@ def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
     # Scaled down with their correlations kept: ``D C D`` is positive semi-definite if C is.
     scale = np.sqrt(MAX_VARIANCE / np.maximum(np.diagonal(block), MAX_VARIANCE))
     return scale[:, None] * block * scale
+
+
+def read_fix(message: messages.NavSatFix) -> tuple[float, float, float, float]:
+    """Read a position fix.
+
+    Returns
+    -------
+    stamp, latitude, longitude, std : float
+        s, degrees, and the larger stated standard deviation of east and north, m; nan if unknown.
+
+    Raises
+    ------
+    MessageError
+        If it has no position (``no_fix``), no stamp (``fix_stamp``), or a stated standard deviation
+        above `MAX_FIX_STD` (``fix_vague``).
+    """
+    stamp_ns = time_to_ns(message.header.stamp)
+    stated = [float(message.position_covariance[place]) for place in (0, 4)]
+    variances = [value for value in stated if value > 0.0]  # 0, -1 and nan are unknown
+    std = math.sqrt(max(variances, default=math.nan))
+    is_known = message.position_covariance_type and len(variances) == len(stated)
+    faults = (
+        (message.status.status < 0, "no_fix", "its status says that it has no position"),
+        (not stamp_ns, "fix_stamp", "its stamp is 0: the driver must write the position's time"),
+        (
+            std > MAX_FIX_STD,
+            "fix_vague",
+            f"its covariance states a standard deviation of {std:.3g} m, more than {MAX_FIX_STD} m",
+        ),
+        (
+            not is_known and max(abs(message.latitude), abs(message.longitude)) <= NULL_ISLAND,
+            "no_fix",
+            "latitude and longitude are 0 and the covariance is unknown: the receiver has no "
+            "position",
+        ),
+    )
+    for is_fault, reason, sentence in faults:
+        if is_fault:
+            raise MessageError(reason, sentence)
+    return ns_to_seconds(stamp_ns), message.latitude, message.longitude, std
 
 
 def odometry_message(sample: PoseSample) -> messages.Odometry:

@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import messages
-from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, X, Y, odometry_covariance
+from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, YAW, X, Y, odometry_covariance
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, summed
@@ -244,6 +244,8 @@ def track_covariances(records: NDArray[Any]) -> NDArray[np.float64]:
     return rows.reshape(-1, 4, 4)
 
 
+MAX_COURSE_STD = 0.5
+"""Largest standard deviation of a course that is an orientation, rad."""
 STANDS, MOVES = 0.9, 0.1
 """Probabilities to stand still from which on, and up to which, a track is classified."""
 
@@ -300,8 +302,10 @@ def tracked_objects(
 ) -> messages.TrackedObjects:
     """Make a message of tracks; see `radar_tracks`.
 
-    The orientation is the course, which is said to be known up to its sign. The twist is in the
-    object's axes: all speed is along x. The shape is a cylinder of no extent.
+    The orientation is the course. It is said to be known up to its sign, or to be unavailable where
+    its standard deviation is above `MAX_COURSE_STD`: its variance is `UNOBSERVED_VARIANCE` then, as
+    that of all that is not observed. The twist is in the object's axes: all speed is along x. The
+    shape is a cylinder of no extent.
 
     Raises
     ------
@@ -329,11 +333,16 @@ def _set_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     pose.pose.orientation.z = math.sin(0.5 * course)
     pose.pose.orientation.w = math.cos(0.5 * course)
     axes = np.array([[math.cos(course), math.sin(course)], [-math.sin(course), math.cos(course)]])
-    twist.twist.linear.x = math.hypot(vx, vy)
-    pose.covariance = odometry_covariance(track.position_covariance, (X, Y))
     velocity = axes @ track.covariance[1::2, 1::2] @ axes.T
     twist.covariance = odometry_covariance(velocity, (X, Y))
-    kinematics.orientation_availability = 1  # SIGN_UNKNOWN
+    twist.twist.linear.x = speed = math.hypot(vx, vy)
+    course_std = math.sqrt(max(float(velocity[1, 1]), 0.0)) / speed if speed else math.inf
+    is_course = course_std <= MAX_COURSE_STD
+    position = np.pad(track.position_covariance, (0, 1))
+    position[2, 2] = course_std**2 if is_course else UNOBSERVED_VARIANCE
+    pose.covariance = odometry_covariance(position, (X, Y, YAW))
+    kinematics.acceleration_with_covariance.covariance = odometry_covariance(np.zeros((0, 0)), ())
+    kinematics.orientation_availability = int(is_course)  # SIGN_UNKNOWN, or UNAVAILABLE
     kinematics.is_stationary = track.stationary_probability >= STANDS
 
 

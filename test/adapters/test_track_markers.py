@@ -303,6 +303,28 @@ def test_a_tracked_object_moves_along_its_own_x_axis():
     np.testing.assert_array_equal(position, SPREAD[0::2, 0::2])
 
 
+@pytest.mark.parametrize(("speed", "available"), [(20.0, 1), (1.0, 0), (0.0, 0)])
+def test_what_is_not_known_of_an_object_has_a_large_variance(speed, available):
+    state = np.array([100.0, 0.6 * speed, -50.0, 0.8 * speed])
+    covariance = np.diag([4.0, 1.0, 9.0, 1.0])
+    held = TrackArrays.of([ConfirmedTrack(5, 1.7e9, state, covariance, (), 0.0)])
+    (one,) = tracked_objects(HEADER, held, INSTANCE).objects
+    found = one.kinematics
+    assert found.orientation_availability == available
+    pose, twist, acceleration = (
+        np.diag(np.reshape(part.covariance, (6, 6)))
+        for part in (
+            found.pose_with_covariance,
+            found.twist_with_covariance,
+            found.acceleration_with_covariance,
+        )
+    )
+    yaw = (1.0 / speed) ** 2 if available else UNOBSERVED_VARIANCE
+    assert pose.tolist() == pytest.approx([4.0, 9.0, *[UNOBSERVED_VARIANCE] * 3, yaw])
+    assert twist.tolist() == pytest.approx([1.0, 1.0, *[UNOBSERVED_VARIANCE] * 4])
+    assert (acceleration == UNOBSERVED_VARIANCE).all()
+
+
 DEFINITIONS = {
     "radar_msgs/msg/RadarTrack": """unique_identifier_msgs/UUID uuid
 geometry_msgs/Point position

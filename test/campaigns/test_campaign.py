@@ -110,3 +110,10 @@ def test_mutation_changes_messages_and_the_same_seed_changes_them_alike():
             changed.append(numbers(message))
         assert changed[0] == changed[1]
         assert changed[0] != numbers(good)
+
+
+def test_of_mutated_tracks_and_fixes_the_bridge_sends_what_other_readers_read():
+    pytest.importorskip("pyproj")
+    bridge = pytest.importorskip("bridge", reason="needs ROS and pynmea2")
+    tried = sum((bridge.case(n, np.random.default_rng((9, n))) for n in range(4)), Counter())
+    assert min(tried[kind] for kind in ("TTM", "TLL", "deltas", "ends of deltas", "drops")) > 10

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import math
 import select
 import socket
+import sys
 
 import numpy as np
 import pynmea2
 import pytest
 from nav_msgs.msg import Odometry
 from pyproj import Geod
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 from support.ros_world import BEST_EFFORT, LATCHED
+from support.sonar_driver import START_NS
+from support.transforms import Transforms
 
 pytest.importorskip("pyproj")
 
 from msg_adapters import make_header, odometry_message, track_cloud
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.bridge.track_bridge import TrackBridge
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
@@ -28,7 +35,7 @@ class LocalSocket(socket.socket):
     """A socket that sends to this machine alone."""
 
     def sendto(self, data, address):
-        assert address[0] == "127.0.0.1", "a test sends nothing to other machines"
+        assert address[0].startswith("127."), "a test sends nothing to other machines"
         return super().sendto(data, address)
 
 
@@ -38,17 +45,21 @@ def _this_machine(monkeypatch):
 
 
 class Plotter:
-    """Receives sentences on this machine."""
+    """Receives sentences, or deltas, on this machine."""
 
-    def __init__(self):
+    def __init__(self, host="127.0.0.1"):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
+        self.socket.bind((host, 0))
         self.address = f"127.0.0.1:{self.socket.getsockname()[1]}"
         self.messages = []
 
     def read(self):
         while select.select([self.socket], [], [], 0.0)[0]:
-            self.messages.append(pynmea2.parse(self.socket.recv(200).decode("ascii"), check=True))
+            text = self.socket.recv(2000).decode("ascii")
+            is_delta = text.startswith("{")
+            self.messages.append(
+                json.loads(text) if is_delta else pynmea2.parse(text.strip(), check=True)
+            )
         return self.messages
 
 
@@ -80,18 +91,28 @@ class Boat:
 
     def hold(self, *held, stamp=STAMP):
         header = make_header(round(stamp * 1e9), self.frame)
-        self.tracks.publish(track_cloud(header, [one.predicted(stamp) for one in held]))
+        with np.errstate(over="ignore"):  # x and y of a point are float32
+            cloud = track_cloud(header, [one.predicted(stamp) for one in held])
+        self.tracks.publish(cloud)
 
     def sail(self, x=0.0, y=0.0, vx=0.0, vy=0.0, stamp=STAMP):
         sample = PoseSample(stamp, x, y, 0.3, rates=(vx, vy, 0.0), frame_id=self.frame)
         self.odometry.publish(odometry_message(sample))
 
-    def fix(self, latitude, longitude, status=NavSatStatus.STATUS_FIX, nanosec=0):
-        message = NavSatFix(latitude=latitude, longitude=longitude)
-        message.header = make_header(round(STAMP * 1e9), "gps")
-        message.header.stamp.nanosec = nanosec
-        message.status.status = status
-        self.fixes.publish(message)
+    def fix(self, *given, **more):
+        self.fixes.publish(fix(*given, **more))
+
+
+def fix(
+    latitude, longitude, status=NavSatStatus.STATUS_FIX, nanosec=None, std=0.0, kind=0, sec=STAMP
+):
+    message = NavSatFix(latitude=latitude, longitude=longitude)
+    message.header = make_header(round(sec * 1e9), "gps")
+    message.header.stamp.nanosec = message.header.stamp.nanosec if nanosec is None else nanosec
+    message.status.status = status
+    message.position_covariance[0] = message.position_covariance[4] = std**2
+    message.position_covariance_type = kind
+    return message
 
 
 def connected(world, plotter, frame="odom", **parameters):
@@ -162,8 +183,9 @@ def test_of_more_than_100_tracks_the_others_are_counted(world, plotter):
 
 def test_of_tracks_those_with_a_finite_state_are_handed_on(world, plotter):
     boat = connected(world, plotter, own_ship_source="none")
-    held = [track(8, 50.0, 1.0, math.nan, 0.0), track(9, 1852.0, 1.0, 0.0, 0.0)]
-    said(world, "a track whose state is not finite is not handed on", lambda: boat.hold(*held))
+    bad = ([50.0, 1.0, math.nan, 0.0], [1e154, 1.0, 0.0, 0.0], [1.0, -1.7e308, 0.0, 0.0])
+    held = [*(track(k, *state) for k, state in enumerate(bad)), track(9, 1852.0, 1.0, 0.0, 0.0)]
+    said(world, "a track whose state or covariance is not finite", lambda: boat.hold(*held))
     assert {one.data[1] for one in sentences(world, plotter, 1, lambda: None)} == {"1.000"}
 
 
@@ -198,10 +220,10 @@ TLL = {"nmea_sentences": "TLL", "own_ship_source": "none"}
 
 
 SILENT = [
-    ("there is no message on own_ship/odometry", {}, lambda boat: None),
-    ("more than own_ship_timeout of 5 s", {}, lambda boat: boat.sail(stamp=STAMP - 60.0)),
+    ("no TTM: there is no message on own_ship/odometry", {}, lambda boat: None),
+    ("60 s after that of own ship", {}, lambda boat: boat.sail(stamp=STAMP - 60.0)),
     ("own_ship/odometry is not used", {}, lambda boat: boat.sail(math.nan)),
-    ("fix says that it has no position", TLL, lambda boat: boat.fix(10.0, 10.0, *LOST)),
+    ("fix is not used: its status says", TLL, lambda boat: boat.fix(10.0, 10.0, *LOST)),
     ("near a pole", TLL, lambda boat: boat.fix(89.9, 10.0)),
     ("fix is not used", TLL, lambda boat: boat.fix(math.nan, math.nan)),
     ("fix is not used: nanosec", TLL, lambda boat: boat.fix(10.0, 10.0, *NO_CLOCK)),
@@ -219,3 +241,186 @@ def test_without_own_ship_or_fix_nothing_is_sent_and_the_log_says_why(world, plo
         said(world, words, send)
         assert plotter.read() == []
         boat.end()
+
+
+def test_a_broadcast_address_reaches_what_listens_on_all_addresses(world):
+    plotter = Plotter("")
+    port = plotter.address.partition(":")[2]
+    given = {"nmea_address": f"127.255.255.255:{port}", "own_ship_source": "none"}
+    boat = connected(world, plotter, **given)
+    (one,) = sentences(world, plotter, 1, lambda: boat.hold(track(8, 1852.0, 1.0, 0.0, 0.0)))
+    assert one.data[1] == "1.000"
+    plotter.socket.close()
+
+
+class Bench:
+    """A bridge with odometry at rest at the origin; fixes are handed to it."""
+
+    def __init__(self, world, plotter, **parameters):
+        given = {"nmea_sentences": "TLL", "nmea_address": plotter.address, "nmea_period": 0.0}
+        self.bridge = world.make(TrackBridge, given | parameters)
+        self.plotter = plotter
+
+    def sail(self, x=0.0, y=0.0, stamp=STAMP, frame="odom", vx=0.0):
+        sample = PoseSample(stamp, x, y, 0.3, rates=(vx, 0.0, 0.0), frame_id=frame)
+        self.bridge._keep(serialize_message(odometry_message(sample)))
+
+    def place(self, *given, **more):
+        """Latitude and longitude of a track at the origin after a fix; none: no sentence."""
+        if given:
+            self.bridge._take_fix(fix(*given, **more))
+        self.hold([track(8, 0.0, 0.0, 0.0, 0.0)])
+        self.plotter.messages.clear()
+        return [(one.latitude, one.longitude) for one in self.plotter.read()]
+
+    def hold(self, held, frame="odom"):
+        self.bridge._take(track_cloud(make_header(round(STAMP * 1e9), frame), held))
+
+    @property
+    def dropped(self):
+        return self.bridge._dropped
+
+
+GOOD = [(pytest.approx(59.65, abs=1e-5), pytest.approx(10.63, abs=1e-5))]
+NO_POSITION = {
+    "0, 0 as many receivers begin": ("no_fix", (0.0, 0.0), {}),
+    "0, 0 with a covariance of no type": ("no_fix", (0.0, -0.0), {"std": 1.0}),
+    "0, 0 with a covariance of zeros": ("no_fix", (1e-9, 0.0), {"kind": 2}),
+    "a standard deviation of 100 km": ("fix_vague", (59.0, 10.63), {"std": 1e5, "kind": 2}),
+    "one of 150 m, at the right place": ("fix_vague", (59.65, 10.63), {"std": 150.0, "kind": 1}),
+    "one that is infinite": ("fix_vague", (59.65, 10.63), {"std": math.inf, "kind": 3}),
+    "no stamp": ("fix_stamp", (59.65, 10.64), {"sec": 0.0}),
+    "6000 km away": ("fix_jump", (0.0, 0.0), {"std": 2.0, "kind": 2}),
+    "1 km away": ("fix_jump", (59.659, 10.63), {"std": 2.0, "kind": 2}),
+    "from another time": ("own_ship_stale", (59.65, 10.64), {"sec": STAMP - 600.0}),
+}
+
+
+@pytest.mark.parametrize("fault", NO_POSITION)
+def test_a_fix_that_is_no_position_moves_no_target_and_is_named(world, plotter, fault):
+    reason, place, more = NO_POSITION[fault]
+    bench = Bench(world, plotter)
+    bench.sail()
+    assert bench.place(59.65, 10.63, std=2.0, kind=2) == GOOD
+    for _ in range(3):
+        assert bench.place(*place, **more) == GOOD
+    assert bench.dropped == {reason: 3}
+    world.until(lambda: any("fix is not used: " in one.msg for one in world.log), "the sentence")
+    assert bench.place(59.65, 10.63) == GOOD, "an unknown covariance alone is no fault"
+    assert bench.dropped == {reason: 3}
+
+
+def test_a_first_fix_that_is_no_position_ties_nothing(world, plotter):
+    bench = Bench(world, plotter)
+    bench.sail()
+    assert bench.place(0.0, 0.0) == []
+    assert bench.dropped == {"no_fix": 1, "no_position": 1}
+
+
+def test_an_origin_that_jumps_is_used_once_fixes_in_a_row_agree(world, plotter):
+    bench = Bench(world, plotter)
+    bench.sail()
+    bench.place(59.65, 10.63)
+    for _ in range(3):  # now there, now here: nothing stays
+        assert bench.place(59.0, 10.63) == GOOD
+        assert bench.place(58.0, 10.63) == GOOD
+        assert bench.place(59.65, 10.63) == GOOD
+    found = [bench.place(59.0, 10.63)[0][0] for _ in range(6)]
+    assert found == pytest.approx([59.65] * 4 + [59.0] * 2, abs=1e-5)
+    assert bench.dropped["fix_jump"] == 10
+    assert bench.place(59.0, 10.63)[0][0] == pytest.approx(59.0, abs=1e-5)
+
+
+def test_what_odometry_explains_is_no_jump_also_across_180_degrees(world, plotter):
+    bench = Bench(world, plotter)
+    bench.sail()
+    bench.place(10.0, 179.99)
+    east = GeographicReference(10.0, 179.99).geographic(np.array([[5000.0, 0.0]]))[0]
+    bench.sail(5000.0, stamp=STAMP + 1.0)
+    ((latitude, longitude),) = bench.place(*east.tolist(), sec=STAMP + 1.0)
+    assert (latitude, longitude) == pytest.approx((10.0, 179.99), abs=1e-4)
+    assert bench.dropped == {}
+
+
+def test_own_ship_and_tracks_in_other_frames_are_refused_with_the_remedy(world, plotter):
+    bench = Bench(world, plotter, nmea_sentences="both", signal_k_address=plotter.address)
+    bench.sail(frame="map")
+    bench.bridge._take_fix(fix(59.65, 10.63))
+    bench.hold([track(8, 50.0, 1.0, 0.0, 0.0)])
+    assert plotter.read() == []
+    assert bench.dropped == {"frames": 3}
+    remedy = "or give own_ship_source:=tf"
+    world.until(lambda: any(remedy in one.msg for one in world.log), remedy)
+    bench.hold([track(8, 50.0, 1.0, 0.0, 0.0)], "/map")
+    assert len(plotter.read()) == 3
+
+
+def test_own_ship_comes_from_tf_in_the_frame_of_the_tracks(world, plotter, monkeypatch):
+    def pose(seconds):
+        return (100.0 + 5.0 * seconds, -40.0), [0.0, 0.0, 0.0, 1.0]
+
+    start = START_NS * 1e-9
+    tf = Transforms(pose, first=-20.0, last=2.0, frames=("odom", "hull"))
+    tf.install(monkeypatch)
+    given = {"own_ship_source": "tf", "own_ship_frame": "hull", "nmea_sentences": "both"}
+    bench = Bench(world, plotter, **given)
+    held = [track(8, 1952.0 + 5.0, 5.0, -40.0, 0.0)]
+    cloud = track_cloud(make_header(START_NS + 10**9, "odom"), held)
+    bench.bridge._take(cloud)
+    (one,) = plotter.read()
+    assert one.data[:3] == ["00", "1.000", "90.0"]
+    assert one.data[7:9] == ["1.000", "0.0"], "it moves as own ship does"
+    bench.bridge._take_fix(fix(10.0, 20.0, sec=start + 4.0))  # 2 s after the newest pose
+    bench.bridge._take(cloud)
+    on_earth = plotter.read()[-1]
+    expected = GeographicReference(10.0, 20.0, 120.0, -40.0).geographic(np.array([1957.0, -40.0]))
+    assert (on_earth.latitude, on_earth.longitude) == pytest.approx(tuple(expected[0]), abs=2e-6)
+    assert bench.dropped == {"no_position": 1}
+    for later, reason in ((60, "own_ship_stale"), (61, "own_ship_stale")):
+        bench.bridge._take(track_cloud(make_header(START_NS + later * 10**9, "odom"), held))
+        assert bench.dropped[reason] == later - 59
+    bench.bridge._take(track_cloud(make_header(START_NS + 62 * 10**9, "map"), held))
+    assert bench.dropped["no_own_ship"] == 1
+
+
+def test_without_tf2_ros_own_ship_from_tf_is_refused(world, plotter, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tf2_ros", None)
+    with pytest.raises(ParameterError, match="tf2_ros is not installed"):
+        Bench(world, plotter, own_ship_source="tf")
+
+
+def test_signal_k_gets_deltas_and_null_at_the_end_of_a_track_and_of_the_bridge(world, plotter):
+    given = {"nmea_address": "", "origin": "59.65,10.63", "own_ship_source": "none"}
+    bench = Bench(world, plotter, signal_k_address=plotter.address, **given)
+    bench.hold([track(k, 100.0 * k, 0.0, 0.0, 2.0) for k in range(120)])
+    deltas = list(plotter.read())
+    assert len({one["context"] for one in deltas}) == 120, "no limit of numbers"
+    assert bench.dropped == {}
+    values = {one["path"]: one["value"] for one in deltas[3]["updates"][0]["values"]}
+    assert values[""] == {"name": "Track 3"}
+    assert values["navigation.speedOverGround"] == 2.0
+    assert values["navigation.courseOverGroundTrue"] == 0.0
+    plotter.messages.clear()
+    bench.hold([track(k, 100.0 * k, 0.0, 0.0, 2.0) for k in range(119)])
+    ends = [one for one in plotter.read() if one["updates"][0]["values"][0]["value"] is None]
+    assert [one["context"] for one in ends] == [deltas[119]["context"]]
+    plotter.messages.clear()
+    world.end(bench.bridge)
+    last = [one["context"] for one in plotter.read()]
+    assert last == [one["context"] for one in deltas[:119]]
+
+
+def test_a_report_that_cannot_be_sent_is_counted_with_its_address(world, plotter):
+    bench = Bench(world, plotter, nmea_sentences="TTM", own_ship_source="none")
+
+    class Full:
+        def sendto(self, *_):
+            raise OSError(101, "Network is unreachable")
+
+        def close(self):
+            pass
+
+    bench.bridge._socket.close()
+    bench.bridge._socket = Full()
+    bench.hold([track(k, 50.0, 1.0, 0.0, 0.0) for k in range(3)])
+    assert bench.dropped == {"not_sent": 3}

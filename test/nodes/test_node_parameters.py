@@ -149,6 +149,8 @@ AT_THE_START = [
     (SonarDetector, "image_type", "sensor_msgs/msg/CompressedImage", "not supported"),
     (TrackBridge, "nmea_address", "10110", "such as 127.0.0.1:10110"),
     (TrackBridge, "nmea_address", "plotter:10110", "an IP address"),
+    (TrackBridge, "nmea_address", "10.0.0.300:10110", "an IP address"),
+    (TrackBridge, "signal_k_address", "127.0.0.1", "signal_k_address must be"),
     (TrackBridge, "nmea_talker", "sonar", "two capital letters"),
     (TrackBridge, "origin", "north", "such as 59.65,10.63"),
     (TrackBridge, "origin", "90.0,0.0", "near a pole"),

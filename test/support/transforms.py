@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from scipy.spatial.transform import Rotation
 
+from msg_adapters import make_header
 from support.sonar_driver import START_NS
 
 Pose = tuple[tuple[float, float], list[float]]
@@ -26,19 +27,23 @@ class Transforms:
     frames: tuple[str, str] | None = None
     asked: list[float] = field(default_factory=list)
 
+    def _seconds(self, time: Any) -> float:
+        return (time.nanoseconds - START_NS) * 1e-9 if time.nanoseconds else self.last
+
     def can_transform(self, target: str, source: str, time: Any, *_: Any) -> bool:
-        seconds = (time.nanoseconds - START_NS) * 1e-9
+        seconds = self._seconds(time)  # of time 0 the newest
         return self.frames in (None, (target, source)) and self.first <= seconds <= self.last
 
     def lookup_transform(self, target: str, source: str, time: Any, *_: Any) -> Any:
         assert self.can_transform(target, source, time), "tf2 would raise an exception"
-        self.asked.append((time.nanoseconds - START_NS) * 1e-9)
+        self.asked.append(self._seconds(time))
         (x, y), turn = self.pose(self.asked[-1])
         rotation = SimpleNamespace(**dict(zip("xyzw", turn, strict=True)))
         transform = SimpleNamespace(
             translation=SimpleNamespace(x=x, y=y, z=-4.0), rotation=rotation
         )
-        return SimpleNamespace(transform=transform)
+        header = make_header(START_NS + round(self.asked[-1] * 1e9), target)
+        return SimpleNamespace(header=header, transform=transform)
 
     def install(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Put it in the place of tf2_ros for a test."""

@@ -17,6 +17,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -432,6 +433,8 @@ class DetectionsSubscription:
 
 CACHE_TIME = 120.0
 """Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
+VELOCITY_SPAN = 1.0
+"""Time between two poses of tf whose difference is a velocity, s."""
 SAMPLE_PERIOD = 0.2
 """Interval of the poses over a scan's echoes, s: short compared to a small boat's roll period."""
 
@@ -462,15 +465,7 @@ def tf_look_up(
     fixed_frame = session.fixed_frame
     if not fixed_frame:
         raise ParameterError("fixed_frame must be given where own_ship_source is tf")
-    if buffer is None:
-        try:
-            import tf2_ros
-        except ImportError:
-            raise ParameterError(
-                "own_ship_source is tf, but the package tf2_ros is not installed"
-            ) from None
-        buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
-        tf2_ros.TransformListener(buffer, node)  # the node's subscriptions keep it
+    buffer = tf_buffer(node) if buffer is None else buffer
 
     def look_up(frame: str, first: float, last: float, axes: str) -> str:
         intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
@@ -486,6 +481,62 @@ def tf_look_up(
         return ""
 
     return look_up
+
+
+def tf_buffer(node: Node) -> Any:
+    """Return a tf2_ros.Buffer with a listener.
+
+    Raises
+    ------
+    ParameterError
+        If tf2_ros is not installed.
+    """
+    try:
+        import tf2_ros
+    except ImportError:
+        raise ParameterError(
+            "own_ship_source is tf, but the package tf2_ros is not installed"
+        ) from None
+    buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
+    tf2_ros.TransformListener(buffer, node)  # the node's subscriptions keep it
+    return buffer
+
+
+def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> PoseSample:
+    """Pose and velocity of a vessel at a stamp, or the newest before, as tf has them.
+
+    Parameters
+    ----------
+    buffer : tf2_ros.Buffer
+    fixed_frame, frame : str
+        Of the result, and of the vessel.
+    stamp : float
+        s.
+
+    Returns
+    -------
+    PoseSample
+        Without a velocity if tf has no pose `VELOCITY_SPAN` before.
+
+    Raises
+    ------
+    MessageError
+        If tf has no pose: ``no_own_ship``.
+    """
+    at = Time(nanoseconds=max(0, round(stamp * 1e9)))
+    at = at if buffer.can_transform(fixed_frame, frame, at) else Time()  # the newest
+    if not (fixed_frame and buffer.can_transform(fixed_frame, frame, at)):
+        raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
+    found = buffer.lookup_transform(fixed_frame, frame, at)
+    stamp = Time.from_msg(found.header.stamp).nanoseconds * 1e-9
+    sample = _sample(stamp, found.transform, "body", fixed_frame)
+    before = Time(nanoseconds=max(1, round((stamp - VELOCITY_SPAN) * 1e9)))
+    if not buffer.can_transform(fixed_frame, frame, before):
+        return sample
+    earlier = buffer.lookup_transform(fixed_frame, frame, before).transform
+    start = _sample(stamp, earlier, "body", fixed_frame)
+    vx, vy = (sample.x - start.x) / VELOCITY_SPAN, (sample.y - start.y) / VELOCITY_SPAN
+    return replace(sample, rates=(vx, vy, math.nan))
 
 
 def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:

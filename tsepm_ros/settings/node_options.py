@@ -433,9 +433,14 @@ class BridgeNodeOptions(ParameterGroup):
     nmea_talker: str = parameter(
         "RA", "Two letters with which sentences begin: RA is a radar", read_only=True
     )
+    signal_k_address: str = parameter(
+        "",
+        "Address and UDP port to which deltas of Signal K (JSON) are sent; empty: none",
+        read_only=True,
+    )
     nmea_period: float = parameter(
         1.0,
-        "Minimum time between the sentences of a track, by the stamps; 0: each ping",
+        "Minimum time between the sentences, or deltas, of a track, by the stamps; 0: each ping",
         unit="s",
         minimum=0.0,
         maximum=60.0,
@@ -449,8 +454,14 @@ class BridgeNodeOptions(ParameterGroup):
     )
     own_ship_source: str = parameter(
         "odometry",
-        "odometry: own ship as own_ship/odometry says; none: at the fixed frame's origin, at rest",
-        choices=("odometry", "none"),
+        "odometry: own ship as own_ship/odometry says; tf: own_ship_frame by tf; none: at the "
+        "fixed frame's origin, at rest",
+        choices=("odometry", "tf", "none"),
+        read_only=True,
+    )
+    own_ship_frame: str = parameter(
+        "base_link",
+        "With tf: frame of own ship, x ahead; its pose is taken in the frame of the tracks",
         read_only=True,
     )
     own_ship_timeout: float = parameter(
@@ -464,32 +475,32 @@ class BridgeNodeOptions(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        udp_address(self.nmea_address)
+        udp_address("nmea_address", self.nmea_address)
+        udp_address("signal_k_address", self.signal_k_address)
         if not re.fullmatch("[A-Z]{2}", self.nmea_talker):
             raise ValueError(
                 f"nmea_talker must be two capital letters, such as RA; got {self.nmea_talker!r}"
             )
 
 
-def udp_address(text: str) -> tuple[str, int] | None:
+_IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
+
+
+def udp_address(name: str, text: str) -> tuple[str, int] | None:
     """Host and port of an address; None of an empty text.
 
     Raises
     ------
     ValueError
-        If it is no ``host:port``.
+        If it is no ``host:port``; the message begins with a parameter's name.
     """
     if not text:
         return None
     host, _, port = text.rpartition(":")
     # A name would be looked up for each sentence.
-    if (
-        not re.fullmatch(r"[0-9.]{7,15}", host)
-        or not port.isdecimal()
-        or not 0 < int(port) < 65_536
-    ):
+    if not re.fullmatch(_IPV4, host) or not port.isdecimal() or not 0 < int(port) < 65_536:
         raise ValueError(
-            f"nmea_address must be an IP address and a port, such as 127.0.0.1:10110; got {text!r}"
+            f"{name} must be an IP address and a port, such as 127.0.0.1:10110; got {text!r}"
         )
     return host, int(port)
 

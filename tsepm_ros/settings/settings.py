@@ -230,8 +230,8 @@ _TOPICS = {
     "track_viewer": "subscribes to tracks/current, fixed_echoes and others "
     "(docs/watch_and_operate.md)",
     "track_bridge": "subscribes to tracks/current, own_ship/odometry and fix; publishes "
-    "tracks/radar and tracks/objects where their packages are installed, and sends NMEA 0183 "
-    "(docs/use_the_tracks.md)",
+    "tracks/radar and tracks/objects where their packages are installed, and sends NMEA 0183 and "
+    "deltas of Signal K (docs/use_the_tracks.md)",
 }
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
+import uuid
+from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
@@ -104,8 +107,13 @@ def numbered(found):
     return numbers.of
 
 
-def parsed(sentences):
-    sentences = list(sentences)
+def sent(reports):
+    """Lines of the reports of tracks that are there."""
+    return nmea.Reports().texts(set(reports), STAMP, reports)
+
+
+def parsed(reports):
+    sentences = sent(reports)
     assert all(len(one) <= 82 and one.endswith("\r\n") for one in sentences)
     return [pynmea2.parse(one, check=True) for one in sentences]
 
@@ -174,37 +182,172 @@ def test_rounded_directions_stay_below_360_degrees_and_minutes_of_arc_below_60()
     (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
     assert one.data[2] == "0.0" or one.data[1] == "0.0"
     found = tracks([0.0, 0.0, 0.0, 0.0])
-    (text,) = nmea.tll("RA", found, numbered(found), np.array([[9.9999999999, -0.0000001]]))
+    (text,) = sent(nmea.tll("RA", found, numbered(found), np.array([[9.9999999999, -0.0000001]])))
     assert ",1000.0000,N,00000.0000,W," in text
 
 
-def test_the_longest_sentences_have_at_most_82_characters():
-    found = tracks([-1.8e6, -50.0, 1.8e6, 50.0], ids=[2**32 - 1])
+@pytest.mark.parametrize("far", [-1.0, 1.8e6, 1.4e7])
+def test_the_longest_sentences_have_at_most_82_characters(far):
+    found = tracks([-far, -363.0, far, 363.0], ids=[2**32 - 1])  # 998 knots
     numbers = numbered(found)
-    parsed(nmea.ttm("RA", found, numbers, AT_REST))
+    (one,) = parsed(nmea.ttm("RA", found, numbers, (np.zeros(2), np.array([-363.0, 400.0]))))
+    assert float(one.data[1]) * 1852.0 == pytest.approx(abs(far) * math.sqrt(2.0), abs=186.0)
+    assert one.data[4] == "997.9"
     parsed(nmea.tll("RA", found, numbers, np.array([[-59.123456, -179.654321]])))
 
 
+def test_a_tracked_target_is_never_at_0_miles_which_means_lost():
+    found = tracks([0.0, 1.0, 0.0, 0.0], [0.4, 0.0, 0.3, 0.0])
+    messages = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    assert [one.data[1] for one in messages] == ["0.001", "0.001"]
+
+
+def test_tracks_on_no_place_of_the_earth_or_of_no_vessels_speed_are_not_written():
+    found = tracks(
+        [3e7, 0.0, 0.0, 0.0],
+        [-1e9, 1e6, 1e9, -1e6],
+        [9.0, 600.0, 9.0, 0.0],
+        [1852.0, 1.0, 0.0, 0.0],
+    )
+    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    assert one.data[:2] == ["03", "1.000"]
+    places = GeographicReference(59.65, 10.63).geographic(found.state[:, 0::2])
+    assert np.isnan(places[:2]).all()
+    assert [one.data[0] for one in parsed(nmea.tll("RA", found, numbered(found), places))] == [
+        "02",
+        "03",
+    ]
+    assert list(nmea.deltas(found, INSTANCE, places)) == [2, 3]
+
+
+def opencpn(lines, own=(59.65, 10.63)):
+    """Place and whether it is tracked, by number, as OpenCPN's decoder reads sentences.
+
+    An empty field is 0; a distance of 0 is a lost target, whose place stays.
+    """
+    targets = {}
+    for line in lines:
+        fields = line.split("*")[0].split(",")
+        numbers = [float(one) if one.replace(".", "").isdigit() else 0.0 for one in fields]
+        number, place = int(numbers[1]), targets.get(int(numbers[1]), (None, False))[0]
+        if fields[0].endswith("TLL"):
+            latitude, longitude = (x // 100 + x % 100 / 60.0 for x in (numbers[2], numbers[4]))
+            place = (
+                latitude * (1 - 2 * (fields[3] == "S")),
+                longitude * (1 - 2 * (fields[5] == "W")),
+            )
+            tracked = fields[8] != "L"
+        else:
+            tracked = fields[12] != "L" and numbers[2] != 0.0
+            if numbers[2]:
+                way = numbers[2] * 1852.0
+                end = Geod(ellps="WGS84").fwd(own[1], own[0], numbers[3], way)
+                place = end[1], end[0]
+        targets[number] = place, tracked
+    return targets
+
+
 @pytest.mark.parametrize("kind", ["TTM", "TLL"])
-def test_a_track_that_ends_is_lost_under_its_number(kind):
-    (one,) = parsed(nmea.lost("RA", {17: 3}, STAMP, kind))
-    assert one.data[0] == "03"
-    assert "L" in one.data
-    assert one.data[{"TTM": 11, "TLL": 7}[kind]] == "L"
+@pytest.mark.parametrize("longitude", [10.6, 179.99, -179.99])
+def test_twenty_tracks_end_where_they_were_last_under_their_numbers(kind, longitude):
+    _, _, position, velocity = scene(np.random.default_rng(3))
+    found = tracks(*np.stack([position, velocity], axis=2).reshape(20, 4))
+    places = GeographicReference(-33.9, longitude).geographic(position)
+    reports = {
+        "TTM": nmea.ttm("RA", found, numbered(found), AT_REST),
+        "TLL": nmea.tll("RA", found, numbered(found), places),
+    }[kind]
+    told = nmea.Reports()
+    first = opencpn(told.texts(set(range(20)), STAMP, reports), (-33.9, longitude))
+    for number, place in enumerate(places):
+        assert first[number][1], "tracked"
+        ahead = (first[number][0][1] - place[1] + 180.0) % 360.0 - 180.0
+        assert (first[number][0][0], ahead) == pytest.approx((place[0], 0.0), abs=2e-4)
+    ends = told.texts({3, 4}, STAMP + 1.0, {})
+    assert len(ends) == 18
+    last = opencpn(ends, (-33.9, longitude))
+    assert last == {
+        number: (first[number][0], False) for number in range(20) if number not in (3, 4)
+    }
+    for one in map(pynmea2.parse, ends):
+        assert one.data[{"TTM": 11, "TLL": 7}[kind]] == "L"
+        assert one.data[{"TTM": 13, "TLL": 6}[kind]] == "221321.3"
+    assert told.texts({3, 4}, STAMP + 2.0, {}) == [], "an end is told once"
+
+
+def test_of_a_track_that_was_never_reported_no_end_is_told():
+    assert nmea.Reports().texts(set(), STAMP, {}) == []
+    told = nmea.Reports()
+    told.texts({1}, STAMP, {})
+    assert told.texts(set(), STAMP, {}) == []
+
+
+INSTANCE = uuid.UUID("6ba7b810-9dad-41d1-80b4-00c04fd430c8")
+VESSEL = re.compile(
+    r"vessels\.urn:mrn:signalk:uuid:[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}"
+)
+"""The pattern of Signal K's schema."""
+
+
+def values_of(line):
+    assert line.endswith("\n") and line.count("\n") == 1
+    delta = json.loads(line)
+    assert VESSEL.fullmatch(delta["context"])
+    (update,) = delta["updates"]
+    assert set(update) == {"$source", "timestamp", "values"}
+    values = {one["path"]: one["value"] for one in update["values"]}
+    return delta["context"], datetime.fromisoformat(update["timestamp"]).timestamp(), values
+
+
+@pytest.mark.parametrize("longitude", [10.6, 179.99, -179.99])
+def test_deltas_have_place_course_speed_and_name_and_null_at_the_end(longitude):
+    _, _, position, velocity = scene(np.random.default_rng(4))
+    found = tracks(*np.stack([position, velocity], axis=2).reshape(20, 4))
+    places = GeographicReference(59.65, longitude).geographic(position)
+    told, reports = nmea.Reports(), nmea.deltas(found, INSTANCE, places)
+    lines = told.texts(set(range(20)), STAMP, reports)
+    vessels = []
+    for row, line in enumerate(lines):
+        vessel, stamp, values = values_of(line)
+        vessels.append(vessel)
+        place = values["navigation.position"]
+        assert stamp == pytest.approx(STAMP, abs=1e-3)
+        assert (place["latitude"], place["longitude"]) == pytest.approx(
+            tuple(places[row]), abs=1e-7
+        )
+        assert -180.0 <= place["longitude"] < 180.0
+        course, speed = (
+            values[f"navigation.{x}"] for x in ("courseOverGroundTrue", "speedOverGround")
+        )
+        assert (speed * math.sin(course), speed * math.cos(course)) == pytest.approx(
+            tuple(velocity[row]), abs=2e-3
+        )
+        assert values[""] == {"name": f"Track {row}"}
+    assert len(set(vessels)) == 20
+    assert list(nmea.deltas(found, INSTANCE, places).values()) == list(reports.values()), "stable"
+    assert nmea.deltas(found, uuid.UUID(int=4), places)[0][0] != reports[0][0], "another run"
+    (end,) = told.texts(set(range(1, 20)), STAMP + 1.0, {})
+    vessel, stamp, values = values_of(end)
+    assert (vessel, stamp) == (vessels[0], pytest.approx(STAMP + 1.0, abs=1e-3))
+    assert values == {
+        "navigation.position": None,
+        "navigation.courseOverGroundTrue": None,
+        "navigation.speedOverGround": None,
+    }
 
 
 def test_numbers_are_free_at_a_tracks_end_and_beyond_100_tracks_that_is_noted():
     numbers = nmea.TargetNumbers()
-    assert numbers.update([5, 6, 7]) == ({}, 0)
+    assert numbers.update([5, 6, 7]) == 0
     assert numbers.of == {5: 0, 6: 1, 7: 2}
-    assert numbers.update([5, 7]) == ({6: 1}, 0)
+    assert numbers.update([5, 7]) == 0
     numbers.update([5, 7, 8])
     assert numbers.of == {5: 0, 7: 2, 8: 3}, "the number that is free for the longest time"
     numbers.update([5, 6, 7, 8])
     assert numbers.of[6] == 1
     found = tracks(*[[10.0 * k, 0.0, 0.0, 0.0] for k in range(102)])
     file, notes = io.StringIO(), {}
-    writer = nmea.tll_writer(file, GeographicReference(10.0, 20.0), notes)
+    writer = nmea.report_writer(file, GeographicReference(10.0, 20.0), notes)
     for _ in range(3):
         writer(SimpleNamespace(current=found, stamp_ns=round(STAMP * 1e9)))
     assert len(file.getvalue().splitlines()) == 300

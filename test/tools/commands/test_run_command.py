@@ -363,6 +363,10 @@ def test_geojson_and_sentences_of_a_scene_are_read_by_other_readers(tmp_path, ca
     assert len(messages) > 10
     assert {one.sentence_type for one in messages} == {"TLL"}
     assert {one.data[0] for one in messages} >= {"00", "01", "02", "03"}
+    assert main(["run", "four_targets", "--as", "signalk", "--origin=-33.9,151.2"]) == 0
+    deltas = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert len(deltas) == len(messages), "the same tracks and ends"
+    assert len({one["context"] for one in deltas}) >= 4
 
 
 @pytest.mark.parametrize("origin", [[], ["--origin", "north"], ["--origin", "89.9,0"]])

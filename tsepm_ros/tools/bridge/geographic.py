@@ -6,6 +6,7 @@ place of own ship at a position fix.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 MAX_LATITUDE = 89.0
 """Largest latitude, degrees: near a pole the fixed frame's north is not that of its targets."""
+MAX_DISTANCE = 2e7
+"""Largest distance, m, half of the earth's circumference: nothing on the earth is farther away."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class GeographicReference:
         Returns
         -------
         (n, 2) ndarray
-            Degrees; longitudes from -180 to 180.
+            Degrees; longitudes from -180 to 180; nan beyond `MAX_DISTANCE`.
 
         Raises
         ------
@@ -86,11 +89,23 @@ class GeographicReference:
         from pyproj import Geod
 
         east, north = (np.reshape(position, (-1, 2)) - (self.east, self.north)).T
-        n = len(east)
+        away, n = np.hypot(east, north), len(east)
+        is_near = away <= MAX_DISTANCE
         longitude, latitude, _ = Geod(ellps="WGS84").fwd(
             np.full(n, self.longitude),
             np.full(n, self.latitude),
             np.degrees(np.arctan2(east, north)),
-            np.hypot(east, north),
+            np.where(is_near, away, 0.0),
         )
-        return np.stack([latitude, (longitude + 180.0) % 360.0 - 180.0], axis=1)
+        places = np.stack([latitude, (longitude + 180.0) % 360.0 - 180.0], axis=1)
+        return np.where(is_near[:, None], places, np.nan)
+
+    def distance(self, other: GeographicReference) -> float:
+        """Distance, m, between the point of another reference and its place by this one."""
+        from pyproj import Geod
+
+        places = self.longitude, self.latitude, other.longitude, other.latitude
+        azimuth, _, away = Geod(ellps="WGS84").inv(*places)
+        angle = math.radians(azimuth)
+        east, north = self.east + away * math.sin(angle), self.north + away * math.cos(angle)
+        return math.hypot(east - other.east, north - other.north)

@@ -1,25 +1,35 @@
-"""Tracks as sentences of NMEA 0183: TTM, relative to own ship, and TLL, on the earth.
+"""Tracks for plotters: sentences of NMEA 0183, relative to own ship or on the earth, and Signal K.
 
 ``$--TTM,number,distance,bearing,T,speed,course,T,CPA,time,N,name,status,,hhmmss.s,A*sum`` in
 nautical miles, degrees, knots and minutes, and
 ``$--TLL,number,ddmm.mmmm,N,dddmm.mmmm,E,name,hhmmss.s,status,*sum``. A receiver knows 100 numbers
-of targets.
+of targets. A sentence has at most 82 characters.
+
+Signal K reads neither: a delta is a line of JSON in SI units and radians. Its context is the track,
+a vessel with a UUID.
+
+A report of a track is its sentence without status and time, or context and values of its delta. At
+a track's end its last report is repeated with the status lost, in a delta with null: empty fields
+would be read as a place.
 """
 
 from __future__ import annotations
 
+import json
+import math
+import uuid
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.session import ScanResult
-from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.bridge.geographic import MAX_DISTANCE, GeographicReference
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -31,11 +41,18 @@ KNOT = NAUTICAL_MILE / 3600.0
 """m/s."""
 MAX_MINUTES = 999.9
 """Largest time of an approach that is written, min."""
+MAX_SPEED = 999.9
+"""Largest speed that is written, knots: a sentence has no room for more digits."""
+MIN_MILES = 0.001
+"""Smallest distance that is written, nautical miles: receivers take 0 for a lost target."""
 TRACKED, LOST = "T", "L"
 LEAST_SPEED = 1e-3
 """Relative speed, m/s, below which nothing approaches: rounding of equal velocities."""
 MINUTE_PARTS = 10_000
 """Parts of a minute of arc that are written: 0.2 m."""
+Report = str | tuple[str, dict[str, Any]]
+OFFLINE = uuid.UUID(int=0)
+"""Instance of offline runs: a recording gives the same deltas each time."""
 
 
 def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,21 +88,17 @@ class TargetNumbers:
         self.of: dict[int, int] = {}
         """Number of each track, by its id."""
 
-    def update(self, ids: Sequence[int]) -> tuple[dict[int, int], int]:
+    def update(self, ids: Sequence[int]) -> int:
         """Take the ids of the present tracks.
 
         Returns
         -------
-        ended : dict of int to int
-            Numbers of the tracks that are no longer there, by id.
-        without : int
+        int
             Tracks that are left without a number, the last ones.
         """
         present = set(ids)
-        ended = {track: number for track, number in self.of.items() if track not in present}
-        for track, number in ended.items():
-            del self.of[track]
-            self._free.append(number)
+        for track in [track for track in self.of if track not in present]:
+            self._free.append(self.of.pop(track))
         for track in ids:
             if track not in self.of and self._free:
                 before = (one for one in self._free if self._last.get(one) == track)
@@ -93,18 +106,59 @@ class TargetNumbers:
                 self._free.remove(number)
                 self.of[track] = number
                 self._last[number] = track
-        return ended, len(present) - len(self.of)
+        return len(present) - len(self.of)
 
 
-def sentence(*fields: str) -> str:
-    """A sentence of fields, with its checksum and line end.
+class Reports:
+    """What a receiver was told of each track, so that it is told each end."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, Report] = {}
+
+    def texts(
+        self, present: Collection[int], stamp: float, reports: Mapping[int, Report]
+    ) -> list[str]:
+        """Lines to send: the ends of tracks that are no longer there, and the new reports.
+
+        Parameters
+        ----------
+        present : collection of int
+            Ids of the held tracks.
+        stamp : float
+            s.
+        reports : mapping of int to report
+            Of held tracks, by id.
+        """
+        gone = [self._last.pop(track) for track in list(self._last) if track not in present]
+        self._last |= reports
+        ends = [_line(one, stamp, LOST) for one in gone]
+        return ends + [_line(one, stamp, TRACKED) for one in reports.values()]
+
+
+def _line(report: Report, stamp: float, status: str) -> str:
+    """A sentence, or a delta, with its end of line."""
+    date = datetime.fromtimestamp(round(stamp, 1 if isinstance(report, str) else 3), UTC)
+    if isinstance(report, str):
+        return sentence(report.format(status, date.strftime("%H%M%S.%f")[:8]))
+    context, given = report
+    values = [
+        {"path": path, "value": None if status == LOST else value}
+        for path, value in given.items()
+        if path or status == TRACKED  # the name stays
+    ]
+    time = date.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    update = {"$source": "tsepm_ros", "timestamp": time, "values": values}
+    return json.dumps({"context": context, "updates": [update]}, allow_nan=False) + "\n"
+
+
+def sentence(body: str) -> str:
+    """A sentence of fields between commas, with its checksum and line end.
 
     Parameters
     ----------
-    *fields : str
-        The first is talker and type, such as ``RATTM``.
+    body : str
+        Begins with talker and type, such as ``RATTM``.
     """
-    body = ",".join(fields)
     return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n"
 
 
@@ -114,15 +168,16 @@ def ttm(
     numbers: dict[int, int],
     own_ship: tuple[FloatArray, FloatArray],
     from_north: bool = True,
-) -> Iterator[str]:
-    """Tracks relative to own ship.
+) -> dict[int, str]:
+    """Reports of tracks relative to own ship, by id.
 
     Parameters
     ----------
     talker : str
         Two letters.
     tracks : TrackArrays
-        In east and north, or ahead and to port of a sensor that stands still.
+        In east and north, or ahead and to port of a sensor that stands still. Tracks farther than
+        `MAX_DISTANCE` or faster than `MAX_SPEED` are left out.
     numbers : dict of int to int
         Number of each track that is written, by id.
     own_ship : tuple of (2,) ndarray
@@ -131,69 +186,81 @@ def ttm(
         Whether the axes are east and north: bearings are true, else from the x axis.
     """
     position, velocity = tracks.state[:, 0::2] - own_ship[0], tracks.state[:, 1::2]
+    away, speed = np.hypot(*position.T), np.round(np.hypot(*velocity.T) / KNOT, 1)
     times, distances = closest_approach(position, velocity - own_ship[1])
     figures = [
-        np.hypot(*position.T) / NAUTICAL_MILE,
+        (away <= MAX_DISTANCE) & (speed <= MAX_SPEED),
+        np.maximum(away / NAUTICAL_MILE, MIN_MILES),
         _direction(position, from_north),
-        np.hypot(*velocity.T) / KNOT,
+        speed,
         _direction(velocity, from_north),
         distances / NAUTICAL_MILE,
         np.round(np.clip(times / 60.0, -MAX_MINUTES, MAX_MINUTES), 1) + 0.0,  # 0.0, not -0.0
     ]
-    axis, time = "T" if from_north else "R", _time(tracks.stamp.max(initial=0.0))
+    axis = "T" if from_north else "R"
     rows = zip(tracks.track_id.tolist(), *map(np.ndarray.tolist, figures), strict=True)
-    for track, away, bearing, speed, course, closest, minutes in rows:
-        if track in numbers:
-            yield sentence(
-                f"{talker}TTM,{numbers[track]:02d},{away:.3f},{bearing:.1f},{axis},{speed:.1f}",
-                f"{course:.1f},{axis},{closest:.3f},{minutes:.1f},N",
-                _name(track),
-                TRACKED,
-                "",
-                time,
-                "A",
-            )
+    return {
+        track: f"{talker}TTM,{numbers[track]:02d},{_miles(away)},{bearing:.1f},{axis},{speed:.1f},"
+        f"{course:.1f},{axis},{_miles(closest)},{minutes:.1f},N,{_name(track)},{{0}},,{{1}},A"
+        for track, is_written, away, bearing, speed, course, closest, minutes in rows
+        if is_written and track in numbers
+    }
 
 
 def tll(
     talker: str, tracks: TrackArrays, numbers: dict[int, int], geographic: FloatArray
-) -> Iterator[str]:
-    """Tracks on the earth.
+) -> dict[int, str]:
+    """Reports of tracks on the earth, by id.
 
     Parameters
     ----------
     talker, tracks, numbers
         See `ttm`.
     geographic : (n, 2) ndarray
-        Latitude and longitude of the tracks, degrees.
+        Latitude and longitude of the tracks, degrees; tracks where it is nan are left out.
     """
-    for row, track in enumerate(tracks.track_id.tolist()):
-        if track in numbers:
-            place = (*_angle(geographic[row, 0], 2, "NS"), *_angle(geographic[row, 1], 3, "EW"))
-            time = _time(float(tracks.stamp[row]))
-            number = f"{numbers[track]:02d}"
-            yield sentence(f"{talker}TLL", number, *place, _name(track), time, TRACKED, "")
+    rows = zip(tracks.track_id.tolist(), geographic.tolist(), strict=True)
+    return {
+        track: f"{talker}TLL,{numbers[track]:02d},{_angle(latitude, 2, 'NS')},"
+        f"{_angle(longitude, 3, 'EW')},{_name(track)},{{1}},{{0}},"
+        for track, (latitude, longitude) in rows
+        if track in numbers and math.isfinite(latitude)
+    }
 
 
-def lost(talker: str, ended: dict[int, int], stamp: float, kind: str) -> Iterator[str]:
-    """The end of tracks: sentences of a kind, TTM or TLL, with the status lost.
+def deltas(
+    tracks: TrackArrays, instance: uuid.UUID, geographic: FloatArray
+) -> dict[int, tuple[str, dict[str, Any]]]:
+    """Reports of tracks in east and north for Signal K, by id: context, and values by path.
 
     Parameters
     ----------
-    talker : str
-    ended : dict of int to int
-        Number of each track by its id.
-    stamp : float
-        s.
-    kind : str
+    tracks : TrackArrays
+    instance : uuid.UUID
+        Of the run: the tracks of another run are other vessels.
+    geographic : (n, 2) ndarray
+        See `tll`.
     """
-    for track, number in ended.items():
-        name, time = _name(track), _time(stamp)
-        if kind == "TLL":
-            yield sentence(f"{talker}TLL", f"{number:02d}", *[""] * 4, name, time, LOST, "")
-        else:
-            fields = (*[""] * 9, name, LOST, "", time, "A")
-            yield sentence(f"{talker}TTM", f"{number:02d}", *fields)
+    velocities = tracks.state[:, 1::2].tolist()
+    rows = zip(tracks.track_id.tolist(), geographic.tolist(), velocities, strict=True)
+    return {
+        track: (
+            # Signal K takes UUIDs of version 4 only.
+            "vessels.urn:mrn:signalk:uuid:"
+            f"{uuid.UUID(bytes=uuid.uuid5(instance, str(track)).bytes, version=4)}",
+            {
+                "navigation.position": {
+                    "latitude": round(latitude, 7),
+                    "longitude": round(longitude, 7),
+                },
+                "navigation.courseOverGroundTrue": round(math.atan2(vx, vy) % math.tau, 4),
+                "navigation.speedOverGround": round(math.hypot(vx, vy), 3),
+                "": {"name": f"Track {track}"},
+            },
+        )
+        for track, (latitude, longitude), (vx, vy) in rows
+        if math.isfinite(latitude)
+    }
 
 
 def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
@@ -203,28 +270,28 @@ def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
     return np.round(np.degrees(angles) % 360.0, 1) % 360.0
 
 
+def _miles(distance: float) -> str:
+    """Nautical miles, cut to seven characters: a sentence has 82."""
+    return f"{distance:.3f}"[:7]
+
+
 def _name(track: int) -> str:
     """The track's id; of a long one the last digits, since a sentence has 82 characters."""
-    return str(track % 10_000_000)
+    return str(track % 1_000_000)
 
 
-def _time(stamp: float) -> str:
-    """Time of day in UTC, hhmmss.s."""
-    return datetime.fromtimestamp(round(stamp, 1), UTC).strftime("%H%M%S.%f")[:8]
-
-
-def _angle(degrees: float, digits: int, signs: str) -> tuple[str, str]:
-    """Degrees and minutes of an angle, and its direction."""
+def _angle(degrees: float, digits: int, signs: str) -> str:
+    """Degrees and minutes of an angle, and its direction: two fields."""
     parts = round(abs(degrees) * 60 * MINUTE_PARTS)
     whole, parts = divmod(parts, 60 * MINUTE_PARTS)
-    minutes = f"{parts / MINUTE_PARTS:07.4f}"
-    return f"{whole:0{digits}d}{minutes}", signs[0] if degrees >= 0.0 else signs[1]
+    sign = signs[0] if degrees >= 0.0 else signs[1]
+    return f"{whole:0{digits}d}{parts / MINUTE_PARTS:07.4f},{sign}"
 
 
-def tll_writer(
-    file: TextIO, reference: GeographicReference, notes: dict[str, str]
+def report_writer(
+    file: TextIO, reference: GeographicReference, notes: dict[str, str], form: str = "nmea"
 ) -> Callable[[ScanResult], None]:
-    """A writer of the held tracks of a run as TLL, scan by scan.
+    """A writer of the held tracks of a run as TLL, or as deltas of Signal K, scan by scan.
 
     Parameters
     ----------
@@ -233,21 +300,26 @@ def tll_writer(
         In east and north, as the results are.
     notes : dict of str to str
         Sentences by reason: that of `numbers` says how much was not written.
+    form : {"nmea", "signalk"}
     """
-    numbers, not_written = TargetNumbers(), 0
+    numbers, told, not_written = TargetNumbers(), Reports(), 0
 
     def write(result: ScanResult) -> None:
         nonlocal not_written
         tracks = result.current
-        ended, without = numbers.update(tracks.track_id.tolist())
-        if without:
-            not_written += without
-            notes["numbers"] = (
-                f"{not_written} positions of tracks beyond {NUMBERS} at a time are not written: "
-                "NMEA 0183 has no more numbers"
-            )
+        present = tracks.track_id.tolist()
         places = reference.geographic(tracks.state[:, 0::2])
-        file.writelines(lost("RA", ended, 1e-9 * result.stamp_ns, "TLL"))
-        file.writelines(tll("RA", tracks, numbers.of, places))
+        if form == "signalk":
+            reports: Mapping[int, Report] = deltas(tracks, OFFLINE, places)
+        else:
+            without = numbers.update(present)
+            reports = tll("RA", tracks, numbers.of, places)
+            if without:
+                not_written += without
+                notes["numbers"] = (
+                    f"{not_written} positions of tracks beyond {NUMBERS} at a time are not "
+                    "written: NMEA 0183 has no more numbers"
+                )
+        file.writelines(told.texts(present, 1e-9 * result.stamp_ns, reports))
 
     return write

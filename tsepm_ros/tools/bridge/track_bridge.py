@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import socket
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,23 +13,33 @@ import pyproj  # noqa: F401 - of `GeographicReference`: missing at the start, no
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
+from sensor_msgs.msg import NavSatFix, PointCloud2
 
 from msg_adapters import MessageError, message_class, read_own_ship, read_track_cloud
+from msg_adapters.nav_messages import read_fix
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
+from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
 from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch, tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
 from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 from tsepm_ros.tracker.tracks import TrackArrays
 
 TRACKS, OWN_SHIP, FIX = "tracks/current", "own_ship/odometry", "fix"
 DEPTH = 10
+MAX_STATE = np.array([MAX_MAGNITUDE["sensor_pose"], MAX_MAGNITUDE["sensor_velocity"]] * 2)
+"""Largest magnitudes of a state that is handed on."""
+JUMP, AGREEING = 100.0, 5
+"""Distance, m, between a fix and where odometry and the fix before have own ship, from which on a
+fix is doubted; and the number of fixes in a row that agree before they are believed."""
+SIGNAL_K = "Signal K"
 CHECK_PERIOD = 1.0
 """Time between checks whether the context was shut down, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -53,12 +63,20 @@ class TrackBridge(ParameterisedNode):
         self._numbers = nmea.TargetNumbers()
         self._reported = -math.inf
         self._odometry: bytes | None = None
+        self._frame, self._reference_frame = "", ""  # of the tracks, and of the reference
         self._reference: GeographicReference | None = None
+        self._doubted: list[GeographicReference] = []
         with refusing("origin"):
             if options.origin:
                 self._reference = GeographicReference.read(options.origin)
-        self._address = udp_address(options.nmea_address)
+        nmea_address = udp_address("nmea_address", options.nmea_address)
+        kinds = ("TTM", "TLL") if options.nmea_sentences == "both" else (options.nmea_sentences,)
+        signal_k_address = udp_address("signal_k_address", options.signal_k_address)
+        given = {**dict.fromkeys(kinds, nmea_address), SIGNAL_K: signal_k_address}
+        self._addresses = {kind: address for kind, address in given.items() if address}
+        self._told = {kind: nmea.Reports() for kind in self._addresses}
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._socket.setblocking(False)
         self._from_north = options.own_ship_source != "none" or bool(options.origin)
         self._publish()
@@ -75,11 +93,8 @@ class TrackBridge(ParameterisedNode):
                 self.get_logger().info(f"{name.partition('/')[0]} is not installed: no {topic}")
                 continue
             self._messages.append((self.create_publisher(kind, topic, DEPTH), make))
-        if self._address:
-            host, port = self._address
-            self.get_logger().info(
-                f"NMEA 0183 {self._options.nmea_sentences} to {host}, UDP port {port}"
-            )
+        for receiver, (host, port) in self._addresses.items():
+            self.get_logger().info(f"{receiver} to {host}, UDP port {port}")
 
     def _subscribe(self) -> None:
         durability = DurabilityPolicy.TRANSIENT_LOCAL
@@ -89,13 +104,16 @@ class TrackBridge(ParameterisedNode):
         if self._options.own_ship_source == "odometry":
             # It may come much more often than tracks: only the newest before these is read.
             self.create_subscription(Odometry, OWN_SHIP, self._keep, NEWEST, raw=True)
+        elif self._options.own_ship_source == "tf":
+            self._buffer = tf_buffer(self)
         if not self._options.origin:
             self.create_subscription(NavSatFix, FIX, self._take_fix, NEWEST)
         # A node without a timer might never notice that the context was shut down by a signal.
         self.steady_timer(CHECK_PERIOD, lambda: None)
 
     def destroy_node(self) -> None:
-        """Destroy the node and close its socket."""
+        """End what the receivers show, destroy the node and close its socket."""
+        self._report(TrackArrays.of([]), self._reported)
         self._socket.close()
         super().destroy_node()
 
@@ -113,7 +131,7 @@ class TrackBridge(ParameterisedNode):
         try:
             stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
             # A stamp that goes back is of another run.
-            due = self._address and not (
+            due = self._addresses and not (
                 self._reported <= stamp < self._reported + self._options.nmea_period
             )
             if not due and not wanted:
@@ -122,87 +140,156 @@ class TrackBridge(ParameterisedNode):
         except MessageError as error:
             self._drop("bad_tracks", f"{TRACKS} is not used: {error}")
             return
-        numbers = np.hstack([tracks.state, tracks.covariance.reshape(-1, 16)])
-        usable = np.asarray(np.isfinite(numbers).all(axis=1))
+        variances = np.abs(tracks.covariance).max(axis=(1, 2), initial=0.0)
+        bounded = (np.abs(tracks.state) <= MAX_STATE).all(axis=1)
+        usable = bounded & (variances <= MAX_MAGNITUDE["sensor_pose_covariance"])
         if not usable.all():
-            self._drop("bad_state", "a track whose state is not finite is not handed on")
+            self._drop(
+                "bad_state",
+                "a track whose state or covariance is not finite, or on no place of the earth, is "
+                "not handed on",
+                int(np.count_nonzero(~usable)),
+            )
             tracks = tracks.where(usable)
         for publisher, make in wanted:
             publisher.publish(make(cloud.header, tracks, self._instance))
+        self._frame = cloud.header.frame_id.lstrip("/")
         if due:
             self._reported = stamp
-            self._report(exchanged(tracks, cloud.header.frame_id.lstrip("/")), stamp)
+            self._report(exchanged(tracks, self._frame), stamp)
 
     def _report(self, tracks: TrackArrays, stamp: float) -> None:
-        """Send sentences of tracks in east and north."""
-        ended, without = self._numbers.update(tracks.track_id.tolist())
-        if without:
+        """Send reports of tracks in east and north."""
+        present = tracks.track_id.tolist()
+        without = self._numbers.update(present)
+        if without and self._addresses.keys() - {SIGNAL_K}:
             self._drop("numbers", f"tracks beyond {nmea.NUMBERS} are not sent", without)
-        given, talker = self._options.nmea_sentences, self._options.nmea_talker
-        kinds = ("TTM", "TLL") if given == "both" else (given,)
-        for kind in kinds:
-            self._send(nmea.lost(talker, ended, stamp, kind))
-        if "TTM" in kinds and len(tracks):
-            own_ship = self._own_ship(stamp)
-            if own_ship is not None:
-                numbers = self._numbers.of
-                self._send(nmea.ttm(talker, tracks, numbers, own_ship, self._from_north))
-        if "TLL" in kinds and len(tracks):
-            if self._reference is None:
-                sentence = f"no TLL: there is no usable position on {FIX}, and no origin"
-                self._drop("no_position", sentence)
-            else:
-                places = self._reference.geographic(tracks.state[:, 0::2])
-                self._send(nmea.tll(talker, tracks, self._numbers.of, places))
-
-    def _send(self, sentences: Iterator[str]) -> None:
-        address = self._address or ("", 0)
-        for one in sentences:
+        for kind, told in self._told.items():
+            reports: Mapping[int, nmea.Report] = {}
             try:
-                self._socket.sendto(one.encode("ascii"), address)
-            except OSError as error:
-                self._drop("not_sent", f"sentences cannot be sent to {address}: {error}")
-                return
+                reports = self._reports(kind, tracks, stamp) if present else {}
+            except ValueError as error:
+                self._drop(getattr(error, "reason", "bad_own_ship"), f"no {kind}: {error}")
+            for text in told.texts(set(present), stamp, reports):
+                try:
+                    self._socket.sendto(text.encode("ascii"), self._addresses[kind])
+                except OSError as error:
+                    sentence = f"reports cannot be sent to {self._addresses[kind]}: {error}"
+                    self._drop("not_sent", sentence)
 
-    def _own_ship(self, stamp: float) -> tuple[FloatArray, FloatArray] | None:
-        """Position and velocity of own ship at a stamp; None, and said, where not known."""
-        if self._options.own_ship_source == "none":
-            return np.zeros(2), np.zeros(2)
-        if self._odometry is None:
+    def _reports(self, kind: str, tracks: TrackArrays, stamp: float) -> Mapping[int, nmea.Report]:
+        """Reports of a kind.
+
+        Raises
+        ------
+        ValueError
+            If own ship, or for places on the earth the reference, is not known.
+        """
+        talker, numbers = self._options.nmea_talker, self._numbers.of
+        number = len(set(tracks.track_id.tolist()) if kind == SIGNAL_K else numbers)
+        reports: Mapping[int, nmea.Report]
+        if kind == "TTM":
+            position, velocity, frame = self._own_ship(stamp)
+            self._check_frame(frame)
+            reports = nmea.ttm(talker, tracks, numbers, (position, velocity), self._from_north)
+        elif self._reference is None:
+            raise MessageError("no_position", f"no usable position on {FIX}, and no origin")
+        else:
+            self._check_frame(self._reference_frame)
+            places = self._reference.geographic(tracks.state[:, 0::2])
+            if kind == SIGNAL_K:
+                reports = nmea.deltas(tracks, self._instance, places)
+            else:
+                reports = nmea.tll(talker, tracks, numbers, places)
+        if len(reports) < number:
             self._drop(
+                "too_far",
+                f"tracks that are on no place of the earth, or faster than {nmea.MAX_SPEED} knots, "
+                f"are not sent as {kind}",
+                number - len(reports),
+            )
+        return reports
+
+    def _check_frame(self, frame: str) -> None:
+        """Refuse own ship in another frame than that of the tracks; unnamed frames are equal."""
+        if frame and self._frame and frame != self._frame:
+            raise MessageError(
+                "frames",
+                f"own ship is in the frame {frame!r}, but the tracks are in {self._frame!r}: let "
+                f"{OWN_SHIP} and {TRACKS} have one frame (fixed_frame of track_initiator), or give "
+                "own_ship_source:=tf",
+            )
+
+    def _own_ship(self, stamp: float) -> tuple[FloatArray, FloatArray, str]:
+        """Position, velocity and frame of own ship at a stamp.
+
+        Raises
+        ------
+        ValueError
+            If it is not known.
+        """
+        source, frame = self._options.own_ship_source, self._options.own_ship_frame
+        if source == "none":
+            return np.zeros(2), np.zeros(2), ""
+        if source == "tf":
+            sample = tf_own_ship(self._buffer, self._frame, frame, stamp)
+        else:
+            sample = self._newest()
+        with refusing_message(
+            "bad_own_ship", f"{'tf' if source == 'tf' else OWN_SHIP} is not used:"
+        ):
+            sample.check()
+        elapsed = stamp - sample.stamp
+        if abs(elapsed) > self._options.own_ship_timeout:
+            raise MessageError(
+                "own_ship_stale",
+                f"its stamp, {stamp:.3f} s, is {abs(elapsed):.3g} s "
+                f"{'after' if elapsed > 0.0 else 'before'} that of own ship, {sample.stamp:.3f} s, "
+                f"more than own_ship_timeout of {self._options.own_ship_timeout:g} s",
+            )
+        velocity = np.nan_to_num(np.array((sample.rates or (0.0, 0.0))[:2]))
+        return np.array([sample.x, sample.y]) + elapsed * velocity, velocity, sample.frame_id
+
+    def _newest(self) -> PoseSample:
+        """Own ship by the newest odometry."""
+        if self._odometry is None:
+            raise MessageError(
                 "no_own_ship",
                 f"there is no message on {OWN_SHIP}; a fixed sonar needs own_ship_source:=none",
             )
-            return None
-        try:
-            sample = read_own_ship(deserialize_message(self._odometry, Odometry))
-            sample.check()
-        except ValueError as error:
-            self._drop("bad_own_ship", f"{OWN_SHIP} is not used: {error}")
-            return None
-        elapsed = stamp - sample.stamp
-        if abs(elapsed) > self._options.own_ship_timeout:
-            self._drop(
-                "own_ship_stale",
-                f"{OWN_SHIP} is {elapsed:.3g} s older than what it is needed for, more than "
-                f"own_ship_timeout of {self._options.own_ship_timeout:g} s",
-            )
-            return None
-        velocity = np.nan_to_num(np.array((sample.rates or (0.0, 0.0))[:2]))
-        return np.array([sample.x, sample.y]) + elapsed * velocity, velocity
+        with refusing_message("bad_own_ship", f"{OWN_SHIP} is not used:"):
+            return read_own_ship(deserialize_message(self._odometry, Odometry))
 
     def _take_fix(self, fix: NavSatFix) -> None:
         """Tie the fixed frame to the earth where own ship is now."""
-        if fix.status.status < NavSatStatus.STATUS_FIX:
-            self._drop("no_fix", f"{FIX} says that it has no position")
-            return
         try:
-            own_ship = self._own_ship(ns_to_seconds(time_to_ns(fix.header.stamp)))
-            if own_ship is not None:
-                east, north = own_ship[0].tolist()
-                self._reference = GeographicReference(fix.latitude, fix.longitude, east, north)
+            stamp, latitude, longitude, std = read_fix(fix)
+            position, _, frame = self._own_ship(stamp)
+            found = GeographicReference(latitude, longitude, *position.tolist())
+            self._tie(found, frame, JUMP + 3.0 * float(np.nan_to_num(std)))
         except ValueError as error:
-            self._drop("bad_fix", f"{FIX} is not used: {error}")
+            self._drop(getattr(error, "reason", "bad_fix"), f"{FIX} is not used: {error}")
+
+    def _tie(self, found: GeographicReference, frame: str, near: float) -> None:
+        """Take a reference, unless it is not near where the one before has own ship.
+
+        Raises
+        ------
+        MessageError
+            If it is not, until `AGREEING` in a row are near to each other.
+        """
+        known = self._reference if frame == self._reference_frame else None
+        away = known.distance(found) if known else 0.0
+        if away > near:
+            agrees = self._doubted and self._doubted[-1].distance(found) <= near
+            self._doubted = [*(self._doubted if agrees else ()), found]
+            if len(self._doubted) < AGREEING:
+                raise MessageError(
+                    "fix_jump",
+                    f"it is {away:.0f} m from where own ship is by the fixes before and its own "
+                    f"motion; it is used if {AGREEING} fixes in a row agree",
+                )
+        self._reference, self._reference_frame, self._doubted = found, frame, []
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -36,7 +36,7 @@ from tsepm_ros.settings.settings import (
     settings_from,
 )
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.bridge.nmea import tll_writer
+from tsepm_ros.tools.bridge.nmea import report_writer
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     CommandFailed,
@@ -329,10 +329,10 @@ RUN_ARGUMENTS: Arguments = {
         "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
     },
     "--as": {
-        "choices": ("geojson", "nmea"),
+        "choices": ("geojson", "nmea", "signalk"),
         "dest": "form",
         "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
-        "of --out as tracks.geojson or tracks.nmea (TLL)",
+        "of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
     },
     "--origin": {
         "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
@@ -428,8 +428,8 @@ def _geographic(
             "--as needs pyproj: pip install pyproj, or apt install python3-pyproj"
         ) from None
     reference = GeographicReference.read(options.origin or "")
-    if options.form == "nmea":
-        return tll_writer(file, reference, run.notes)
+    if options.form != "geojson":
+        return report_writer(file, reference, run.notes, options.form)
     return stack.enter_context(track_lines(file, reference))
 
 

@@ -206,6 +206,8 @@ def track_lines(file: TextIO, reference: GeographicReference) -> Iterator[TrackW
         places = reference.geographic(result.current.state[:, 0::2])
         time = datetime.fromtimestamp(result.stamp_ns * 1e-9, UTC).isoformat()
         for track, (latitude, longitude) in zip(result.current, places.tolist(), strict=True):
+            if math.isnan(latitude):  # on no place of the earth
+                continue
             identity: dict[str, Any] = {"track_id": track.track_id, "times": []}
             line, properties = tracks.setdefault(track.track_id, ([], identity))
             line.append([round(longitude, DIGITS), round(latitude, DIGITS)])
