@@ -11,10 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-FAILURES = (ArithmeticError, LookupError, MemoryError, ValueError)
-"""Exceptions in the processing of a scan: the scan is dropped, and the next scan is processed."""
-
-
+INTERNAL_ERROR = "internal_error"
+"""Reason of what nothing else has caught: the scan or message is dropped, and the next is taken."""
 MAX_SENTENCE = 500
 """Characters of a reported sentence. The names in a message may be as long as the message."""
 CUT = " ... "
@@ -401,13 +399,13 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "the grid's size, resolution or origin is not usable; the warning names it",
         "Fix the publisher of `land`",
     ),
-    "internal_error": DropReason(
+    INTERNAL_ERROR: DropReason(
         INITIATION,
         "scan",
-        "registration, processing or publishing failed; if the algorithm failed, all tracks are "
-        "discarded",
-        "Check the own-ship data for jumps; else this is a fault of the node: report the text of "
-        "the warning",
+        "registration, processing, publishing or another callback failed; if the algorithm failed, "
+        "all tracks are discarded",
+        "Check the own-ship data for jumps; else this is a fault of the node: report the traceback "
+        "in the log, with the version, the parameters and a bag of the messages",
     ),
 }
 """Drop reasons by the name that is counted."""
