@@ -14,7 +14,6 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from typing import Any
 
 import rclpy
@@ -38,7 +37,7 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from msg_adapters import diagnostics, time_to_ns
-from tsepm_ros.diagnostics.health_figures import Level, Status
+from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.parameters import (
     Parameter,
@@ -48,7 +47,7 @@ from tsepm_ros.parameters import (
     shown,
     unknown_parameter,
 )
-from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, reason_of, shortened
+from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT, reason_of, shortened
 from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_value
 from tsepm_ros.settings.settings import (
     NODES,
@@ -195,15 +194,16 @@ class ParameterisedNode(Node):
         self, msg_type: Any, topic: str, callback: Callable[..., None], *given: Any, **options: Any
     ) -> Any:
         """Make a subscription; times on /clock that no clock gives do not reach rclpy."""
-        take = partial(self._take_clock, callback) if msg_type is ClockMessage else callback
-        return super().create_subscription(msg_type, topic, take, *given, **options)
 
-    def _take_clock(self, callback: Callable[..., None], message: ClockMessage) -> None:
-        try:
-            time_to_ns(message.clock)
-            callback(message)
-        except (ValueError, OverflowError) as error:
-            self._drop("clock_invalid", f"a time on /clock is not used: {error}")
+        def take_clock(message: ClockMessage) -> None:
+            try:
+                time_to_ns(message.clock)
+                callback(message)
+            except ValueError as error:
+                self._drop("clock_invalid", f"a time on /clock is not used: {error}")
+
+        take = take_clock if msg_type is ClockMessage else callback
+        return super().create_subscription(msg_type, topic, take, *given, **options)
 
     def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not used, and say why."""
@@ -213,36 +213,38 @@ class ParameterisedNode(Node):
     def fail(self, error: Exception) -> None:
         """Count an exception of a callback as internal error: nothing else has caught it.
 
-        A node without diagnostics of its own publishes this entry from now on.
+        A node without diagnostics of its own publishes an entry of its drops from then on.
         """
-        self._drop(INTERNAL_ERROR, shortened(f"{INTERNAL_ERROR}: {error!r}"))
-        if self.resolve_topic_name("/diagnostics") not in {one.topic_name for one in self.publishers}:
-            self._errors = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-            self.steady_timer(ERRORS_PERIOD, self._report_errors)
-
-    def _report_errors(self) -> None:
-        sentence = f"{self._dropped[INTERNAL_ERROR]} internal errors. "
-        status = Status(
-            INTERNAL_ERROR.replace("_", " "),
-            Level.ERROR,
-            sentence + reason_of(INTERNAL_ERROR).remedy,
-            {f"dropped.{reason}": number for reason, number in self._dropped.items()},
-        )
-        now = self.get_clock().now().nanoseconds
-        self._errors.publish(diagnostics(now, self.get_fully_qualified_name(), [status]))
+        self._drop(INTERNAL_ERROR, shortened(f"{INTERNAL_ERROR}: a callback failed: {error!r}"))
+        topic = self.resolve_topic_name("/diagnostics")
+        if topic not in {one.topic_name for one in self.publishers}:
+            errors = self.create_publisher(DiagnosticArray, topic, 10)
+            self.steady_timer(
+                ERRORS_PERIOD,
+                lambda: errors.publish(
+                    diagnostics(
+                        self.get_clock().now().nanoseconds,
+                        self.get_fully_qualified_name(),
+                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self._dropped))],
+                    )
+                ),
+            )
 
     def warn(self, reason: str, sentence: str, total: int = 0) -> None:
         """Log a fault and the number of its occurrences, or a fact of `FACTS` as INFO.
 
         At most once per `WARNING_PERIOD` and reason. Drops of single detections are logged again
         once they are `MORE_DETECTIONS` times as many. Nothing is logged while the node ends. The
-        traceback of an internal error is logged once for each type and place.
+        traceback of an internal error is logged once for each place.
         """
         if not self.context.ok():
             return
-        error = sys.exception()
-        if reason == INTERNAL_ERROR and error is not None:
-            self._say_traceback(error)
+        if (
+            reason == INTERNAL_ERROR
+            and (place := "".join(traceback.format_tb(sys.exc_info()[2])[-1:])) not in self._warned
+        ):
+            self._warned.add(place)
+            self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
         now = time.monotonic()
         if now - self._last.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
             return
@@ -263,17 +265,6 @@ class ParameterisedNode(Node):
         if sentence not in self._warned:
             self._warned.add(sentence)
             self.get_logger().warning(sentence)
-
-    def _say_traceback(self, error: BaseException) -> None:
-        """Log a traceback, unless one of its type and place was logged before."""
-        place = [(one.filename, one.lineno) for one in traceback.extract_tb(error.__traceback__)]
-        kind = f"{type(error)} at {place[-1:]}"
-        if kind not in self._warned:
-            self._warned.add(kind)
-            lines = "".join(traceback.format_exception(error))
-            self.get_logger().error(
-                f"{INTERNAL_ERROR}. {reason_of(INTERNAL_ERROR).remedy}:\n{lines}"
-            )
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Make a timer of a period, s, which a simulated clock does not stop."""
@@ -336,8 +327,6 @@ class ParameterisedNode(Node):
             return SetParametersResult(successful=False, reason="a parameter has no name")
         # Types were checked by rclpy; another part of the node has declared what is in no row.
         changes = {one.name: one.value for one in parameters if one.name in self._rows}
-        if not changes:
-            return SetParametersResult(successful=True)
         try:
             self._validate(self._make_options(changes))
         except ParameterError as error:

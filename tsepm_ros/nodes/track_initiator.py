@@ -216,9 +216,9 @@ class TrackInitiator(ParameterisedNode):
         self._learned.write()
         super().destroy_node()
 
-    def fail(self, error: Exception) -> None:
-        """Count an exception of a callback as internal error, among the drops of the session."""
-        self._session.drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
+    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
+        """Count what is not used among the drops of the session."""
+        self._session.drop(reason, sentence, number)
 
     def _hear_detections(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
@@ -229,9 +229,9 @@ class TrackInitiator(ParameterisedNode):
         if skipped:
             self._session.drop(
                 "overload",
-                f"{skipped} messages of detections waited too long and were skipped; the newest "
-                "is processed",
-                skipped,
+                f"{len(skipped)} messages of detections waited too long and were skipped; the "
+                "newest is processed",
+                len(skipped),
             )
         self.take_detections(message, waited)
 

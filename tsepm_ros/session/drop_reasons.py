@@ -13,6 +13,11 @@ from typing import NamedTuple
 
 INTERNAL_ERROR = "internal_error"
 """Reason of what nothing else has caught: the scan or message is dropped, and the next is taken."""
+REPORT_IT = (
+    "internal_error, a fault of the node: report the traceback in the log, with the version, the "
+    "parameters and a bag of the messages"
+)
+"""Its remedy."""
 MAX_SENTENCE = 500
 """Characters of a reported sentence. The names in a message may be as long as the message."""
 CUT = " ... "
@@ -404,8 +409,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "scan",
         "registration, processing, publishing or another callback failed; if the algorithm failed, "
         "all tracks are discarded",
-        "Check the own-ship data for jumps; else this is a fault of the node: report the traceback "
-        "in the log, with the version, the parameters and a bag of the messages",
+        f"Check the own-ship data for jumps; else this is an {REPORT_IT}",
     ),
 }
 """Drop reasons by the name that is counted."""

@@ -22,6 +22,7 @@ from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import exchanged
+from tsepm_ros.session.inputs import MAX_STATE, bounded
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
 from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.bridge import nmea
@@ -48,7 +49,6 @@ class TrackBridge(ParameterisedNode):
         super().__init__("track_bridge", **node_options)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
-        self._dropped: dict[str, int] = {}
         self._instance = uuid.uuid4()
         self._numbers = nmea.TargetNumbers()
         self._reported = -math.inf
@@ -102,11 +102,6 @@ class TrackBridge(ParameterisedNode):
     def _keep(self, odometry: bytes) -> None:
         self._odometry = odometry
 
-    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
-        """Count what is not handed on, and say why."""
-        self._dropped[reason] = self._dropped.get(reason, 0) + number
-        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
-
     def _take(self, cloud: PointCloud2) -> None:
         """Hand on the tracks that are held after a ping, if somebody takes them now."""
         wanted = [one for one in self._messages if one[0].get_subscription_count()]
@@ -122,10 +117,10 @@ class TrackBridge(ParameterisedNode):
         except MessageError as error:
             self._drop("bad_tracks", f"{TRACKS} is not used: {error}")
             return
-        numbers = np.hstack([tracks.state, tracks.covariance.reshape(-1, 16)])
-        usable = np.asarray(np.isfinite(numbers).all(axis=1))
+        usable = bounded(tracks)
         if not usable.all():
-            self._drop("bad_state", "a track whose state is not finite is not handed on")
+            sentence = f"a track whose state is not finite, or beyond {MAX_STATE:g} m"
+            self._drop("bad_state", f"{sentence}, is not handed on", int((~usable).sum()))
             tracks = tracks.where(usable)
         for publisher, make in wanted:
             publisher.publish(make(cloud.header, tracks, self._instance))
@@ -177,7 +172,7 @@ class TrackBridge(ParameterisedNode):
         try:
             sample = read_own_ship(deserialize_message(self._odometry, Odometry))
             sample.check()
-        except ValueError as error:
+        except (ValueError, RuntimeError) as error:  # the last: no message
             self._drop("bad_own_ship", f"{OWN_SHIP} is not used: {error}")
             return None
         elapsed = stamp - sample.stamp
