@@ -215,7 +215,7 @@ class ParameterisedNode(Node):
 
         A node without diagnostics of its own publishes an entry of its drops from then on.
         """
-        self._drop(INTERNAL_ERROR, shortened(f"{INTERNAL_ERROR}: a callback failed: {error!r}"))
+        self._drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
         topic = self.resolve_topic_name("/diagnostics")
         if topic not in {one.topic_name for one in self.publishers}:
             errors = self.create_publisher(DiagnosticArray, topic, 10)

@@ -45,6 +45,7 @@ from tsepm_ros.tracker.scan import Scan
 
 IMAGE, DETECTIONS = "image", "detections"
 DEPTH, BEARINGS_DEPTH = 10, 1000
+TOO_FAST = "images were passed over, because they come faster than they are processed"
 PERIOD = 1.0
 """Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
 
@@ -91,7 +92,8 @@ class SonarDetector(ParameterisedNode):
                 message, information, pace.interval, self._images.take_waiting, pace.is_behind
             )
             heard = [one.header.stamp for one in (*skipped, message)]
-            self._pass_over(pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in heard]))
+            if number := pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in heard]):
+                self._drop("overload", TOO_FAST, number)
         self.take_image(message, waited)
 
     def take_image(self, message: Any, waited: float = 0.0) -> None:
@@ -107,14 +109,9 @@ class SonarDetector(ParameterisedNode):
         pace = self._pace
         pace.came([1e-9 * turn.stamp_ns])
         late = pace.is_behind and time.monotonic() - pace.arrived > pace.interval
-        self._pass_over(int(late))
+        if late:
+            self._drop("overload", TOO_FAST)
         return late
-
-    def _pass_over(self, number: int) -> None:
-        """Count images, or turns, that are not processed because newer ones are there."""
-        if number:
-            sentence = f"{number} images were passed over: they come faster than they are processed"
-            self._drop("overload", sentence, number)
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
         header = make_header(ping.stamp_ns, ping.frame_id)
@@ -178,7 +175,7 @@ class SonarDetector(ParameterisedNode):
         values = measured | {
             "time_per_image_s": pace.time,
             "image_interval_s": pace.interval,
-            "age_s": pace.age,
+            "image_age_s": pace.age,
             **{f"dropped.{name}": count for name, count in self._dropped.items()},
         }
         level, message = Level.OK, "detections are made of images"

@@ -122,7 +122,8 @@ class Pace:
     def __init__(self) -> None:
         self._stamps = deque[float](maxlen=LAST_IMAGES)
         self._times = deque[float](maxlen=LAST_IMAGES)
-        self._free = self.arrived = self.age = self.interval = self.time = 0.0
+        self._free = self.arrived = time.monotonic()
+        self.age = self.interval = self.time = 0.0
 
     @property
     def is_behind(self) -> bool:

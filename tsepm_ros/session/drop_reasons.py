@@ -322,11 +322,18 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "the own-ship data has no heading, and the detections need it",
         "Provide odometry with a heading, or bearings from north with an all-round coverage",
     ),
+    "clock_invalid": DropReason(
+        DETECTIONS,
+        "message",
+        "a time on /clock is before 1970, or its `nanosec` is a second or more",
+        "Fix the publisher of /clock, or set `use_sim_time` to false",
+    ),
     "overload": DropReason(
         DETECTIONS,
         "scan",
-        "messages waited in the middleware for over 2 s and 5 scan intervals; the newest was taken",
-        "Reduce the sonar's rate or its detections, or `max_scan_time`",
+        "messages waited in the middleware for over 2 s and 5 scan intervals, or images come "
+        "faster than `sonar_detector` processes them; the newest was taken",
+        "Reduce the sonar's rate, its detections or the cells of its images, or `max_scan_time`",
     ),
     "queue_full": DropReason(
         OWN_SHIP,

@@ -119,8 +119,8 @@ class TrackBridge(ParameterisedNode):
             return
         usable = bounded(tracks)
         if not usable.all():
-            sentence = f"a track whose state is not finite, or beyond {MAX_STATE:g} m"
-            self._drop("bad_state", f"{sentence}, is not handed on", int((~usable).sum()))
+            sentence = "a track whose state is not finite is not handed on, nor one beyond"
+            self._drop("bad_state", f"{sentence} {MAX_STATE:g} m", int((~usable).sum()))
             tracks = tracks.where(usable)
         for publisher, make in wanted:
             publisher.publish(make(cloud.header, tracks, self._instance))

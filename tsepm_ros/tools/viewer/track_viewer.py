@@ -11,6 +11,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -182,7 +183,7 @@ class TrackViewer(ParameterisedNode):
         """Take a message of diagnostics, unless it is of another node than the one shown."""
         stated = topics_of_message(message)
         for node, topics in stated.items():
-            with suppress(KeyError, ValueError):  # no names that a topic may have
+            with suppress(KeyError, InvalidTopicNameException):
                 all(map(validate_full_topic_name, (topics[TRACKS], *topics.values())))
                 self._stated[node] = topics
         if not stated or self._shown in ("", *stated):
