@@ -62,6 +62,9 @@ Every `diagnostics_period`, `/diagnostics` has the entry `NODE: overall` with th
 its reason, and an entry `NODE: TASK` for each task. Counts are totals since the start or the last
 `~/reset`. Levels cover the last `diagnostics.window` (60 s); that of `sensor parameters` covers
 the last 100 pings, or what was learned since the parameters changed. Thresholds are parameters.
+`sonar_detector` has the entry `overall` alone. A fault in a callback of any node is counted as
+`internal_error`, its traceback is logged, and the node takes the next message; a node without
+diagnostics publishes the entry `overall` with the level error from then on.
 
 ## Conditions
 """
@@ -82,6 +85,9 @@ DIAGNOSTICS_FIGURES = {
     "`mounting`": "given, assumed at the origin of the vessel's frame, or not needed",
     "`sweep`": "how scans are joined from messages",
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",
+    "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`, medians of the last nine: time "
+    "that an image takes, and interval by the stamps",
+    "`image_age_s`": "from the last image's arrival to the end of publishing its detections",
     "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
     "`topics.NAME`": "full name of a topic of the node, after namespace and remapping",

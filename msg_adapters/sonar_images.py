@@ -270,6 +270,8 @@ class ImageInput:
     ----------
     detector : Detector
     turns : ImageTurns
+    in_parts : bool
+        Whether the last message was of some bearings of a turn.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -282,6 +284,7 @@ class ImageInput:
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
         self.plans: list[Plan] | None = None
+        self.in_parts = False
         self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
@@ -294,8 +297,13 @@ class ImageInput:
         """Coverage of a ping, without the detector's blanking distance."""
         return ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
 
-    def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
-        """Take a message; the pings that it completes and the detections of each."""
+    def take(
+        self, message: Any, is_late: Callable[[ImagePing], bool] = lambda turn: False
+    ) -> Iterator[tuple[ImagePing, Scan]]:
+        """Take a message; the pings that it completes and the detections of each.
+
+        Turns of bearings that are late are passed over.
+        """
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         try:
             ping = read_image(
@@ -306,7 +314,10 @@ class ImageInput:
             return
         for assumption in ping.assumptions:
             self._say(assumption)
+        self.in_parts = ping.is_part
         for whole in self.turns.add(ping):
+            if ping.is_part and is_late(whole):
+                continue
             try:
                 image = SonarImage(
                     1e-9 * whole.stamp_ns,
@@ -372,6 +383,7 @@ def plan_of(ping: ImagePing, stages: Stages) -> Plan:
     row = order[np.searchsorted(0.5 * (wrapped[order][1:] + wrapped[order][:-1]), angle)]
     column = np.searchsorted(0.5 * (ping.range[1:] + ping.range[:-1]), distance)
     width = max(round(cell / float(np.diff(ping.range).mean())), 1)
+    width = min(width, 2 * len(ping.range))  # from any cell all are near then
     largest = maximum_filter1d(stages.smoothed, width, axis=1)[row, column]
     step = np.ptp(ping.azimuth) / max(len(ping.azimuth) - 1, 1)
     aside = np.abs(np.angle(np.exp(1j * (angle - wrapped[row]))))
@@ -398,6 +410,8 @@ IMAGES: dict[str, Reader] = {
     "sensor_msgs/msg/Image": _picture,
 }
 """Readers by the message type."""
+BEARINGS = "marine_sensor_msgs/msg/RadarSector", "ping360_sonar_msgs/msg/SonarEcho"
+"""Types whose messages are always parts of a turn."""
 
 
 def normalised_image(header: messages.Header, image: NDArray[Any]) -> messages.Image:

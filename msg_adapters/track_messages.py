@@ -316,7 +316,9 @@ def tracked_objects(
     for track in tracks:
         made, existence = messages.TrackedObject(), track.existence_probability
         made.object_id.uuid = track_uuid(instance, track.track_id)
-        made.existence_probability = 1.0 if math.isnan(existence) else existence
+        made.existence_probability = (
+            1.0 if math.isnan(existence) else float(np.clip(existence, 0.0, 1.0))
+        )
         made.classification = [messages.ObjectClassification(label=0, probability=1.0)]  # UNKNOWN
         made.shape.type = 1  # CYLINDER
         _set_kinematics(made.kinematics, track)

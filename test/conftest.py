@@ -1,10 +1,17 @@
-"""What all tests share: an end to each that hangs, signals of processes, and the time of parts."""
+"""What all tests share: an end to each that hangs, signals of processes, and the time of parts.
+
+An internal error is a failure: it hides nothing.
+"""
 
 from collections import Counter
+from collections.abc import Iterator
 
 import pytest
 from support.interrupts import heed_interrupts
 from support.patience import LONG_TEST, TEST
+
+from tsepm_ros.session.drop_reasons import INTERNAL_ERROR
+from tsepm_ros.session.session import Session
 
 
 def pytest_configure() -> None:
@@ -16,6 +23,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not item.get_closest_marker("timeout"):
             long = item.get_closest_marker("long")
             item.add_marker(pytest.mark.timeout(LONG_TEST if long else TEST))
+
+
+@pytest.fixture(autouse=True)
+def _no_internal_error(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail a test in which a session counts an internal error, unless it is marked so."""
+    found, drop = list[str](), Session.drop
+
+    def noted(session: Session, reason: str, sentence: str, number: int = 1) -> None:
+        found.extend([sentence] if reason == INTERNAL_ERROR else [])
+        drop(session, reason, sentence, number)
+
+    Session.drop = noted
+    yield
+    Session.drop = drop
+    assert not found or request.node.get_closest_marker("internal_error")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

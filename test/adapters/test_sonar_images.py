@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -254,6 +255,22 @@ def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
 def test_an_impossible_message_is_refused_with_its_cause(message, words):
     with pytest.raises(MessageError, match=words):
         read(message)
+
+
+@pytest.mark.parametrize(
+    ("begin", "step"), [(5000.0, 1e-3), (32e3, 7.5e-6), (9e7, 1e-3), (9e7, 1e-7)]
+)
+def test_a_plan_of_a_far_and_fine_window_takes_no_more_memory_than_a_near_one(begin, step):
+    image = np.ones((5, 300))
+    image[2, 299] = 7.0
+    ping = ImagePing(0, "sonar", begin + step * np.arange(300.0), np.linspace(-1, 1, 5), image)
+    tracemalloc.start()
+    plan = plan_of(ping, Stages(image, image, image, 4.0))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10e6
+    assert plan.levels.max() == 87, "the strongest is shown"
+    assert plan.levels[64, 127] == plan.levels.max(), "ahead, all of the window is near"
 
 
 @pytest.mark.parametrize("whole", [False, True])

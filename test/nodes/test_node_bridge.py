@@ -189,6 +189,21 @@ def test_of_tracks_those_with_a_finite_state_are_handed_on(world, plotter):
     assert {one.data[1] for one in sentences(world, plotter, 1, lambda: None)} == {"1.000"}
 
 
+def test_of_tracks_those_on_earth_are_handed_on_in_all_sentences(world, plotter):
+    given = {"nmea_sentences": "both", "origin": "59.65,10.63", "own_ship_source": "none"}
+    boat = connected(world, plotter, **given)
+    near = track(9, 1852.0, 1.0, 0.0, 0.0)
+    wide = ConfirmedTrack(10, STAMP, near.state, 1e300 * np.eye(4), (), 0.0)
+    beyond = [track(k, *state) for k, state in enumerate(np.vstack([np.eye(4), -np.eye(4)]) * 1e30)]
+    said(
+        world,
+        "is not handed on, nor one beyond 1e+09 m (9 so far)",
+        lambda: boat.hold(*beyond, wide),
+    )
+    both = sentences(world, plotter, 2, lambda: boat.hold(*beyond, near))
+    assert [one.sentence_type for one in both] == ["TTM", "TLL"]
+
+
 def test_tll_is_where_the_fix_and_own_ship_say(world, plotter):
     boat = connected(world, plotter, nmea_sentences="TLL")
 
@@ -224,6 +239,7 @@ SILENT = [
     ("60 s after that of own ship", {}, lambda boat: boat.sail(stamp=STAMP - 60.0)),
     ("own_ship/odometry is not used", {}, lambda boat: boat.sail(math.nan)),
     ("fix is not used: its status says", TLL, lambda boat: boat.fix(10.0, 10.0, *LOST)),
+    ("own_ship/odometry is not used", {}, lambda boat: boat.bridge._keep(b"none")),
     ("near a pole", TLL, lambda boat: boat.fix(89.9, 10.0)),
     ("fix is not used", TLL, lambda boat: boat.fix(math.nan, math.nan)),
     ("fix is not used: nanosec", TLL, lambda boat: boat.fix(10.0, 10.0, *NO_CLOCK)),

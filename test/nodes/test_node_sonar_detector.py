@@ -9,10 +9,12 @@ import pytest
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import SetParametersResult
 from sensor_msgs.msg import Image, PointCloud2
-from support.ros_world import BEST_EFFORT, WARN
+from support import foreign_messages as foreign
+from support.ros_world import RELIABLE, WARN
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import make_header, read_detections
+from tsepm_ros.detector.detector import Detector
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
@@ -29,8 +31,9 @@ STAMP = 1_700_000_000.0
 class Sonar:
     """Publishes a forward-looking sonar's images, as displayed: far above, port at the left."""
 
-    def __init__(self, world, seed=3):
-        self.publisher = world.observer.create_publisher(Image, "image", BEST_EFFORT)
+    def __init__(self, world, seed=3, interval=0.2):
+        self.interval = interval
+        self.publisher = world.observer.create_publisher(Image, "image", RELIABLE)
         self.rng = np.random.default_rng(seed)
         self.number = 0
 
@@ -45,7 +48,7 @@ class Sonar:
         picture = np.minimum(field * 15.0, 255.0).astype(np.uint8)
         displayed = picture[::-1].T[::-1]
         message = Image(
-            header=make_header(round((STAMP + 0.2 * self.number) * 1e9), "sonar"),
+            header=make_header(round((STAMP + self.interval * self.number) * 1e9), "sonar"),
             height=CELLS,
             width=BEAMS,
             step=BEAMS,
@@ -64,9 +67,9 @@ def pings(world, sonar, heard, number, targets=lambda k: ()):
     return heard
 
 
-def detecting(world, **parameters):
+def detecting(world, interval=0.2, **parameters):
     """A detector that has found its sonar, and its detections."""
-    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    sonar, heard = Sonar(world, interval=interval), world.listen(PointCloud2, "detections")
     world.make(SonarDetector, COVERAGE | parameters)
     world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
     world.until_connected()
@@ -162,3 +165,84 @@ def test_a_tracker_is_told_the_coverage_of_the_images_whenever_it_starts_and_unt
     seen = len(world.diagnostics)
     world.until(lambda: len(world.diagnostics) > seen + 4, "some looks at the tracker")
     assert tracker.get_parameter("sensor.max_range").value == 40.1, "it fits the images"
+
+
+def slowed(monkeypatch, seconds):
+    """A detector that takes at least so long for an image."""
+    process = Detector.process
+
+    def slow(self, image):
+        time.sleep(seconds)
+        return process(self, image)
+
+    monkeypatch.setattr(Detector, "process", slow)
+
+
+def overall(world):
+    """The newest entry of the detector, and its figures."""
+    seen = len(world.diagnostics)
+    world.until(lambda: len(world.diagnostics) > seen, "diagnostics")
+    (status,) = world.diagnostics[-1].status
+    return status, {value.key: value.value for value in status.values}
+
+
+def test_of_images_faster_than_they_are_processed_the_newest_is_taken_and_it_is_said(
+    world, monkeypatch
+):
+    slowed(monkeypatch, 0.25)
+    sonar, heard = detecting(world, interval=0.1)
+    for _ in range(9):
+        sonar.ping()
+    newest = round((STAMP + 0.8) * 1e9)
+    world.until(lambda: heard and stamp_of(heard[-1]) == newest, "the newest image")
+    assert len(heard) <= 4
+    status, figures = overall(world)
+    assert status.level == bytes([1])
+    assert status.message.startswith("cannot keep up: an image takes 0.")
+    assert len(heard) + int(figures["dropped.overload"]) == 9
+    assert float(figures["image_interval_s"]) == pytest.approx(0.1, rel=0.01)
+    assert float(figures["time_per_image_s"]) >= 0.25
+    assert float(figures["image_age_s"]) >= 0.25
+    world.until_logged("images were passed over", level=WARN)
+
+
+def stamp_of(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def test_a_burst_of_a_slow_sonar_is_processed_whole(world, monkeypatch):
+    slowed(monkeypatch, 0.25)
+    sonar, heard = detecting(world, interval=12.0)
+    for _ in range(9):
+        sonar.ping()
+    world.until(lambda: len(heard) == 9, "every image")
+    status, figures = overall(world)
+    assert (status.level, "dropped.overload" in figures) == (bytes([0]), False)
+
+
+def bearing(number, interval):
+    stamp = round((STAMP + interval * number) * 1e9)
+    return foreign.SonarEcho(
+        header=make_header(stamp, "sonar"),
+        angle=2.0 * np.pi * (number % 24) / 24,
+        range=40,
+        speed_of_sound=1500,
+        intensities=np.random.default_rng(number).integers(1, 200, 60, np.uint8).tobytes(),
+    )
+
+
+@pytest.mark.parametrize(
+    ("interval", "waited", "processed"), [(0.001, 5.0, 1), (0.001, 0.0, 6), (0.1, 5.0, 6)]
+)
+def test_of_turns_faster_than_they_are_processed_those_with_a_newer_one_are_passed_over(
+    world, monkeypatch, interval, waited, processed
+):
+    slowed(monkeypatch, 0.05)
+    heard = world.listen(PointCloud2, "detections")
+    node = world.make(SonarDetector)
+    world.until_connected()
+    for number in range(24 * 7 + 2):
+        node.take_image(bearing(number, interval), waited)
+    assert node._input.detector.measured["images"] == processed
+    assert node._dropped["overload"] == 6 - processed
+    world.until(lambda: len(heard) == processed, "their detections")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import array
 import itertools
+import math
 import re
 import threading
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
@@ -219,3 +221,94 @@ def test_several_nodes_that_fit_are_named_and_none_is_guessed(world):
         line = world.until_logged("several nodes publish tracks", level=WARN)
         assert "/port/track_initiator" in line and "/starboard/track_initiator" in line
         assert topic_shown(watcher) == "/tracks/current"
+
+
+GRIDS = [
+    *[(resolution, 2, 2, 4) for resolution in (math.nan, math.inf, -math.inf, -1.0, 0.0, 3e38)],
+    *[(1.0, 2, 2, 3), (1.0, 4, 1, 4), (1.0, 2**32 - 1, 2**32 - 1, 4), (1.0, 300, 300, 90_000)],
+]
+
+
+def grid(resolution, width, height, cells):
+    message = OccupancyGrid(data=array.array("b", [7] * cells))
+    message.info.resolution, message.info.width, message.info.height = resolution, width, height
+    return message
+
+
+def test_a_grid_that_is_no_plan_is_counted_and_the_next_is_shown(world):
+    viewer = world.make(TrackViewer, {"port": 0})
+    for number, wrong in enumerate(GRIDS, 1):
+        viewer._take_image(grid(*wrong))
+        assert (viewer._state.image, viewer._dropped["image/plan"]) == ("null", number)
+    viewer._take_image(grid(1.5, 2, 2, 4))
+    assert '"cell":1.5' in viewer._state.image
+    world.until_logged("a message on image/plan cannot be shown", "2 x 2, 4 cells, nan m")
+
+
+def health(level, *, node="/n", task="own ship", **topics):
+    values = [KeyValue(key=f"topics.{name}", value=value) for name, value in topics.items()]
+    status = DiagnosticStatus(name=f"{node}: {task}", hardware_id=node, level=bytes([level]))
+    status.values = values
+    return DiagnosticArray(status=[status])
+
+
+def test_a_level_that_no_diagnostics_have_is_an_error_and_the_page_goes_on(world):
+    viewer, page = live(world)
+    with page as watcher:
+        for level, shown in ((7, 2), (255, 2), (0, 0)):
+            viewer._hear(health(level))
+            world.until(lambda: watcher.health, "the health")
+            world.until(lambda shown=shown: watcher.health["level"] == shown, "that level")
+
+
+def test_topics_that_another_node_states_and_no_topic_may_have_are_not_followed(world):
+    viewer = world.make(TrackViewer, {"port": 0})
+    stated = {"node": "/n", "task": "quality of service"}
+    for name in ("", "/no topic", "/a//b", "/7", "/t\u00e4"):
+        viewer._hear(health(0, **stated, **{"tracks/current": name}))
+    viewer._hear(health(0, **stated, detections="/detections"))
+    viewer._check_publisher()
+    assert not viewer._stated
+    viewer._hear(health(0, **stated, **{"tracks/current": "/held"}))
+    assert viewer._stated == {"/n": {"tracks/current": "/held"}}
+
+
+def test_bytes_that_are_no_odometry_and_a_pose_off_the_earth_are_counted(world):
+    viewer, page = live(world)
+    with page as watcher:
+        far = PoseSample(99.0, 1e300, 2.0, 0.5, None, frame_id="odom")
+        near = PoseSample(99.5, 3.0, 2.0, 0.5, None, frame_id="odom")
+        for number, data in enumerate(
+            (
+                b"",
+                b"\0\1\0\0" + b"\xff" * 30,
+                *map(serialize_message, map(odometry_message, (far, near))),
+            )
+        ):
+            viewer._take("own_ship/odometry", data)
+            viewer._take("tracks/current", tracks(100.0 + number, held(7, 10.0, 20.0)))
+            world.until(lambda number=number: len(watcher.frames) > number, "the scan")
+    assert [bool(frame["own_ship"]) for frame in watcher.frames] == [False, False, False, True]
+    assert viewer._dropped["own_ship/odometry"] == 3
+
+
+def test_an_exception_in_the_server_s_thread_is_counted_and_the_next_scan_is_shown(
+    world, monkeypatch
+):
+    world.provokes = True
+    viewer, page = live(world)
+    with page as watcher:
+        monkeypatch.setattr(viewer._frames, "take", lambda topic, message: [][1])
+        viewer._take("tracks/current", tracks(100.0, held(7, 10.0, 20.0)))
+        world.until_logged("IndexError", "Traceback")
+        monkeypatch.undo()
+        viewer._take("tracks/current", tracks(112.0, held(7, 10.0, 20.0)))
+        world.until(lambda: watcher.frames, "the next scan")
+        world.until(
+            lambda: any(
+                status.name == "/track_viewer: overall" and status.level == bytes([Level.ERROR])
+                for message in world.diagnostics
+                for status in message.status
+            ),
+            "the error on /diagnostics",
+        )

@@ -20,6 +20,7 @@ from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
 
 
+@pytest.mark.internal_error
 def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
     one = NotedSession(failing_at(36.0, settings()))
     (track,) = play(one, [0, 12, 24])[2].new

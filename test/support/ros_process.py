@@ -42,6 +42,7 @@ class RosProcess:
         arguments: Sequence[str] = (),
     ) -> None:
         self.name = name
+        self.provokes = False  # internal errors; else one is a failure
         self._output = output
         if isinstance(script, Path):
             command = [sys.executable, str(script)]
@@ -67,9 +68,10 @@ class RosProcess:
     def __enter__(self) -> RosProcess:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
         self._process.kill()
         self._process.wait()
+        assert kind or self.provokes or "internal_error" not in self.said, self.said
 
     @property
     def said(self) -> str:

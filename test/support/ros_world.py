@@ -63,6 +63,8 @@ class World:
         self.context = Context()
         self._nodes: list[Node] = []
         self._refused = False
+        self.provokes = False
+        """Whether internal errors are provoked; else one is a failure."""
 
     def __enter__(self) -> World:
         rclpy.init(context=self.context, domain_id=self.domain)
@@ -72,13 +74,24 @@ class World:
         self.diagnostics = self.listen(DiagnosticArray, "/diagnostics")
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
+        errors = self.internal_errors()
         self.executor.shutdown()
         for node in self._nodes:
             node.destroy_node()
         rclpy.try_shutdown(context=self.context)
         if self._refused:
             gc.collect()  # a refused node keeps the next one with its name from /rosout
+        assert kind or self.provokes or not errors, f"internal errors: {errors}"
+
+    def internal_errors(self) -> int:
+        """Internal errors that the nodes have counted."""
+        counts = [
+            getattr(getattr(node, "_session", None), "dropped", None)
+            or getattr(node, "_dropped", {})
+            for node in self._nodes
+        ]
+        return sum(dropped.get("internal_error", 0) for dropped in counts)
 
     def add(self, node: NodeType) -> NodeType:
         self._nodes.append(node)

@@ -29,6 +29,11 @@ class Level(enum.IntEnum):
     ERROR = 2
     STALE = 3
 
+    @classmethod
+    def _missing_(cls, value: object) -> Level:
+        """The level of a number that is none: whatever a node means with it, it is no health."""
+        return cls.ERROR
+
 
 @dataclass(frozen=True)
 class Status:

@@ -10,11 +10,14 @@ import math
 import signal
 import sys
 import time
+import traceback
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -31,7 +34,10 @@ from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock as ClockMessage
 
+from msg_adapters import diagnostics, time_to_ns
+from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.parameters import (
     Parameter,
@@ -41,7 +47,7 @@ from tsepm_ros.parameters import (
     shown,
     unknown_parameter,
 )
-from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT, reason_of, shortened
 from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_value
 from tsepm_ros.settings.settings import (
     NODES,
@@ -60,6 +66,8 @@ MORE_DETECTIONS = 10
 """Factor between the numbers of dropped detections of two warnings: many pings have some."""
 FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
 """Reasons that are no fault."""
+ERRORS_PERIOD = 1.0
+"""Time between messages on /diagnostics of a node that has none but its internal errors, s."""
 _INT64 = 2**63 - 1
 
 OVERRIDES = "qos_overrides."
@@ -110,8 +118,7 @@ class ParameterisedNode(Node):
     on_change : callable, optional
         Called with the options after parameters changed at run time.
     validate : callable, optional
-        Called with the options before a change; an exception in `failures` refuses the change.
-    failures : tuple of exception types, optional
+        Called with the options before a change; an exception refuses the change.
     **node_options
         Arguments of `rclpy.node.Node`.
 
@@ -132,7 +139,6 @@ class ParameterisedNode(Node):
         name: str,
         on_change: Callable[[OptionsByType], None] = lambda options: None,
         validate: Callable[[OptionsByType], None] = lambda options: None,
-        failures: tuple[type[Exception], ...] = (),
         **node_options: Any,
     ) -> None:
         arguments = [*(node_options.get("cli_args") or ()), *sys.argv[1:]]
@@ -152,8 +158,8 @@ class ParameterisedNode(Node):
         chosen = self.get_parameters_by_prefix("").get("method")
         self._groups = with_method(NODES[name], chosen and chosen.value)
         self._rows = {row.name: row for row in full_table(self._groups)}
-        self._on_change, self._validate, self._failures = on_change, validate, failures
-        self._warned: set[str] = set()
+        self._on_change, self._validate = on_change, validate
+        self._dropped, self._warned = Counter[str](), set[str]()
         self._last: dict[str, float] = {}
         self._said: dict[str, int] = {}
         self._refuse_unknown()
@@ -167,24 +173,78 @@ class ParameterisedNode(Node):
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[[Any, Any], Any], **options: Any
     ) -> Any:
-        """Make a service; a parameter of no type that exists has no value, which is refused."""
+        """Make a service, which answers whatever happens.
+
+        A parameter of no type that exists has no value, which is refused.
+        """
 
         def answer(request: Any, response: Any) -> Any:
             for one in getattr(request, "parameters", ()):
                 if one.value.type > ParameterType.PARAMETER_STRING_ARRAY:
                     one.value.type = ParameterType.PARAMETER_NOT_SET
-            return callback(request, response)
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self.fail(error)
+                return response
 
         return super().create_service(srv_type, srv_name, answer, **options)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[..., None], *given: Any, **options: Any
+    ) -> Any:
+        """Make a subscription; times on /clock that no clock gives do not reach rclpy."""
+
+        def take_clock(message: ClockMessage) -> None:
+            try:
+                time_to_ns(message.clock)
+                callback(message)
+            except ValueError as error:
+                self._drop("clock_invalid", f"a time on /clock is not used: {error}")
+
+        take = take_clock if msg_type is ClockMessage else callback
+        return super().create_subscription(msg_type, topic, take, *given, **options)
+
+    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
+        """Count what is not used, and say why."""
+        self._dropped[reason] += number
+        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
+
+    def fail(self, error: Exception) -> None:
+        """Count an exception of a callback as internal error: nothing else has caught it.
+
+        A node without diagnostics of its own publishes an entry of its drops from then on.
+        """
+        self._drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
+        topic = self.resolve_topic_name("/diagnostics")
+        if topic not in {one.topic_name for one in self.publishers}:
+            errors = self.create_publisher(DiagnosticArray, topic, 10)
+            self.steady_timer(
+                ERRORS_PERIOD,
+                lambda: errors.publish(
+                    diagnostics(
+                        self.get_clock().now().nanoseconds,
+                        self.get_fully_qualified_name(),
+                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self._dropped))],
+                    )
+                ),
+            )
 
     def warn(self, reason: str, sentence: str, total: int = 0) -> None:
         """Log a fault and the number of its occurrences, or a fact of `FACTS` as INFO.
 
         At most once per `WARNING_PERIOD` and reason. Drops of single detections are logged again
-        once they are `MORE_DETECTIONS` times as many. Nothing is logged while the node ends.
+        once they are `MORE_DETECTIONS` times as many. Nothing is logged while the node ends. The
+        traceback of an internal error is logged once for each place.
         """
         if not self.context.ok():
             return
+        if (
+            reason == INTERNAL_ERROR
+            and (place := "".join(traceback.format_tb(sys.exc_info()[2])[-1:])) not in self._warned
+        ):
+            self._warned.add(place)
+            self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
         now = time.monotonic()
         if now - self._last.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
             return
@@ -267,13 +327,11 @@ class ParameterisedNode(Node):
             return SetParametersResult(successful=False, reason="a parameter has no name")
         # Types were checked by rclpy; another part of the node has declared what is in no row.
         changes = {one.name: one.value for one in parameters if one.name in self._rows}
-        if not changes:
-            return SetParametersResult(successful=True)
         try:
             self._validate(self._make_options(changes))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except self._failures as error:
+        except Exception as error:
             reason = f"{', '.join(changes)} cannot be used: {error!r}"
             return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
@@ -467,12 +525,17 @@ def _made(make_node: Callable[[], Node]) -> Node:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+    """Call a node's callbacks until its end; an exception of one counts, and the next follows."""
     executor.add_node(node)
-    finished: Future | None = getattr(node, "finished", None)
+    finished: Future = getattr(node, "finished", None) or Future()
     try:
-        if finished is None:
-            executor.spin()
-        else:
-            executor.spin_until_future_complete(finished)
+        while rclpy.ok() and not finished.done():
+            try:
+                executor.spin_once()
+            except Exception as error:
+                if not (rclpy.ok() and isinstance(node, ParameterisedNode)):
+                    raise
+                with suppress(Exception):  # of a MemoryError, its report may be another
+                    node.fail(error)
     finally:
         node.destroy_node()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +16,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections_cloud, diagnostics, make_header
 from msg_adapters.sonar_images import (
+    BEARINGS,
     IMAGES,
     PLAN_PERIOD,
     ImageInput,
@@ -30,14 +29,23 @@ from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.nodes.base_node import ParameterisedNode, run
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
+from tsepm_ros.nodes.subscriptions import (
+    MAX_BACKLOG,
+    DetectionsSubscription,
+    Pace,
+    QosWatch,
+    newest,
+    seconds_in_queue,
+)
+from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tracker.scan import Scan
 
 IMAGE, DETECTIONS = "image", "detections"
-DEPTH = 10
+DEPTH, BEARINGS_DEPTH = 10, 1000
+TOO_FAST = "images were passed over, because they come faster than they are processed"
 PERIOD = 1.0
 """Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
 
@@ -51,7 +59,7 @@ class SonarDetector(ParameterisedNode):
             lambda changed: self._input.configure(changed),
             **node_options,
         )
-        self._dropped = Counter[str]()
+        self._pace = Pace()
         self._input = ImageInput(self.options, self._drop, self.warn_once)
         self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
@@ -66,25 +74,44 @@ class SonarDetector(ParameterisedNode):
             options.image_type,
             options.image_reliability,
             options.image_depth,
-            self.take_image,
+            self._hear,
             QosWatch(self),
             topic=IMAGE,
             readable=tuple(IMAGES),
+            least_depth=dict.fromkeys(BEARINGS, BEARINGS_DEPTH),
         )
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self.steady_timer(PERIOD, self._report)
         self.refuse_unused_overrides()
 
-    def _drop(self, reason: str, sentence: str) -> None:
-        """Count an image that is not used, and say why."""
-        self._dropped[reason] += 1
-        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
+    def _hear(self, message: Any, information: Any) -> None:
+        """Take a message from the middleware: under overload the newest image, or turn."""
+        pace, waited = self._pace, seconds_in_queue(information)
+        if not self._input.in_parts:
+            message, waited, skipped = newest(
+                message, information, pace.interval, self._images.take_waiting, pace.is_behind
+            )
+            heard = [one.header.stamp for one in (*skipped, message)]
+            if number := pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in heard]):
+                self._drop("overload", TOO_FAST, number)
+        self.take_image(message, waited)
 
-    def take_image(self, message: Any) -> None:
-        """Take a message of an image, or of some bearings, of any supported type."""
-        for ping, scan in self._input.take(message):
+    def take_image(self, message: Any, waited: float = 0.0) -> None:
+        """Take a message, of any supported type, that waited for a time, s."""
+        self._pace.arrived = time.monotonic() - waited
+        for ping, scan in self._input.take(message, self._is_late):
             self._follow(ping)
             self._publish(scan, ping)
+            self._pace.done()
+
+    def _is_late(self, turn: ImagePing) -> bool:
+        """Whether a newer turn is waiting, and turns come faster than they are processed."""
+        pace = self._pace
+        pace.came([1e-9 * turn.stamp_ns])
+        late = pace.is_behind and time.monotonic() - pace.arrived > pace.interval
+        if late:
+            self._drop("overload", TOO_FAST)
+        return late
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
         header = make_header(ping.stamp_ns, ping.frame_id)
@@ -127,8 +154,8 @@ class SonarDetector(ParameterisedNode):
         """Tell the tracker the coverage of the images where its own is another."""
         if self._tracker is None or self._coverage is None or future.cancelled():
             return
-        known = [one.double_value for one in future.result().values] or [math.nan]
-        if not self._coverage.agrees(known):
+        known = [one.double_value for one in future.result().values]
+        if len(known) != len(COVERAGE) or not self._coverage.agrees(known):
             values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
                 [Parameter(f"sensor.{name}", value=value) for name, value in values], self._told
@@ -144,9 +171,25 @@ class SonarDetector(ParameterisedNode):
         """Publish what the detector measured, and the drops; look at the tracker's coverage."""
         self._ask()
         measured = self._input.detector.measured | {"bearings_unused": self._input.turns.unused}
-        values = measured | {f"dropped.{name}": count for name, count in self._dropped.items()}
+        pace = self._pace
+        values = measured | {
+            "time_per_image_s": pace.time,
+            "image_interval_s": pace.interval,
+            "image_age_s": pace.age,
+            **{f"dropped.{name}": count for name, count in self._dropped.items()},
+        }
         level, message = Level.OK, "detections are made of images"
-        if not measured["images"]:
+        if self._dropped[INTERNAL_ERROR]:
+            level, message = Level.ERROR, REPORT_IT
+        elif pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG):
+            level, message = (
+                Level.WARN,
+                f"cannot keep up: an image takes {pace.time:.3g} s, one comes every "
+                f"{pace.interval:.3g} s, the last was finished {pace.age:.3g} s after its arrival; "
+                f"{self._dropped['overload']} were passed over. Reduce the sonar's rate, or the "
+                "cells of its images",
+            )
+        elif not measured["images"]:
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -46,6 +46,8 @@ MAX_BACKLOG = 2.0
 """Time in the queue from which on the newest message is taken, s."""
 BACKLOG_INTERVALS = 5.0
 """The same in scan intervals: a burst of a slow sonar is processed whole."""
+LAST_IMAGES = 9
+"""Images of which the interval and the time are the medians."""
 LONGEST = 600.0
 """Time in the queue above which the clocks of publisher and subscriber differ, s."""
 
@@ -73,8 +75,9 @@ def newest(
     information: Any,
     interval: float,
     take_waiting: Callable[[], list[tuple[Any, Any]]],
-) -> tuple[Any, float, int]:
-    """The message to be processed: the newest, where it waited too long in the queue.
+    is_behind: bool = False,
+) -> tuple[Any, float, list[Any]]:
+    """The message to be processed: the newest, where the oldest waited too long in the queue.
 
     Parameters
     ----------
@@ -84,22 +87,67 @@ def newest(
         Between scans, s; 0 while it is unknown.
     take_waiting : callable
         Takes all others from the queue, oldest first.
+    is_behind : bool, optional
+        Whether messages come faster than they are processed: then the newest in any case.
 
     Returns
     -------
     message : Any
     waited : float
         s.
-    skipped : int
-        Older messages that are not processed.
+    skipped : list
+        Older messages that are not processed, oldest first.
     """
     waited = seconds_in_queue(information)
     is_late = interval and waited > max(MAX_BACKLOG, BACKLOG_INTERVALS * interval)
-    others = take_waiting() if is_late else []
-    if not others:
-        return message, waited, 0
-    message, information = others[-1]
-    return message, seconds_in_queue(information), len(others)
+    heard = [(message, information)]
+    if is_late or is_behind:
+        heard += take_waiting()
+    *skipped, (message, information) = heard
+    return message, seconds_in_queue(information), [one for one, _ in skipped]
+
+
+class Pace:
+    """How fast images come, and how fast they are processed.
+
+    Attributes
+    ----------
+    interval, time : float
+        Medians of the last `LAST_IMAGES`: between stamps, and that an image takes, s; 0: unknown.
+    arrived : float
+        When the message in work arrived, s of the monotonic clock.
+    age : float
+        Of the last image, from its arrival to the end of publishing, s.
+    """
+
+    def __init__(self) -> None:
+        self._stamps = deque[float](maxlen=LAST_IMAGES)
+        self._times = deque[float](maxlen=LAST_IMAGES)
+        self._free = self.arrived = time.monotonic()
+        self.age = self.interval = self.time = 0.0
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether images come faster than they are processed."""
+        return 0.0 < self.interval < self.time
+
+    def came(self, stamps: Sequence[float]) -> int:
+        """Note images by their stamps, s, all but the last passed over; the number of these.
+
+        By the interval it includes those that the middleware has overwritten.
+        """
+        last, passed = (self._stamps or stamps)[-1], len(stamps) - 1
+        self._stamps.extend(stamps)
+        steps = [step for step in np.diff(self._stamps).tolist() if step > 0.0]
+        self.interval = float(np.median(steps or [0.0]))
+        gap = round((stamps[-1] - last) / (self.interval or math.inf))
+        return max(passed, gap - 1) if passed else 0
+
+    def done(self) -> None:
+        """Note the end of an image: it took what has passed since its arrival, or the last end."""
+        now = time.monotonic()
+        self._times.append(now - max(self._free, self.arrived))
+        self._free, self.age, self.time = now, now - self.arrived, float(np.median(self._times))
 
 
 class QosWatch:
@@ -295,6 +343,8 @@ class DetectionsSubscription:
     topic : str, optional
     readable : sequence of str, optional
         Types that are read; by default those of detections.
+    least_depth : mapping of str to int, optional
+        Least number of messages of a type that may queue up.
 
     Attributes
     ----------
@@ -319,19 +369,21 @@ class DetectionsSubscription:
         *,
         topic: str = "detections",
         readable: Sequence[str] | None = None,
+        least_depth: Mapping[str, int] | None = None,
     ) -> None:
         self._node = node
         self._topic = topic
         self._readable = supported_types() if readable is None else readable
         self._expected = DEFAULT_TYPE if readable is None else readable[-1]
         self._asked = None if reliability == "auto" else ReliabilityPolicy[reliability.upper()]
-        self._make = partial(
-            OfferedSubscription,
+        self._make: Callable[..., OfferedSubscription] = lambda kind, asked: OfferedSubscription(
             node,
-            topic=topic,
-            depth=depth,
-            callback=callback,
-            watch=watch,
+            message_class(kind, self._readable),
+            topic,
+            max(depth, (least_depth or {}).get(kind, 0)),
+            callback,
+            watch,
+            reliability=asked,
             refusal="" if reliability == "auto" else NOT_RELIABLE,
         )
         self._subscription: OfferedSubscription | None = None
@@ -382,9 +434,7 @@ class DetectionsSubscription:
         elif not (at_start or publishers or self._subscription):
             # Not at the start: a process has one type of a topic, and may have a driver of its own.
             asked = self._asked or ReliabilityPolicy.RELIABLE
-            self._subscription = self._make(
-                message_type=message_class(self._expected, self._readable), reliability=asked
-            )
+            self._subscription = self._make(self._expected, asked)
             self._subscription.provisional = self._expected
         for name in self._published_types:
             if name != self.subscribed and name not in self._refused_types:
@@ -420,9 +470,7 @@ class DetectionsSubscription:
 
     def _subscribe(self, type_name: str, reliability: ReliabilityPolicy) -> None:
         if self._subscription is None:
-            self._subscription = self._make(
-                message_type=message_class(type_name, self._readable), reliability=reliability
-            )
+            self._subscription = self._make(type_name, reliability)
         self._subscription.provisional = ""
         self.subscribed = type_name
         self._node.get_logger().info(

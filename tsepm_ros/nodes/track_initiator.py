@@ -31,7 +31,7 @@ from tsepm_ros.nodes.subscriptions import (
 )
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.consistency_checks import questions
-from tsepm_ros.session.drop_reasons import DETECTIONS, FAILURES, OWN_SHIP, shortened
+from tsepm_ros.session.drop_reasons import DETECTIONS, INTERNAL_ERROR, OWN_SHIP, shortened
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import help_text, settings_from
@@ -158,7 +158,6 @@ class TrackInitiator(ParameterisedNode):
             "track_initiator",
             self._configure,
             lambda changed: self._session.validate(settings_from(changed)),
-            FAILURES,
             **node_options,
         )
         options: InitiatorNodeOptions = self.options[InitiatorNodeOptions]
@@ -217,6 +216,10 @@ class TrackInitiator(ParameterisedNode):
         self._learned.write()
         super().destroy_node()
 
+    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
+        """Count what is not used among the drops of the session."""
+        self._session.drop(reason, sentence, number)
+
     def _hear_detections(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
         interval = self._session.tracker.learned.scan_interval.median
@@ -226,9 +229,9 @@ class TrackInitiator(ParameterisedNode):
         if skipped:
             self._session.drop(
                 "overload",
-                f"{skipped} messages of detections waited too long and were skipped; the newest "
-                "is processed",
-                skipped,
+                f"{len(skipped)} messages of detections waited too long and were skipped; the "
+                "newest is processed",
+                len(skipped),
             )
         self.take_detections(message, waited)
 
@@ -281,8 +284,8 @@ class TrackInitiator(ParameterisedNode):
             result = processed.in_frame()
             try:
                 latency = self._outputs.publish(result, entered)
-            except FAILURES as error:  # such as a stamp beyond the range of a message
-                self._session.drop("internal_error", f"a scan was not published: {error!r}")
+            except Exception as error:  # such as a stamp beyond the range of a message
+                self._session.drop(INTERNAL_ERROR, f"a scan was not published: {error!r}")
             else:
                 self.health.processed(result.statistics.detections, latency, self._clocks.now())
             self._announced.announce(result, self._session.tracker.reason)

@@ -11,10 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-FAILURES = (ArithmeticError, LookupError, MemoryError, ValueError)
-"""Exceptions in the processing of a scan: the scan is dropped, and the next scan is processed."""
-
-
+INTERNAL_ERROR = "internal_error"
+"""Reason of what nothing else has caught: the scan or message is dropped, and the next is taken."""
+REPORT_IT = (
+    "internal_error, a fault of the node: report the traceback in the log, with the version, the "
+    "parameters and a bag of the messages"
+)
+"""Its remedy."""
 MAX_SENTENCE = 500
 """Characters of a reported sentence. The names in a message may be as long as the message."""
 CUT = " ... "
@@ -333,11 +336,18 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "the own-ship data has no heading, and the detections need it",
         "Provide odometry with a heading, or bearings from north with an all-round coverage",
     ),
+    "clock_invalid": DropReason(
+        DETECTIONS,
+        "message",
+        "a time on /clock is before 1970, or its `nanosec` is a second or more",
+        "Fix the publisher of /clock, or set `use_sim_time` to false",
+    ),
     "overload": DropReason(
         DETECTIONS,
         "scan",
-        "messages waited in the middleware for over 2 s and 5 scan intervals; the newest was taken",
-        "Reduce the sonar's rate or its detections, or `max_scan_time`",
+        "messages waited in the middleware for over 2 s and 5 scan intervals, or images come "
+        "faster than `sonar_detector` processes them; the newest was taken",
+        "Reduce the sonar's rate, its detections or the cells of its images, or `max_scan_time`",
     ),
     "queue_full": DropReason(
         OWN_SHIP,
@@ -415,13 +425,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "the grid's size, resolution or origin is not usable; the warning names it",
         "Fix the publisher of `land`",
     ),
-    "internal_error": DropReason(
+    INTERNAL_ERROR: DropReason(
         INITIATION,
         "scan",
-        "registration, processing or publishing failed; if the algorithm failed, all tracks are "
-        "discarded",
-        "Check the own-ship data for jumps; else this is a fault of the node: report the text of "
-        "the warning",
+        "registration, processing, publishing or another callback failed; if the algorithm failed, "
+        "all tracks are discarded",
+        f"Check the own-ship data for jumps; else this is an {REPORT_IT}",
     ),
 }
 """Drop reasons by the name that is counted."""

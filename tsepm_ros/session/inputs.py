@@ -656,11 +656,9 @@ def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
         ``tracked_bad_covariance``: not symmetric and positive definite, or a standard deviation
         below `MIN_SIGMA`; ``tracked_duplicate_id``: of several with an id the first is kept.
     """
-    state, covariance = tracks.state, tracks.covariance
-    finite = np.isfinite(tracks.stamp) & (np.abs(state) <= MAX_STATE).all(axis=1)
-    finite &= (np.abs(covariance) <= MAX_STATE**2).all(axis=(1, 2))
+    finite = bounded(tracks)
     valid = finite.copy()
-    valid[finite] = _proper(covariance[finite])
+    valid[finite] = _proper(tracks.covariance[finite])
     _, first = np.unique(tracks.track_id[valid], return_index=True)
     kept = np.flatnonzero(valid)[np.sort(first)]
     counts = {
@@ -672,6 +670,12 @@ def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
     symmetric = 0.5 * (usable_tracks.covariance + np.swapaxes(usable_tracks.covariance, 1, 2))
     dropped = {reason: int(number) for reason, number in counts.items() if number}
     return dataclasses.replace(usable_tracks, covariance=symmetric), dropped
+
+
+def bounded(tracks: TrackArrays) -> BoolArray:
+    """Which tracks have a finite stamp, and a state and a covariance within `MAX_STATE`."""
+    finite = np.isfinite(tracks.stamp) & (np.abs(tracks.state) <= MAX_STATE).all(axis=1)
+    return np.asarray(finite & (np.abs(tracks.covariance) <= MAX_STATE**2).all(axis=(1, 2)))
 
 
 def _proper(covariance: FloatArray) -> BoolArray:

@@ -31,7 +31,13 @@ from tsepm_ros.session.consistency_checks import (
     SensorFigures,
     findings,
 )
-from tsepm_ros.session.drop_reasons import FAILURES, Notice, Rejection, Remark, shortened
+from tsepm_ros.session.drop_reasons import (
+    INTERNAL_ERROR,
+    Notice,
+    Rejection,
+    Remark,
+    shortened,
+)
 from tsepm_ros.session.inputs import (
     Arrival,
     ExternalTrackerInput,
@@ -425,8 +431,8 @@ class Session:
                 if self._must_wait(first):
                     return
                 result = self._result(first)
-            except FAILURES as error:
-                self.drop("internal_error", f"a scan could not be processed: {error!r}")
+            except Exception as error:
+                self.drop(INTERNAL_ERROR, f"a scan could not be processed: {error!r}")
             self._queue.remove_first()
             if result is not None:
                 yield result
@@ -543,7 +549,7 @@ class Session:
 
         Raises
         ------
-        FAILURES
+        Exception
             All tracks are discarded then, because the tracker's state is undefined.
         """
         tracker = self.tracker
@@ -554,7 +560,7 @@ class Session:
                 tracker.maintenance.follow(report.stamp, report.tracks)
             begin = time.perf_counter()
             new = tracker.process(scan)
-        except FAILURES:
+        except Exception:
             self._start_over()
             raise
         seconds = time.perf_counter() - begin

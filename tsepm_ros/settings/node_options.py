@@ -519,7 +519,11 @@ class SonarDetectorNodeOptions(ParameterGroup):
         read_only=True,
     )
     image_depth: int = parameter(
-        10, "Maximum number of queued images", minimum=1, maximum=100_000, read_only=True
+        10,
+        "Maximum number of queued images; of messages of some bearings at least 1000",
+        minimum=1,
+        maximum=100_000,
+        read_only=True,
     )
     sound_speed: float = parameter(
         0.0,

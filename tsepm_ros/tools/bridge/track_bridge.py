@@ -25,17 +25,15 @@ from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch, tf_buff
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged
+from tsepm_ros.session.inputs import bounded
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
 from tsepm_ros.settings.settings import help_text
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 from tsepm_ros.tracker.tracks import TrackArrays
 
 TRACKS, OWN_SHIP, FIX = "tracks/current", "own_ship/odometry", "fix"
 DEPTH = 10
-MAX_STATE = np.array([MAX_MAGNITUDE["sensor_pose"], MAX_MAGNITUDE["sensor_velocity"]] * 2)
-"""Largest magnitudes of a state that is handed on."""
 JUMP, AGREEING = 100.0, 5
 """Distance, m, between a fix and where odometry and the fix before have own ship, from which on a
 fix is doubted; and the number of fixes in a row that agree before they are believed."""
@@ -58,7 +56,6 @@ class TrackBridge(ParameterisedNode):
         super().__init__("track_bridge", **node_options)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
-        self._dropped: dict[str, int] = {}
         self._instance = uuid.uuid4()
         self._numbers = nmea.TargetNumbers()
         self._reported = -math.inf
@@ -120,11 +117,6 @@ class TrackBridge(ParameterisedNode):
     def _keep(self, odometry: bytes) -> None:
         self._odometry = odometry
 
-    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
-        """Count what is not handed on, and say why."""
-        self._dropped[reason] = self._dropped.get(reason, 0) + number
-        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
-
     def _take(self, cloud: PointCloud2) -> None:
         """Hand on the tracks that are held after a ping, if somebody takes them now."""
         wanted = [one for one in self._messages if one[0].get_subscription_count()]
@@ -140,9 +132,7 @@ class TrackBridge(ParameterisedNode):
         except MessageError as error:
             self._drop("bad_tracks", f"{TRACKS} is not used: {error}")
             return
-        variances = np.abs(tracks.covariance).max(axis=(1, 2), initial=0.0)
-        bounded = (np.abs(tracks.state) <= MAX_STATE).all(axis=1)
-        usable = bounded & (variances <= MAX_MAGNITUDE["sensor_pose_covariance"])
+        usable = bounded(tracks)
         if not usable.all():
             self._drop(
                 "bad_state",
@@ -258,7 +248,10 @@ class TrackBridge(ParameterisedNode):
                 f"there is no message on {OWN_SHIP}; a fixed sonar needs own_ship_source:=none",
             )
         with refusing_message("bad_own_ship", f"{OWN_SHIP} is not used:"):
-            return read_own_ship(deserialize_message(self._odometry, Odometry))
+            try:
+                return read_own_ship(deserialize_message(self._odometry, Odometry))
+            except RuntimeError as error:
+                raise ValueError(f"it is no message: {error}") from error
 
     def _take_fix(self, fix: NavSatFix) -> None:
         """Tie the fixed frame to the earth where own ship is now."""

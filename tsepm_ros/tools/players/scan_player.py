@@ -191,11 +191,13 @@ class PlayingNode(ParameterisedNode):
         stamp, publish = self._next
         if self._clock_topic is not None:
             self._clock_topic.publish(ClockMessage(clock=ns_to_time(seconds_to_ns(stamp))))
-        publish()
-        self._published += 1
+        try:
+            publish()
+        finally:  # whatever happens, the next event follows
+            self._published += 1
+            self._next = next(self._events, None)
         if self._published % EVENTS_PER_ACKNOWLEDGEMENT == 0:
             self._wait_for_acknowledgement()
-        self._next = next(self._events, None)
 
     def _wait_for_acknowledgement(self) -> None:
         for publisher in self._played.publishers:

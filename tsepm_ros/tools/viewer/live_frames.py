@@ -97,7 +97,7 @@ class LiveFrames:
         Called with the topic and the error for a message that cannot be read.
     """
 
-    def __init__(self, report: Callable[[str, MessageError], None]) -> None:
+    def __init__(self, report: Callable[[str, ValueError], None]) -> None:
         self._report = report
         self._scans: dict[int, ScanMessages] = {}  # the newest, by stamp
         self._newest: dict[str, int] = {}  # stamp by topic, ns
@@ -132,9 +132,11 @@ class LiveFrames:
     def take_own_ship(self, message: Any) -> None:
         """Take the own ship's odometry."""
         try:
-            self._own_ship = read_own_ship(message)
-            self._poses.add(self._own_ship)
-        except MessageError as error:
+            sample = read_own_ship(message)
+            sample.check()
+            self._poses.add(sample)
+            self._own_ship = sample
+        except ValueError as error:
             self._report(OWN_SHIP, error)
 
     def take_frames(self) -> list[tuple[Frame, dict[str, Frame]]]:

@@ -370,7 +370,7 @@ def health_of_message(message: Any) -> Frame | None:
             entries.append(
                 _entry(
                     task,
-                    level[0] if isinstance(level, bytes) else int(level),
+                    Level(level[0] if isinstance(level, bytes) else int(level)),
                     status.message,
                     ((value.key, value.value) for value in status.values),
                 )

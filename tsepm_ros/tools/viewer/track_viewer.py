@@ -5,14 +5,17 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
@@ -31,6 +34,7 @@ from tsepm_ros.tools.viewer.page_content import (
     make_server,
     topics_of_message,
 )
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 
 DIAGNOSTICS, IMAGE = "/diagnostics", "image/plan"
 CLOUD_DEPTH = 10
@@ -87,6 +91,11 @@ class TrackViewer(ParameterisedNode):
             info |= geographic_terms(options.origin)
             self._state = PageState(info, options.kept_scans)
             self._server = make_server(options, info["title"], self._state)
+        self._server.loop.set_exception_handler(  # no executor sees those of the server's thread
+            lambda _, context: self.fail(
+                context.get("exception") or RuntimeError(context["message"])
+            )
+        )
         self._server.start()  # the last: nobody would end it
         self.get_logger().info(f"open {self.url}")
 
@@ -173,7 +182,10 @@ class TrackViewer(ParameterisedNode):
     def _hear(self, message: DiagnosticArray) -> None:
         """Take a message of diagnostics, unless it is of another node than the one shown."""
         stated = topics_of_message(message)
-        self._stated.update(stated)
+        for node, topics in stated.items():
+            with suppress(KeyError, InvalidTopicNameException):
+                all(map(validate_full_topic_name, (topics[TRACKS], *topics.values())))
+                self._stated[node] = topics
         if not stated or self._shown in ("", *stated):
             self._take(DIAGNOSTICS, message)
 
@@ -195,14 +207,21 @@ class TrackViewer(ParameterisedNode):
 
     def _take_image(self, grid: OccupancyGrid) -> None:
         """Take a sonar image in the plane of the sensor."""
-        levels = bytes(grid.data)
+        info, cells = grid.info, len(grid.data)
+        is_plan = info.width == info.height and info.width * info.height == cells <= MAX_IMAGE
         try:
             stamp = ns_to_seconds(time_to_ns(grid.header.stamp))
+            if not (is_plan and 0.0 < info.resolution <= MAX_MAGNITUDE["range"]):
+                raise MessageError(
+                    "bad_plan",
+                    f"it must have equal sides and at most {MAX_IMAGE} cells of a positive "
+                    f"resolution; got {info.width} x {info.height}, {cells} cells, "
+                    f"{info.resolution} m",
+                )
         except MessageError as error:
             self._report(IMAGE, error)
-            return
-        if len(levels) <= MAX_IMAGE:
-            self._state.image = encode(image_frame(stamp, grid.info.resolution, levels))
+        else:
+            self._state.image = encode(image_frame(stamp, info.resolution, bytes(grid.data)))
 
     def _show(self) -> None:
         """Read what has arrived, in the server's thread."""
@@ -218,13 +237,16 @@ class TrackViewer(ParameterisedNode):
                 self._state.put_health(health)
         odometry, self._odometry = self._odometry, None
         if odometry is not None:
-            self._frames.take_own_ship(deserialize_message(odometry, Odometry))
+            try:
+                self._frames.take_own_ship(deserialize_message(odometry, Odometry))
+            except RuntimeError as error:
+                self._report(OWN_SHIP, error)
         for frame, facts in self._frames.take_frames():
             self._state.put(frame, facts)
 
-    def _report(self, topic: str, error: MessageError) -> None:
-        """Warn of a message that cannot be read."""
-        self.warn(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
+    def _report(self, topic: str, error: Exception) -> None:
+        """Count a message that cannot be read, and say why."""
+        self._drop(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
 
 
 def main(args: Sequence[str] | None = None) -> int:
