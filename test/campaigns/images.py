@@ -1,5 +1,7 @@
 """Mutated sonar images in process: every type, every layout, whole and as single bearings.
 
+Those without a geometry are of windows of any size and distance, too. Each is drawn as a plan.
+
 In every other case mutated images are only such as are refused when they are read; then the good
 images must give the detections of the stream alone, to the bit.
 """
@@ -28,7 +30,7 @@ from support import foreign_messages as foreign
 from msg_adapters import MessageError
 from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
-from msg_adapters.sonar_images import ImageInput, detection_fields, read_image
+from msg_adapters.sonar_images import ImageInput, detection_fields, plan_of, read_image
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
 from tsepm_ros.tracker.sensor import SensorModel
@@ -40,9 +42,10 @@ PINGS, TURN, PER_PING = 12, 24, 12
 MAX_MEMORY = 1500.0
 """Resident memory of the process that is too much, MB."""
 TYPES = ("projected", "raw", "mono8", "mono16", "32FC1", "fan", "column", "echo", "spokes")
+WINDOWS = [(0.0, 40.0), (5e3, 5e3 + 0.3), (9e7, 9e7 + 0.3), (0.0, 1e8), (39.99, 40.0), (0.0, 2e-3)]
+"""Nearest and largest range of images without a geometry, m."""
 OPTIONS = {
     "false_detections_per_ping": 3.0,
-    "sensor.max_range": 40.0,
     "sensor.azimuth_min": -0.65,
     "sensor.azimuth_max": 0.65,
 }
@@ -134,6 +137,10 @@ class Fed:
             read = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, ReadingOptions())
             check_reasons(Counter(read.dropped))
             require((scan.range_std > 0).all() and (scan.azimuth_std > 0).all(), "a std is not >0")
+            if (stages := self.input.detector.stages) is not None:
+                plan = plan_of(ping, stages)
+                require(0.0 < plan.cell < np.inf, f"a plan has cells of {plan.cell} m")
+                require(plan.levels.min() >= -1 and plan.levels.max() <= 100, "a level is none")
             new.append(b"".join(np.asarray(values).tobytes() for values in fields.values()))
         self.sent += 1
         drops = sum(self.dropped.values()) - before
@@ -143,10 +150,11 @@ class Fed:
         return new
 
 
-def options_of(kind: str) -> dict[type[Any], Any]:
+def options_of(kind: str, window: tuple[float, float] = WINDOWS[0]) -> dict[type[Any], Any]:
     """Options of the node beside a driver."""
     layout = {"image.rows": "fan" if kind == "fan" else "auto"}
-    return make_groups(SONAR_DETECTOR, OPTIONS | layout)
+    ranges = dict(zip(("sensor.min_range", "sensor.max_range"), window, strict=True))
+    return make_groups(SONAR_DETECTOR, OPTIONS | layout | ranges)
 
 
 def length(kind: str) -> int:
@@ -178,7 +186,8 @@ def case(number: int, rng: np.random.Generator) -> Tried:
     """A stream with mutated images between its own."""
     kind = TYPES[number % len(TYPES)]
     refused_only = number // len(TYPES) % 2 == 0
-    options = options_of(kind)
+    window = WINDOWS[0] if refused_only else WINDOWS[rng.integers(len(WINDOWS))]
+    options = options_of(kind, window)
     fed, tried = Fed(options), Counter[str]()
     most = PER_PING if length(kind) == PINGS else 2
     for place in range(length(kind)):

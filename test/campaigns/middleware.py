@@ -1,9 +1,11 @@
-"""The node over the middleware: mutated messages, a subscriber that is stopped, overload.
+"""The nodes over the middleware: mutated messages, a subscriber that is stopped, overload.
 
 A case has a node, a driver and an observer in a domain of their own, and is one of `KINDS`. No
-callback raises; everything that came in is a scan or a counted drop.
+callback raises; everything that came in is a scan or a counted drop. Viewer, bridge and detector
+take the good message after those that no node means: absurd grids, tracks, levels, topics, times.
 """
 
+import array
 import copy
 import signal
 import subprocess
@@ -22,13 +24,28 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import PointCloud2
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from streams import START, good_stream, land_message, stamp_of, tracker_message
 from support.ros_domains import own_domain
 from support.ros_world import World
 
+from msg_adapters import (
+    PlacedDetections,
+    diagnostics,
+    make_header,
+    odometry_message,
+    placed_detections_cloud,
+    track_cloud,
+)
+from tsepm_ros.diagnostics.health_figures import Level, Status
+from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.drop_reasons import DROP_REASONS
+from tsepm_ros.tools.bridge.track_bridge import TrackBridge
+from tsepm_ros.tools.viewer.track_viewer import TrackViewer
+from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 POINTS = "sensor_msgs/msg/PointCloud2"
 DEEP = QoSProfile(depth=1000)
@@ -36,6 +53,7 @@ LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MUTATED = 1500
 """Messages of a case of that kind."""
 BURST = 100
+TRACK_TOPICS = "tracks/current", "tracks", "potential_tracks", "fixed_echoes"
 OFTEN = 0.1
 """Period of the diagnostics, s."""
 WAIT = 30.0
@@ -228,7 +246,93 @@ def overload(world: World, rng: np.random.Generator, domain: int) -> Tried:
     return Counter({"overloading pings": number, "messages": number})
 
 
-KINDS = (*(mutated_messages, mutated_messages, no_messages, stopped_subscriber, overload),)
+def good_others(stamp: float) -> dict[str, Any]:
+    """A message of each topic of viewer, bridge and detector, and of /clock."""
+    header = make_header(round(stamp * 1e9), "odom")
+    track = ConfirmedTrack(7, stamp, np.array([50.0, 1.0, 90.0, 2.0]), np.eye(4), (), 0.5)
+    covariance = np.eye(2)[None] * np.ones((3, 1, 1))
+    placed = PlacedDetections(np.ones((3, 2)), covariance, np.zeros(3), {})
+    plan = OccupancyGrid(header=header, data=array.array("b", range(16)))
+    plan.info.resolution, plan.info.width, plan.info.height = 2.0, 4, 4
+    topics = {"topics.tracks/current": "/tracks/current", "topics.tracks": "/tracks"}
+    health = [
+        Status("overall", Level.OK, "well", {"received": 7}),
+        Status("detections", Level.WARN, "late", {"received": 7}),
+        Status("quality of service", Level.OK, "all", topics),
+    ]
+    rows = np.random.default_rng(5).integers(1, 200, (40, 16), np.uint8)
+    fix = NavSatFix(header=header, latitude=59.65, longitude=10.63)
+    pose = PoseSample(stamp, 1.0, 2.0, 0.3, rates=(1.0, 0.5, 0.0), frame_id="odom")
+    return {
+        **dict.fromkeys(TRACK_TOPICS, track_cloud(header, [track])),
+        "detections/placed": placed_detections_cloud(header, placed),
+        "own_ship/odometry": odometry_message(pose),
+        "fix": fix,
+        "image/plan": plan,
+        "image": Image(
+            header=header, height=40, width=16, step=16, encoding="mono8", data=rows.tobytes()
+        ),
+        "/diagnostics": diagnostics(round(stamp * 1e9), "/boat/track_initiator", health),
+        "/clock": Clock(clock=header.stamp),
+    }
+
+
+def other_nodes(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """Mutated messages, and bytes that are none, for viewer, bridge and detector."""
+    near = float(rng.choice([0.0, 5e3, 9e7]))
+    window = {"sensor.min_range": near, "sensor.max_range": near + float(rng.choice([0.3, 40.0]))}
+    sector = {"sensor.azimuth_min": -0.6, "sensor.azimuth_max": 0.6, "use_sim_time": True}
+    detector = world.make(SonarDetector, window | sector)
+    viewer = world.make(TrackViewer, {"port": 0, "use_sim_time": True})
+    to = {"nmea_address": "127.0.0.1:9", "nmea_sentences": "both", "nmea_period": 0.0}
+    bridge = world.make(TrackBridge, to)
+    driver = world.add(Node("driver", context=world.context))
+    publishers = {
+        topic: driver.create_publisher(type(message), topic, DEEP)
+        for topic, message in good_others(START).items()
+    }
+    viewer._state.asked_image()
+    world.until(publishers["image/plan"].get_subscription_count, "the page's wish for images")
+    world.until_connected()
+    tried: Tried = Counter()
+    for index in range(MUTATED):
+        topic = str(rng.choice(list(publishers)))
+        message = copy.deepcopy(good_others(START + 0.1 * index)[topic])  # fields are shared
+        mutate(message, rng)
+        try:
+            if rng.random() < 0.05:
+                data = bytearray(serialize_message(message))
+                publishers[topic].publish(bytes(data[: int(rng.integers(len(data)))]))
+            else:
+                publishers[topic].publish(message)
+        except (AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
+            continue
+        tried[topic] += 1
+        viewer._state.asked_image()
+        for _ in range(3):
+            world.spin_once(0.0)
+    before = detector._input.detector.measured["images"]
+    last = START + 0.1 * MUTATED + 1000.0
+    viewer._state.image = ""
+
+    def send() -> None:
+        for topic, message in good_others(last).items():
+            publishers[topic].publish(message)
+
+    def is_taken() -> bool:
+        shown = f'"stamp":{last}' in viewer._state.since()[0] and viewer._state.image
+        found = detector._input.detector.measured["images"] > before
+        return bool(shown) and found and bridge._reported == last
+
+    world.until(is_taken, "the good messages to be shown, processed and reported", send)
+    tried["messages"] += sum(tried.values())
+    return tried
+
+
+KINDS = (
+    *(mutated_messages, mutated_messages, no_messages, stopped_subscriber, overload),
+    *(other_nodes, other_nodes),
+)
 
 
 def case(number: int, rng: np.random.Generator) -> Tried:
