@@ -160,8 +160,8 @@ def test_no_two_modules_share_a_name():
 def late_constants(tree: ast.Module) -> list[str]:
     """Constants, names in capitals, that stand behind a function or class and need none of them."""
     late: list[str] = []
+    # Functions, classes and what is made with them: a constant that needs these stands behind.
     needed: set[str] = set()
-    """Functions, classes and what is made with them: a constant that needs these stands behind."""
     begun = False
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):

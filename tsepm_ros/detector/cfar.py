@@ -15,21 +15,18 @@ fill and an outer box; sums over boxes cost the same for every size. Amplitudes 
 count as the limit, so that other echoes and walls have a bounded part. Location and scale do the
 same to amplitudes, powers and logarithms: the unit need not be known.
 
-Peaks of the smoothed image, their threshold, and what is measured of their echoes.
-
-A peak is the highest cell within the box of an echo around it. The position is the centroid of the
-amplitudes ``w`` above half of the largest in a window of twice the box, which is centred on it. Its
-variance is that of a centroid of independent cells (speckle), and that of the reflecting part, as
-it may lie anywhere in the width of the echo::
+*Measured*: a peak is the highest cell within the box of an echo around it. The position is the
+centroid of the amplitudes ``w`` above half of the largest in a window of twice the box, which is
+centred on it. Its variance is that of a centroid of independent cells (speckle), and that of the
+reflecting part, as it may lie anywhere in the width of the echo::
 
     x = sum(w x) / sum(w),    var x = sum(w^2 (x - mean)^2) / sum(w)^2 + width^2 / 12
 
 with the equivalent width ``sum(w) / max(w)`` of the amplitudes summed over the other axis.
 
-The threshold keeps a stated number of false detections, and is learned from the peaks themselves.
-
-No law of the clutter is assumed. The heights of the peaks of the last pings are pooled, and the
-threshold is the height above which the stated number a ping lies::
+*Thresholded*: a stated number of false detections is kept. No law of the clutter is assumed. The
+heights of the peaks of the last pings are pooled, and the threshold is the height above which the
+stated number a ping lies::
 
     sum of w over the pooled peaks above the threshold  =  number * pings
 

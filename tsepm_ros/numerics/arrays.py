@@ -1,13 +1,4 @@
-"""Arrays: their types, tables of equal length, groups of rows, and limits of number and time.
-
-Names of array types: numbers, indices, masks.
-
-Tables: arrays of equal length whose rows belong together.
-
-Groups of rows: sums and maxima within them, ranks, and complete linkage.
-
-Limits of number and time: the rows of least cost, and the time of a scan.
-"""
+"""Arrays whose rows belong together: tables, groups of rows, and limits of number and time."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Discs: positions within them, and their probability under a Gaussian.
-
-Probability of a disc under a Gaussian.
-
-Positions within discs: pairs of centres and positions, without lists of Python objects.
-"""
+"""Discs: the positions within them, as arrays of pairs, and their probability under a Gaussian."""
 
 from __future__ import annotations
 

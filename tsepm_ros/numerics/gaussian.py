@@ -1,9 +1,4 @@
-"""Gaussian densities, distances, gates and mixtures, and covariances after rounding.
-
-Gaussian densities, distances, gates and mixtures.
-
-Covariances that rounding has left singular or not positive definite.
-"""
+"""Gaussian densities, distances, gates and mixtures, and covariances after rounding."""
 
 from __future__ import annotations
 

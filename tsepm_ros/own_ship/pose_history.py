@@ -1,9 +1,4 @@
-"""Poses of own ship: samples, and their history.
-
-One sample of own-ship data: the pose of the vessel or its sensor at a time.
-
-Pose of the sensor at the transmit and the reception of echoes.
-"""
+"""History of own ship's poses, and the sensor's pose at the transmit and the reception of echoes."""
 
 from __future__ import annotations
 

@@ -3,18 +3,14 @@
 Measurements along the sensor's axes become range and azimuth in the horizontal plane. The mounting
 turns the vessel's poses into the sensor's.
 
-Attitude: from a tilted sensor's axes to the horizontal plane.
-
 Axes are named as in REP-103: x ahead, y to port, z up. An attitude is yaw, pitch and roll: the
 rotation of the fixed axes by yaw about z, then by pitch about y, then by roll about x gives the
 vessel's axes, ``R = Rz(yaw) Ry(pitch) Rx(roll)``. Positive pitch is bow down, positive roll is
 port up.
 
-Axes that the name of a frame states, by the suffixes of REP-103.
-
 Inside, detections are ahead and to port of the sensor, and poses and tracks in east and north. A
-fixed frame whose name ends in `_ned` or `_frd` has x north, y east and z down: there, x and y are
-exchanged at the input and at the output.
+fixed frame whose name ends in `_ned` or `_frd` (the suffixes of REP-103) has x north, y east and z
+down: there, x and y are exchanged at the input and at the output.
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
-"""Parameter files: reading, checking and writing.
+"""Values of parameters as text: in YAML files, and as NAME:=VALUE on the command line.
 
-Values of parameters as text: in YAML, and as NAME:=VALUE on the command line.
-
-YAML of untrusted files: plain values only.
-
-Tags that make objects are refused, as by `yaml.safe_load`, and so are aliases: a few lines of these
-stand for more values than any memory holds. ROS refuses them in parameter files, too.
-
-The parameter tables as YAML.
-
-Parameter files given to a node: their sections, and what in them cannot be used.
+Files are not trusted: they hold plain values only. Tags that make objects are refused, as by
+`yaml.safe_load`, and so are aliases: a few lines of these stand for more values than any memory
+holds. ROS refuses them in parameter files, too.
 """
 
 from __future__ import annotations

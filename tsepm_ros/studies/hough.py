@@ -1,10 +1,9 @@
 """The Hough transform, and its modification for hits in time.
 
-The Hough transform: straight lines through the detections of a window of scans.
-
-Smith, Winter, "Feature space transform for multitarget detection", IEEE CDC 1980, and Carlson,
-Evans, Wilson, "Search radar detection and track with the Hough transform", IEEE Trans. AES 30(1),
-1994, as Sequential 2014, Sections 1 and 3.3 describes it.
+Lines through the detections of a window of scans: Smith, Winter, "Feature space transform for
+multitarget detection", IEEE CDC 1980, and Carlson, Evans, Wilson, "Search radar detection and track
+with the Hough transform", IEEE Trans. AES 30(1), 1994, as Sequential 2014, Sections 1 and 3.3
+describes it.
 
 The scans of the window are one image. A detection at (x, y) is the curve ::
 
@@ -25,12 +24,11 @@ Readings
   2018, Eq. 23), is published, and its detections leave the image.
 - Time plays no part in a line. A fit faster than v_max is refused: that limit holds in all methods.
 
-The modified Hough transform: lines through hits that follow each other in time.
-
-Lo, Leung, Bridgewater, Litva, "Multitarget track initiation using a modified Hough transform",
-AGARD CP-539, 1994, and Leung, Hu, Blanchette, "Evaluation of multiple target track initiation
-techniques in real radar tracking environments", IEE Proc. RSN 143(4), 1996: the references of
-Sequential 2014, which names the method without printing it.
+Lines through hits that follow each other in time, the modified transform: Lo, Leung, Bridgewater,
+Litva, "Multitarget track initiation using a modified Hough transform", AGARD CP-539, 1994, and
+Leung, Hu, Blanchette, "Evaluation of multiple target track initiation techniques in real radar
+tracking environments", IEE Proc. RSN 143(4), 1996: the references of Sequential 2014, which names
+the method without printing it.
 
 A detection at (x, y) is the curve ``rho(theta) = x cos(theta) + y sin(theta)``. The curves of two
 detections cross where their difference passes through zero, at the theta of the line through

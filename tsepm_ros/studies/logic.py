@@ -1,8 +1,4 @@
-"""The logic-based method, with polynomials in time.
-
-Polynomials in time fitted to the hits of tracks, and their predictions.
-
-The logic-based method: chi-square acceptance regions around polynomial predictions.
+"""The logic-based method: chi-square acceptance regions around polynomial predictions.
 
 As Sequential 2014, Section 3.2 describes it, after Bar-Shalom, Fortmann, "Tracking and data
 association", 1988, and Leung, Hu, Blanchette, "Evaluation of multiple target track initiation

@@ -1,11 +1,8 @@
 """Hit counting along paths that grow from scan to scan, and the heuristic method.
 
 `PathFollower` extends potential tracks; its `displacements` are the steps from hit to hit, which
-rules of speed, acceleration and direction look at.
-
-The heuristic method: limits of speed and acceleration from hit to hit.
-
-As Sequential 2014, Section 3.1 describes it, after Leung, Hu, Blanchette, "Evaluation of multiple
+rules of speed, acceleration and direction look at. The heuristic method is such a rule, as
+Sequential 2014, Section 3.1 describes it, after Leung, Hu, Blanchette, "Evaluation of multiple
 target track initiation techniques in real radar tracking environments", IEE Proc. RSN 143(4), 1996.
 
 Positions r_i of consecutive scans are a track if they satisfy (Eq. 2)::

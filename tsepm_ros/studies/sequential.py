@@ -1,12 +1,4 @@
-"""The improved sequential method, and estimators of the initial state.
-
-The three estimators of an initial state that Sequential 2014 (Section 4.2, Table 1) compares.
-
-Ji D., Li D., "An improved sequential initiation method for multitarget track in clutter with large
-noise measurement", Math. Probl. Eng. 2014, 394297. The article prints least squares only (Eq. 11);
-what linear fitting and the Kalman filter are is read here as written at each function.
-
-The improved sequential method: a gate of kinematics and sensor error, M of N (Sequential 2014).
+"""The improved sequential method: a gate of kinematics and sensor error, M of N (Sequential 2014).
 
 Ji D., Li D., "An improved sequential initiation method for multitarget track in clutter with large
 noise measurement", Math. Probl. Eng. 2014, 394297.
@@ -18,7 +10,8 @@ A detection continues a potential track whose last hit, k scans ago, it lies nea
 with sigma "the 1 standard error of measurement distance". A detection that was matched is removed,
 the others start potential tracks (Steps 3-5); 6 hits within 10 scans are a track, fewer are none
 (Section 4.1). The initial state is the least-squares fit (Eq. 11), or one of the two that the
-article compares it with (Table 1).
+article compares it with (Table 1). The article prints least squares only; what linear fitting and
+the Kalman filter are is read here as written at each function.
 
 Readings
 --------

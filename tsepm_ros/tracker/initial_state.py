@@ -1,8 +1,4 @@
-"""Paths of detections, and the state fitted to a path.
-
-Paths through the tree of splits, as arrays.
-
-Initial state and covariance from hits (TSEPM 2018, Section 3.3, Eqs. 12-20).
+"""Paths of hits, and initial states with covariances (TSEPM 2018, Section 3.3, Eqs. 12-20).
 
 Least squares on the hits' positions. The state is ``[x, vx, y, vy]``; hit i at ``t_i`` seconds
 after the state's time is at ``H_i X``, ``H_i = [[1, t_i, 0, 0], [0, 0, 1, t_i]]`` (Eqs. 16-18).

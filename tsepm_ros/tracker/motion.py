@@ -1,14 +1,11 @@
 """Motion: Kalman filtering, a limited speed, and turns.
 
-Kalman prediction and update of many tracks at once.
-
 States are ``[x, vx, y, vy]``; motion is nearly constant velocity, with the transition matrix of
 TSEPM 2018, Eq. 17, and white acceleration of a spectral density q (Bar-Shalom, Li, Kirubarajan,
 "Estimation with Applications to Tracking and Navigation", 2001, section 6.2.2).
 
-States whose speed is limited: Gaussians conditioned on the velocity in the disc |v| <= v_max.
-
-For a state x of mean m and covariance P, with the velocity v of mean m_v and covariance C::
+A limited speed is a Gaussian conditioned on the velocity in the disc |v| <= v_max. For a state x of
+mean m and covariance P, with the velocity v of mean m_v and covariance C::
 
     p      = P(|v| <= v_max)                      inside, under N(m_v, C)
     u, U   = mean and covariance of v given |v| <= v_max
@@ -20,12 +17,11 @@ For a state x of mean m and covariance P, with the velocity v of mean m_v and co
 estimation", Int. J. Syst. Sci. 41(2), 2010, here of the disc and not of half-planes). The disc is
 convex, so that the speed of the mean is at most v_max.
 
-Motion of held targets: constant velocity, interrupted by turns.
-
-Interacting multiple models (Blom, Bar-Shalom, "The interacting multiple model algorithm for systems
-with Markovian switching coefficients", IEEE Trans. Autom. Control 33(8), 1988): a target is in one
-of two modes, each with its own state and covariance. A manoeuvre during missed detections therefore
-stays possible: the covariance of the turning mode grows until a detection excludes the turn.
+Confirmed targets move at constant velocity, interrupted by turns: interacting multiple models
+(Blom, Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching
+coefficients", IEEE Trans. Autom. Control 33(8), 1988): a target is in one of two modes, each with
+its own state and covariance. A manoeuvre during missed detections therefore stays possible: the
+covariance of the turning mode grows until a detection excludes the turn.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""Options: those common to all methods, and the rule M/N.
-
-Options that all methods share.
-
-The rule M/N as options: M hits within N scans confirm a track.
-
-Options of the likelihood-ratio method.
-"""
+"""Options of the methods: those common to all, of the rule M/N, and of the likelihood ratio."""
 
 from __future__ import annotations
 

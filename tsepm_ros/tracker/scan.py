@@ -1,11 +1,4 @@
-"""A scan: the detections of a ping, with their checks.
-
-Detections of one ping.
-
-Arcs of azimuths.
-
-Whether a scan may be the next of an initiator.
-"""
+"""A scan: the detections of a ping, with their checks and their geometry."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""The sensor: errors, detection probability, clutter, and the coverage as it moves.
-
-The sensor: its errors, its coverage, its detection probability and its clutter.
-
-Coverage of a sensor that moves and turns while the echoes arrive.
-"""
+"""The sensor: errors, detection probability, clutter, and the coverage as it moves."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Splitting: a potential track goes on by each detection in its gate, and every other starts one.
 
-Of TSEPM 2018 (Eqs. 4-5, Section 3.2, Step 2): `gate`, `split_paths`, `residual`.
+Of TSEPM 2018 (Eqs. 4-5, Section 3.2, Step 2): `gate`, `split_paths`.
 
 Of the likelihood-ratio method, with x, P the state of a hypothesis, S its innovation covariance::
 

@@ -1,22 +1,15 @@
 """The threshold of confirmation, from drawn targets at a false-track rate.
 
-Targets drawn from the model of the likelihood-ratio method, as a sensor would measure them.
-
-They are anywhere in the coverage, move as the model's do, and may fade.
-
-Prediction of the share of starts from clutter that passes a threshold.
-
-Targets are drawn from the model of the likelihood-ratio method, and their evidence is simulated
-without clutter. The share that passes a threshold, and the excess over it, give the share for
-clutter by Wald's identity:
+Targets are drawn from the model of the likelihood-ratio method, anywhere in the coverage, as a
+sensor would measure them: they move and fade. Their evidence is simulated without clutter. The
+share that passes a threshold, and the excess over it, give the share for clutter by Wald's
+identity:
 
 ``P_0(passes A) = E_1[1 / L at the passage; passes A]``
 
 with P_0 for a start from clutter, E_1 for one from a target, and L the evidence that is tested: the
 likelihood ratios summed over all starts, of which a target makes one at each of its detections
 (Wald, "Sequential Analysis", 1947; Siegmund, "Sequential Analysis", 1985).
-
-The threshold of the evidence that gives the target false-track rate.
 
 Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
 share of starts that may be confirmed falsely. `score_plans` gives the threshold that at most

@@ -1,9 +1,4 @@
-"""Confirmed tracks, and tracks made from their hits.
-
-Confirmed tracks: the output of initiation.
-
-Tracks from the detections that are their hits.
-"""
+"""Confirmed tracks, and tracks made from their hits."""
 
 from __future__ import annotations
 

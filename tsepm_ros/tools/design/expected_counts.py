@@ -3,8 +3,6 @@ r"""Theory of the rule M/N: detection, false starts, expected counts, shares tha
 The probabilities of the rule are in closed form and by Markov chains. The scans of a start count
 from its first hit, which is one of the M hits and the first of the N scans.
 
-Theory of the splitting tree: expected potential tracks and raw confirmations per scan.
-
 The theory is a chain of expected numbers per m^2, scan by scan, at each range :math:`r`. Clutter is
 Poisson with :math:`\lambda`. The gate of a track whose last hit is :math:`k` scans old has the area
 :math:`a_k(r)` of the part inside the disc of a circle of radius

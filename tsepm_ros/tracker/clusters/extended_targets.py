@@ -1,15 +1,11 @@
 """Whether and how the detections of a scan become clusters.
 
-Tests for several detections of one target in a ping, and their dispersion.
-
-Whether targets have several detections a ping: what lies beside detections, and beside those of
-confirmed tracks.
-
-In boxes of several sizes along and across the line of sight, N detections are counted where the
-clutter explains E: its mean density times the area, or as many as lie in two strips of the box's
-area beside it, and before and behind it. Clutter that is dense in some place, on an arc or on a ray
-fills a strip, too; the echoes of one target do not. Both counts fade. The logarithm of the
-likelihood ratio of Poisson counts is::
+Targets have several detections a ping where detections, and those of confirmed tracks, have more
+beside them than clutter explains. In boxes of several sizes along and across the line of sight, N
+detections are counted where the clutter explains E: its mean density times the area, or as many as
+lie in two strips of the box's area beside it, and before and behind it. Clutter that is dense in
+some place, on an arc or on a ray fills a strip, too; the echoes of one target do not. Both counts
+fade. The logarithm of the likelihood ratio of Poisson counts is::
 
     L = N ln(N / (MARGIN E)) - (N - MARGIN E)        N > MARGIN E
 
@@ -31,11 +27,10 @@ The extent is that of the box of the largest L, with pairs that count (m - 1) / 
 a group, and a ratio of at most `LARGEST`: a box that is too small misses some, one that is too
 large has more clutter.
 
-How the detections of one target and ping scatter: what is error, and what is extent.
-
-Within plots of m detections the sums of squared deviations along and across the line of sight have
-the means ``(m - 1) (f s^2 + v)``, see `grouping`. The sensor's variance s^2 differs
-between the two; the variance v of where on the target the detections arise does not.
+Their scatter tells what is error and what is extent. Within plots of m detections the sums of
+squared deviations along and across the line of sight have the means ``(m - 1) (f s^2 + v)``, see
+`grouping`. The sensor's variance s^2 differs between the two; the variance v of where on the target
+the detections arise does not.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """Clusters of detections: several detections of one target in a ping, as one.
 
-Which neighbouring rays of a fan see one object.
-
-Plots: detections of one ping that are one target's, as one detection.
-
 A target that is larger than the sensor's resolution, or whose echo spills over several cells, gives
 several detections a ping. Complete linkage (Defays, "An efficient algorithm for a complete link
 method", Comput. J. 20(4), 1977) joins detections as long as every two of a group lie within the

@@ -1,29 +1,23 @@
 """The amplitude of clutter: levels, texture, and exponents of detections.
 
-What neighbouring clutter has in common beside the levels of its ping and place: a texture.
-
-Paths of clutter lie within a neighbourhood. Where its strengths are alike, a path of strong clutter
-is as likely as a single strong detection. The rank correlation of neighbours that cannot be one
-target's gives the N of `amplitude_law`: those of one ping, and those of two pings that are
-too far apart. A target has no part in it, however strong.
-
-Levels of the strength of clutter: from ping to ping, and from place to place.
+The exponent of a detection is u = -ln P(clutter is at least as strong), see `amplitude_law`: it is
+free of the unit. Strengths are compared after taking away the level of their ping and of their
+place (`ping_level`, `PlaceLevels`); what the levels leave in common to neighbours, a texture,
+counts as a doubt about the law. Detections of targets are weighed down by the evidence of their
+positions alone: weighed by their strength, clutter would lose its tail.
 
 A level is a shift of the logarithms of strengths. It changes only as far as the detections require,
 from long windows to short ones (Lepski, as in `density`), so that a level that does not change
 costs nothing, and ties stay ties. An unknown target may have a detection a ping: as many do not
 count in a rise.
 
-References: detections of the last pings, as rows of one array, so that a ping costs a few
+A texture: paths of clutter lie within a neighbourhood. Where its strengths are alike, a path of
+strong clutter is as likely as a single strong detection. The rank correlation of neighbours that
+cannot be one target's gives the N of `amplitude_law`: those of one ping, and those of two pings
+that are too far apart. A target has no part in it, however strong.
+
+The references are detections of the last pings, as rows of one array, so that a ping costs a few
 operations, whatever the number of pings.
-
-The strength of clutter, learned from scan to scan: exponents of detections.
-
-The exponent of a detection is u = -ln P(clutter is at least as strong), see `amplitude_law`: it is
-free of the unit. Strengths are compared after taking away the level of their ping and of their
-place (`ping_level`, `PlaceLevels`); what the levels leave in common to neighbours, a texture,
-counts as a doubt about the law. Detections of targets are weighed down by
-the evidence of their positions alone: weighed by their strength, clutter would lose its tail.
 """
 
 from __future__ import annotations

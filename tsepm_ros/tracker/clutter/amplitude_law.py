@@ -1,10 +1,9 @@
 """The law of clutter's amplitude, and what it makes of the echoes of a target.
 
-The law of the strength of clutter, learned from a reference of it.
-
-The body goes by ranks, with ties as at least as strong: ``P(z) = (1 + number >= z) / (1 + n)``. The
-k strongest determine a smooth tail. Its hazard rises exponentially with the logarithm z of the
-strength (Gompertz's law), over the excess y = z - t over the tail's begin t::
+The law is learned from a reference of clutter. The body goes by ranks, with ties as at least as
+strong: ``P(z) = (1 + number >= z) / (1 + n)``. The k strongest determine a smooth tail. Its hazard
+rises exponentially with the logarithm z of the strength (Gompertz's law), over the excess y = z - t
+over the tail's begin t::
 
     P(z) = P(t) exp(-a (exp(b y) - 1) / b)
 
@@ -17,12 +16,11 @@ integrated over: a with the prior 1 / a, which gives a closed form, b over a gri
 
 Decibels are logarithms already: the family is the same for them.
 
-What the strengths of a target's echoes say: the likelihood ratio along a path.
-
-For clutter u = -ln P(clutter is at least as strong) is exponential of mean 1, whatever the unit and
-the law. A fluctuating target (Swerling I) with the signal-to-clutter ratio r is
-exponential of mean 1 + r. The ratio is unknown, and the same along a path, so that the number n of
-a path's hits and the sum S of their u are sufficient::
+The strengths of a target's echoes give a likelihood ratio along a path. For clutter u = -ln
+P(clutter is at least as strong) is exponential of mean 1, whatever the unit and the law. A
+fluctuating target (Swerling I) with the signal-to-clutter ratio r is exponential of mean 1 + r. The
+ratio is unknown, and the same along a path, so that the number n of a path's hits and the sum S of
+their u are sufficient::
 
     L(n, S) = sum_k w_k (1 + r_k)^-n exp(S r_k / (1 + r_k))
 

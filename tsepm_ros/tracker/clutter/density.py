@@ -1,7 +1,5 @@
 """Clutter density, and where clutter is seen, learned from scan to scan.
 
-The density is estimated in windows of several sizes.
-
 Detections are counted on a polar grid, as in Environment 2018's clutter zones; its rings widen with
 range, as the errors of a sonar do. From coarse to fine, the density of a cell changes only as far
 as the counts of the windows around it require (Lepski, "On a problem of adaptive estimation in
@@ -16,8 +14,6 @@ every second cell. Reverberation of the sea floor, of a layer or of side lobes l
 are thinner than any square. Each dense ring of cells has such bounds too, of the whole ring and
 then of ever shorter arcs of it, so that a zone of clutter raises no other part of its rings. The
 density of a cell is the larger one of both.
-
-The part of the coverage in which clutter is seen: ranges and sector.
 
 A sensor may see less than its coverage as given: nobody set it, or the operator chose a shorter
 range. Clutter that is uniform over an interval of unknown ends, seen n times, spans

@@ -1,16 +1,14 @@
 """Places of the fixed frame: land of a chart, and cells in which clutter stays.
 
-No detection on land is a target's.
-
-A quay, a row of piles or a field of kelp has echoes at random places, ping for ping, within the
-same outline. It may be thinner than any window of the clutter map, which also moves and turns with
-the sensor. Detections are counted by periods, also those of held tracks
-that do not move: tracks that clutter started would otherwise hide it. Clutter differs from a target
-that stands still in that it lies on both sides, more than the errors of a detection away. Let N_0
-be the count in a cell, and N_1 and N_2 those in two cells that are `DIRECTIONS` away on opposite
-sides, in each the largest period counted as the second largest (a target that passes is in a single
-one). With n scans that saw the cell, about, in the periods since the first detection in it, the
-density in a cell of side s is ::
+No detection on land is a target's. A quay, a row of piles or a field of kelp has echoes at random
+places, ping for ping, within the same outline. It may be thinner than any window of the clutter
+map, which also moves and turns with the sensor. Detections are counted by periods, also those of
+held tracks that do not move: tracks that clutter started would otherwise hide it. Clutter differs
+from a target that stands still in that it lies on both sides, more than the errors of a detection
+away. Let N_0 be the count in a cell, and N_1 and N_2 those in two cells that are `DIRECTIONS` away
+on opposite sides, in each the largest period counted as the second largest (a target that passes is
+in a single one). With n scans that saw the cell, about, in the periods since the first detection in
+it, the density in a cell of side s is ::
 
     min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
 

@@ -1,16 +1,11 @@
 """Everything that is learned: its use in a scan, and its memory over a restart.
 
-Models of the surroundings, independent of the method, with the interval between scans and the width
-of the distribution of clutter's range rates.
-
-Clutter where the detections of one scan are: as known before, and as learned from them.
-
-What was learned, as a text that outlives a restart.
-
-The text has the clutter map, where clutter is seen and the detection probability, with the sensor
-and the time. What was learned fades with its age: after `HALF_LIFE` it counts as if
-half as many scans had been seen. A text is used whole or refused: every number has bounds, and
-numbers that contradict each other were not written by a run.
+The models are independent of the method. In a scan they tell the clutter where its detections are,
+as known before, and as learned from them. A text of what was learned outlives a restart: it has the
+clutter map, where clutter is seen and the detection probability, with the sensor and the time. What
+was learned fades with its age: after `HALF_LIFE` it counts as if half as many scans had been seen.
+A text is used whole or refused: every number has bounds, and numbers that contradict each other
+were not written by a run.
 """
 
 from __future__ import annotations

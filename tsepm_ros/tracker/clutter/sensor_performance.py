@@ -1,18 +1,15 @@
 """What the detections of held tracks show of the sensor: its detection probability and errors.
 
-Detection probability, estimated from the held tracks.
-
 A missed target was present if it is detected again. Therefore the scans from each detection of a
 held target to its next detection count as one detection in their number: a target that has left is
 not counted as missed, however long its track is held. A track counts as far as the scans after its
 start prove that its target exists: the detections of false tracks are not those of targets.
 
-Whether a sensor's errors are as given, judged by the detections of held tracks.
-
-Of three detections of one target in a row, the middle one is compared with the straight line
-between the other two. With ``a = (t_3 - t_2) / (t_3 - t_1)`` the innovation
-``e = z_2 - a z_1 - (1 - a) z_3`` of a target of constant velocity has the variance
-``(1 + a^2 + (1 - a)^2) s^2`` along and across the line of sight, whatever errors were assumed.
+The sensor's errors are compared with those given. Of three detections of one target in a row, the
+middle one is compared with the straight line between the other two. With ``a = (t_3 - t_2) / (t_3 -
+t_1)`` the innovation ``e = z_2 - a z_1 - (1 - a) z_3`` of a target of constant velocity has the
+variance ``(1 + a^2 + (1 - a)^2) s^2`` along and across the line of sight, whatever errors were
+assumed.
 
 Of the squares the median is taken, which a manoeuvre, or a detection of another origin, moves
 little. Beside it stands the 0.95 quantile, over chi-square's, of tracks that move: a sensor that

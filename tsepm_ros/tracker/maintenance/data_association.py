@@ -5,17 +5,16 @@ Each of the two seeks its own detections, the `MAX_NEIGHBOURS` nearest, at its o
 have pairs (n, 2, k), and for the modes of both, the fit as the last, pairs (n, 3, k). If more
 detections than that are in a gate, those farther away count as clutter.
 
-Integrated probabilistic data association: target existence and association probabilities.
-
-Each track has a probability r that its target exists, which falls with every miss and rises with
-every detection that fits (Musicki, Evans, Stankovic, "Integrated probabilistic data association",
-IEEE Trans. Autom. Control 39(6), 1994). A target that exists may fade and become visible again
-(their Markov chain two), so a few misses in a row do not end a track. The chain is one of scans,
-not of seconds: a sonar looks as often as its targets and its sea require. After n misses in a row
-of a P_D near 1, the odds of a faded target against none are, within a seventh, ``SCANS_TO_VANISH /
-SCANS_TO_FADE ((1 - 1 / SCANS_OF_FADING) (1 - 1 / SCANS_TO_VANISH))^n``. The modes of target motion
-are weighted by their likelihoods (Musicki, Suvorova, "Tracking in clutter using IMM-IPDA-based
-algorithms", IEEE Trans. Aerosp. Electron. Syst. 44(1), 2008).
+The association is integrated probabilistic: each track has a probability r that its target exists,
+which falls with every miss and rises with every detection that fits (Musicki, Evans, Stankovic,
+"Integrated probabilistic data association", IEEE Trans. Autom. Control 39(6), 1994). A target that
+exists may fade and become visible again (their Markov chain two), so a few misses in a row do not
+end a track. The chain is one of scans, not of seconds: a sonar looks as often as its targets and
+its sea require. After n misses in a row of a P_D near 1, the odds of a faded target against none
+are, within a seventh, ``SCANS_TO_VANISH / SCANS_TO_FADE ((1 - 1 / SCANS_OF_FADING) (1 - 1 /
+SCANS_TO_VANISH))^n``. The modes of target motion are weighted by their likelihoods (Musicki,
+Suvorova, "Tracking in clutter using IMM-IPDA-based algorithms", IEEE Trans. Aerosp. Electron. Syst.
+44(1), 2008).
 
 Symbols, of track i, detection j and mode m::
 
