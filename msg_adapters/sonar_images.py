@@ -201,20 +201,18 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
     if near < 0.0 and far < 0.0 and sensor.max_range != SensorModel.max_range:
         half = 0.5 * (sensor.max_range - sensor.min_range) / picture.shape[layout.rows == "beams"]
         near, far = sensor.min_range + half, sensor.max_range - half
-        assumptions = (OF_COVERAGE,)
+        assumptions = (
+            "image.near_range and image.far_range are not given: the rows are taken to reach from "
+            "sensor.min_range to sensor.max_range; if the first or the last row has another range, "
+            "all ranges are wrong: give both",
+        )
     if far < 0.0 or not near < far or (near < 0.0 and layout.rows != "fan"):
         raise MessageError(
             "no_geometry",
             "the message states no geometry: give image.near_range and, above it, image.far_range, "
             "sensor.azimuth_min and sensor.azimuth_max, as in the file of tsepm init --images yes",
         )
-    if layout.rows == "fan":
-        range_, azimuth, intensity = unwarped(picture, layout, (near, far), sector)
-    else:
-        intensity = by_beam(picture, layout)
-        b, m = intensity.shape
-        range_, azimuth = np.linspace(near, far, m), _bearings(sector, b)
-        azimuth = azimuth[:: -1 if layout.port_first else 1]
+    range_, azimuth, intensity = located(picture, layout, (near, far), sector)
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
@@ -224,13 +222,6 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
         assumptions=assumptions,
         corners=in_words(picture, layout, range_, azimuth),
     )
-
-
-OF_COVERAGE = (
-    "image.near_range and image.far_range are not given: the rows are taken to reach from "
-    "sensor.min_range to sensor.max_range; if the first or the last row has another range, all "
-    "ranges are wrong: give both"
-)
 
 
 def _pixels(message: Any) -> NDArray[Any]:
@@ -262,15 +253,15 @@ def grey(picture: NDArray[Any]) -> NDArray[Any]:
     Raises
     ------
     MessageError
-        If the channels differ: colours are no intensities. A fourth channel, opacity, is not used.
+        If it is no picture, or in colours. A fourth channel, opacity, is not used.
     """
-    channels = picture if picture.ndim == 3 else picture[..., None]
-    if channels.ndim != 3 or not channels.size:
-        raise MessageError("wrong_length", f"a picture has rows and columns; got {picture.shape}")
-    if channels.shape[2] == 2 or (channels[..., 1:3] != channels[..., :1]).any():
+    channels = picture[..., None] if picture.ndim == 2 else picture
+    colours = channels[..., :3]
+    if channels.ndim != 3 or not channels.size or (colours != colours[..., :1]).any():
         raise MessageError(
             "bad_encoding",
-            "the picture is in colours, which are no intensities: take the driver's raw image",
+            "a picture must have rows and columns, and no colours, which are no intensities: take "
+            f"the driver's raw image; got the shape {picture.shape}",
         )
     return channels[..., 0]
 
@@ -279,6 +270,30 @@ def by_beam(picture: NDArray[Any], layout: ImageLayout) -> NDArray[Any]:
     """Intensities (b, m) of a picture of beams and ranges, from the nearest range on."""
     beams = picture if layout.rows == "beams" else picture.T
     return beams[:, :: 1 if layout.near_first else -1]
+
+
+def located(
+    picture: NDArray[Any],
+    layout: ImageLayout,
+    ends: tuple[float, float],
+    sector: tuple[float, float],
+) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
+    """Ranges, azimuths and intensities (b, m) of a picture.
+
+    Parameters
+    ----------
+    picture : (rows, columns) ndarray
+    layout : ImageLayout
+    ends : (float, float)
+        Middles of the nearest and the farthest row, m.
+    sector : (float, float)
+        Its edges, rad.
+    """
+    if layout.rows == "fan":
+        return _unwarped(picture, layout, ends, sector)
+    intensity = by_beam(picture, layout)
+    b, m = intensity.shape
+    return np.linspace(*ends, m), _bearings(sector, b)[:: -1 if layout.port_first else 1], intensity
 
 
 def in_words(
@@ -293,27 +308,31 @@ def in_words(
     range_, azimuth : (m,) and (b,) ndarray
         As read from it.
     """
-    of = f"the image has {picture.shape[0]} rows and {picture.shape[1]} columns; "
-    sides = ("port", "starboard")[:: 1 if layout.port_first else -1]
+    height, width = picture.shape
+    text = f"the image has {height} rows and {width} columns: "
     if layout.rows == "fan":
-        ends = ("lowest", "highest")[:: -1 if layout.near_first else 1]
-        whole = np.ptp(azimuth) > math.pi
-        place = "the middle of the image" if whole else f"the middle of the {ends[0]} row"
+        far, apex = ("lowest", "highest") if layout.near_first else ("highest", "lowest")
+        whole, side = np.ptp(azimuth) > math.pi, "port" if layout.port_first else "starboard"
         return (
-            f"{of}the sonar is in {place}, {range_[-1]:.4g} m ahead is the "
-            f"{'highest' if whole else ends[1]} row, the left side is to {sides[0]}"
+            f"{text}the sonar is in the middle of {'it' if whole else f'its {apex} row'}, its "
+            f"{'highest' if whole else far} row is {range_[-1]:.4g} m ahead, and {side} is at the "
+            "left"
         )
-    first_and_last = range_[:: 1 if layout.near_first else -1][[0, -1]]
-    corners = [(r, a) for r in first_and_last for a in azimuth[[0, -1]]]
-    if layout.rows == "beams":
-        corners = [corners[place] for place in (0, 2, 1, 3)]
+    ranges, sides = range_[:: 1 if layout.near_first else -1][[0, -1]], azimuth[[0, -1]]
+    of_beams = layout.rows == "beams"
+    corners = (
+        ((r, a) for r in ranges for a in sides)
+        if not of_beams
+        else ((r, a) for a in sides for r in ranges)
+    )
     names = ("top left", "top right", "bottom left", "bottom right")
-    return of + ", ".join(
-        f"{name} is {r:.4g} m at {_to_side(a)}" for name, (r, a) in zip(names, corners, strict=True)
+    return text + ", ".join(
+        f"{name} is {r:.4g} m at {to_side(a)}" for name, (r, a) in zip(names, corners, strict=True)
     )
 
 
-def _to_side(azimuth: float) -> str:
+def to_side(azimuth: float) -> str:
+    """A bearing in words."""
     return f"{abs(math.degrees(azimuth)):.4g} degrees to {'port' if azimuth >= 0 else 'starboard'}"
 
 
@@ -323,24 +342,16 @@ def _bearings(sector: tuple[float, float], number: int) -> FloatArray:
     return np.asarray(sector[0] + (sector[1] - sector[0]) * part, float)
 
 
-def unwarped(
+def _unwarped(
     picture: NDArray[Any],
     layout: ImageLayout,
     ends: tuple[float, float],
     sector: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ranges, azimuths and intensities (b, m) of a fan, ahead upwards; NaN outside of it.
+    """As `located`, of a fan, ahead upwards; NaN outside of it.
 
-    Parameters
-    ----------
-    picture : (rows, columns) ndarray
-        The sonar is in the middle of its lowest row, or of all of it where the sector is more than
-        half a turn.
-    layout : ImageLayout
-    ends : (float, float)
-        The nearest range that is read, and that of the farthest row, m.
-    sector : (float, float)
-        Its edges, rad.
+    The sonar is in the middle of the lowest row, or of all of the picture where the sector is more
+    than half a turn.
     """
     height, width = picture.shape
     span = sector[1] - sector[0]
@@ -384,7 +395,7 @@ class FirstLook:
     """
 
     def __init__(self, looks: int = LOOKS) -> None:
-        self._looks, self._left, self._always = looks, 0, [np.zeros(0, bool)] * 4
+        self._looks, self._left, self._always = looks, 0, np.zeros(0, bool)
 
     def add(self, ping: Any, rows: str = "") -> list[str]:
         """Take an image; the sentences, with the last of the first images.
@@ -396,38 +407,38 @@ class FirstLook:
             Of the layout by which a picture was read; empty: the message states its geometry.
         """
         b, m = ping.intensity.shape
-        if [len(one) for one in self._always[:2]] != [b, m]:
-            self._left, self._always = self._looks, [np.ones(n, bool) for n in (b, m, 1, 1)]
-        there = np.isfinite(ping.intensity)
-        self._left -= 1
-        if self._left < 0 or not there.any():
+        if len(self._always) != b + m + 2:
+            self._left, self._always = self._looks, np.ones(b + m + 2, bool)
+        if self._left <= 0:
             return []
-        middle, bright = np.quantile(ping.intensity[there], [0.5, BRIGHT], method="lower")
-        low = np.where(there, ping.intensity, float(ping.intensity[there].min()))
+        there = np.isfinite(ping.intensity)
+        low = np.where(there, ping.intensity, ping.intensity.min(initial=0.0, where=there))
+        middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
         levels = [np.quantile(low, 0.5, axis=axis, method="lower") for axis in (1, 0)]
         spread = [float(np.ptp(np.quantile(one, [0.1, 0.9]))) for one in levels]
         varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
         swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)
-        fan, read = _is_fan(low), rows not in ("", "fan")
-        now = [*(one > bright for one in levels), read and swapped and not fan, read and fan]
-        self._always = [one & new for one, new in zip(self._always, now, strict=True)]
-        found = [np.flatnonzero(one) for one in self._always]
-        beams = ", ".join(f"{k} ({_to_side(ping.azimuth[k])})" for k in found[0][:MOST_NAMED])
-        cells = ", ".join(f"{ping.range[k]:.4g}" for k in found[1][:MOST_NAMED])
+        fan, asked = _is_fan(low) or _is_fan(low.T), rows not in ("", "fan")
+        self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
+        self._left -= 1
+        beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
+        named = ", ".join(f"{k} ({to_side(ping.azimuth[k])})" for k in beams[:MOST_NAMED])
+        span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
         always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
         other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")
-        sentences = (
-            f"{len(found[0])} of {b} bearings are {always}; numbers, from 0: {beams}. Bytes of gain "
-            "before each row, and lines of a display, count as bearings, and shift the others: cut "
-            "them off the image",
-            f"{len(found[1])} of {m} ranges are {always}: {cells} m. If that is the ring of the "
-            "transmission, give sensor.min_range beyond it",
+        sentences = {
+            f"{len(beams)} of {b} bearings are {always}; numbers, from 0: {named}. Bytes of gain "
+            "before each row, and lines of a display, count as bearings and shift the others: cut "
+            "them off the image": len(beams),
+            f"{len(cells)} of {m} ranges are {always}, from {span[0]:.4g} to {span[1]:.4g} m. If "
+            "that is the ring of the transmission, give sensor.min_range beyond it": len(cells),
             f"{b} bearings of {m} ranges look transposed: if the rows of the image are {other[0]}, "
-            f"not {other[1]}, give {other[0]} for rows (image.rows)",
+            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[-2],
             "the corners of the image are blank as around a fan, and it is read as bearings and "
-            "ranges: if it is a picture in x and y, give fan for rows (image.rows)",
-        )
-        return [one for one, k in zip(sentences, found, strict=True) if len(k) and not self._left]
+            "ranges: if it is a picture in x and y, give fan for rows (image.rows)": asked
+            and self._always[-1],
+        }
+        return [one for one, holds in sentences.items() if holds and not self._left]
 
 
 def _is_fan(values: NDArray[Any]) -> bool:
