@@ -586,32 +586,34 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     across = located(columns, layout, ends, sector)[2]
     ahead, port = (range_ * turn(azimuth)[:, None] for turn in (np.cos, np.sin))
     figure = Figure(figsize=(13, 7), layout="constrained")
-    words = in_words(rows, layout, range_, azimuth).partition(": ")[2]
-    figure.suptitle("\n".join(textwrap.wrap(words, 110)))
-    sides = sorted([0, -1], key=lambda place: float(azimuth[place]))
-    b, m = down.shape
+    words = textwrap.wrap(in_words(rows, layout, range_, azimuth).partition(": ")[2], 110)
+    figure.suptitle("\n".join(words))
+    sides, (b, m) = sorted([0, -1], key=lambda place: float(azimuth[place])), down.shape
     beam, cell = b // 2 + (b // 4) * (1 if sides[1] else -1), m * 3 // 4
-    target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
-    plain = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
     for axes, x, y, title in zip(
         figure.subplots(1, 2),
         (across, -port),
         (down, ahead),
-        ("the image as the driver sends it", "from above, m: ahead is up, port is at the left"),
+        ("the image as the driver sends it\n", "from above, m: ahead is up, port is at the left\n"),
         strict=True,
     ):
         for k in np.linspace(0, m - 1, 5).round().astype(int):
             axes.plot(x[:, k], y[:, k], color="grey", lw=1)
-            axes.text(x[b // 2, k], y[b // 2, k], f"{range_[k]:.3g} m", ha="center", bbox=plain)
+            axes.text(x[b // 2, k], y[b // 2, k], f"{range_[k]:.3g} m", ha="center", va="bottom")
         for place, colour in zip(sides, ("green", "red"), strict=True):
             axes.plot(x[place], y[place], color=colour, lw=4, label=to_side(azimuth[place]))
+        target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
         axes.plot(x[beam, cell], y[beam, cell], "*", color="black", ms=14, label=target)
         axes.set(title=title, aspect="equal")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06))
-    height, width = shape
-    figure.axes[0].set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
-    figure.axes[0].set_xticks([0, width - 1], ["first column", "last column"])
-    figure.axes[0].set_yticks([0, height - 1], ["first row", "last row"])
+    figure.axes[0].set(
+        xlim=(-0.5, shape[1] - 0.5),
+        ylim=(shape[0] - 0.5, -0.5),
+        xticks=(0, shape[1] - 1),
+        xticklabels=["first column", "last column"],
+        yticks=(0, shape[0] - 1),
+        yticklabels=["first row", "last row"],
+    )
     with written_whole(path) as temporary:
         figure.savefig(temporary)
     print(f"picture: {path}; compare it with the driver's own display")

@@ -601,8 +601,7 @@ def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
     if not isinstance(content, dict):
         raise ValueError(f"expected names and values, got {shown(content)}")
     values = {"rows": "beams"} | {str(name): value for name, value in content.items()}
-    if values["rows"] in ("auto", "bearings"):
-        values["rows"] = "beams"
+    values["rows"] = "beams" if values["rows"] in ("auto", "bearings") else values["rows"]
     ends, axes = [values.get("near_range"), values.get("far_range")], list[FloatArray]()
     if "range" in values and ends != [None, None]:
         raise ValueError("either range, or near_range and far_range must be given, not both")
@@ -615,11 +614,9 @@ def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
         turned = row.name == "azimuth" and values.get("clockwise") is True
         axis = np.array([row.check(one) for one in given]) * (-1.0 if turned else 1.0)
         descends = bool(axis[0] > axis[-1])
-        if not (np.diff(axis[::-1] if descends else axis) > 0.0).all():
-            raise ValueError(f"{row.name} must ascend or descend")
         if given is not ends and values["rows"] != "fan":
             values.setdefault(first, descends == (first == "port_first"))
-        axes.append(np.sort(axis))
+        axes.append(axis[::-1] if descends else axis)
     return values, axes
 
 
