@@ -255,9 +255,9 @@ def grey(picture: NDArray[Any]) -> NDArray[Any]:
     MessageError
         If it is no picture, or in colours. A fourth channel, opacity, is not used.
     """
-    channels = picture[..., None] if picture.ndim == 2 else picture
+    channels = np.atleast_3d(picture)
     colours = channels[..., :3]
-    if channels.ndim != 3 or not channels.size or (colours != colours[..., :1]).any():
+    if picture.ndim not in (2, 3) or not picture.size or (colours != colours[..., :1]).any():
         raise MessageError(
             "bad_encoding",
             "a picture must have rows and columns, and no colours, which are no intensities: take "

@@ -42,7 +42,8 @@ MAX_MEMORY = 1500.0
 TYPES = ("projected", "raw", "mono8", "mono16", "32FC1", "fan", "column", "echo", "spokes")
 OPTIONS = {
     "false_detections_per_ping": 3.0,
-    "sensor.max_range": 40.0,
+    "image.near_range": 0.5,
+    "image.far_range": 39.5,
     "sensor.azimuth_min": -0.65,
     "sensor.azimuth_max": 0.65,
 }

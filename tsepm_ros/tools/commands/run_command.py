@@ -123,6 +123,7 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
             help=f"topic of a bag to read as {role}",
         )
     add_values(parser)
+    parser.set_defaults(out=None, picture=None, html=None)
 
 
 @dataclass
@@ -550,7 +551,7 @@ def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="arguments of ROS for live topics, such as -r tracks/current:=/boat/tracks/current",
     )
-    parser.set_defaults(out=None, picture=None, html=True)
+    parser.set_defaults(html=True)
 
 
 def run_watch(options: argparse.Namespace) -> None:
