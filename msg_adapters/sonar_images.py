@@ -38,18 +38,33 @@ from tsepm_ros.tracker.sensor import SensorModel
 
 DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
-ENCODINGS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "32FC1": "f4"}
-"""Types of sensor_msgs/Image by its encoding."""
+ENCODINGS = {
+    **{"mono8": ("u1", 1), "8uc1": ("u1", 1), "8sc1": ("i1", 1), "mono16": ("u2", 1)},
+    **{"16uc1": ("u2", 1), "16sc1": ("i2", 1), "32sc1": ("i4", 1)},
+    **{"32fc1": ("f4", 1), "64fc1": ("f8", 1), "8uc3": ("u1", 3), "8uc4": ("u1", 4)},
+    **{"rgb8": ("u1", 3), "bgr8": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4)},
+}
+"""Types and channels of sensor_msgs/Image by its encoding in small letters."""
 PLAN_SIDE = 128
 """Cells along a side of a plan."""
 PLAN_PERIOD = 0.5
 """Least time between two plans, s."""
 MOST_PLANS = 500
 """Most plans of an offline run."""
+MOST_NAMED = 8
+"""Most bearings, or ranges, of a sentence."""
+ALL_ROUND = 6.0
+"""Bearings from which on more of them than ranges are nothing strange, rad."""
 MOST = 1e4
 """Largest angle of a bearing, rad, and largest time of one after the stamp, s."""
 LEVEL = 0.1
 """Elevation of beams from which on an assumption is stated, rad."""
+NO_Z = 1e-6
+"""Largest z of unit vectors that is 0 but for rounding."""
+LOOKS = 10
+"""Images of one shape that are looked at before a question is asked."""
+BRIGHT = 0.95
+"""Share of an image's cells below a level that most cells of a bright line are above."""
 
 
 Reader = Callable[[Any, ImageLayout, SensorModel, float], ImagePing]
@@ -91,10 +106,14 @@ def read_image(
 
 
 def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
-    """ProjectedSonarImage: z ahead, x up, y to starboard."""
+    """ProjectedSonarImage: z ahead, x up, y to starboard; or, with z = 0, x ahead, y to port."""
     beams = np.array([(one.x, one.y, one.z) for one in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
     speed, assumptions = stated_sound_speed(message, sound_speed)
+    largest = np.abs(beams).max(axis=0, initial=0.0)
+    if largest[2] < min(NO_Z, largest[0]):
+        beams = beams[:, ::-1] * (1.0, -1.0, 1.0)
+        assumptions += ("z of all beam_directions is 0: x is taken as ahead and y as to port",)
     up = np.arctan2(beams[:, 0], np.hypot(beams[:, 1], beams[:, 2]))
     if (np.abs(up) > LEVEL).any():
         assumptions += ("beams are not level: their ranges count as horizontal",)
@@ -172,63 +191,176 @@ def _echo(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float)
 
 
 def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -> ImagePing:
-    """Image: of ranges and beams over the sensor's coverage, or a fan in x and y."""
-    kind = ENCODINGS.get(message.encoding)
-    if kind is None:
+    """Image: of ranges and beams over the sensor's sector, or a fan in x and y."""
+    picture = _pixels(message)
+    sector, near, far = (
+        (sensor.azimuth_min, sensor.azimuth_max),
+        layout.near_range,
+        layout.far_range,
+    )
+    assumptions: tuple[str, ...] = ()
+    if near < 0.0 and far < 0.0 and sensor.max_range != SensorModel.max_range:
+        half = 0.5 * (sensor.max_range - sensor.min_range) / picture.shape[layout.rows == "beams"]
+        near, far = sensor.min_range + half, sensor.max_range - half
+        assumptions = (
+            "image.near_range and image.far_range are not given: the rows are taken to reach from "
+            "sensor.min_range to sensor.max_range; if the first or the last row has another range, "
+            "all ranges are wrong: give both",
+        )
+    if far < 0.0 or not near < far or (near < 0.0 and layout.rows != "fan"):
+        raise MessageError(
+            "no_geometry",
+            "the message states no geometry: give image.near_range and, above it, image.far_range, "
+            "sensor.azimuth_min and sensor.azimuth_max, as in the file of tsepm init --images yes",
+        )
+    range_, azimuth, intensity = located(picture, layout, (near, far), sector)
+    return ImagePing(
+        time_to_ns(message.header.stamp),
+        message.header.frame_id,
+        range_,
+        azimuth,
+        intensity,
+        assumptions=assumptions,
+        corners=in_words(picture, layout, range_, azimuth),
+    )
+
+
+def _pixels(message: Any) -> NDArray[Any]:
+    """Rows and columns of an Image of one channel, or of equal channels."""
+    kind, channels = ENCODINGS.get(message.encoding.lower(), ("", 0))
+    if not channels:
         raise MessageError(
             "bad_encoding",
-            f"encoding must be one of {', '.join(ENCODINGS)}; got {message.encoding!r}: colours "
-            "are no intensities, so publish the driver's raw image",
+            f"encoding must be one of {', '.join(ENCODINGS)}; got {message.encoding!r}: publish "
+            "the driver's raw image",
         )
     form = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
     height, width, step = int(message.height), int(message.width), int(message.step)
-    data = np.frombuffer(bytes(message.data), np.uint8)
-    if width * form.itemsize > step or len(data) < height * step or not height * width:
+    data, row = np.frombuffer(bytes(message.data), np.uint8), width * channels * form.itemsize
+    step = row if not step and len(data) == height * row else step
+    if row > step or len(data) < height * step or not height * width:
         raise MessageError(
             "wrong_length",
             f"data has {len(data)} bytes and step is {step}: too few for {height} rows of {width} "
             f"{message.encoding} values",
         )
-    rows = data[: height * step].reshape(height, step)[:, : width * form.itemsize]
-    picture = np.ascontiguousarray(rows).view(form).astype(form.newbyteorder("="))
-    if sensor.max_range == SensorModel.max_range:
+    rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :row])
+    return grey(rows.view(form).astype(form.newbyteorder("=")).reshape(height, width, channels))
+
+
+def grey(picture: NDArray[Any]) -> NDArray[Any]:
+    """The one channel of a picture (rows, columns), or (rows, columns, channels) of equal ones.
+
+    Raises
+    ------
+    MessageError
+        If it is no picture, or in colours. A fourth channel, opacity, is not used.
+    """
+    channels = np.atleast_3d(picture)
+    colours = channels[..., :3]
+    if picture.ndim not in (2, 3) or not picture.size or (colours != colours[..., :1]).any():
         raise MessageError(
-            "no_geometry",
-            "the message states no geometry: give sensor.max_range, min_range, azimuth_min and "
-            "azimuth_max of the image, as in the file of tsepm init --images yes",
+            "bad_encoding",
+            "a picture must have rows and columns, and no colours, which are no intensities: take "
+            f"the driver's raw image; got the shape {picture.shape}",
         )
+    return channels[..., 0]
+
+
+def by_beam(picture: NDArray[Any], layout: ImageLayout) -> NDArray[Any]:
+    """Intensities (b, m) of a picture of beams and ranges, from the nearest range on."""
+    beams = picture if layout.rows == "beams" else picture.T
+    return beams[:, :: 1 if layout.near_first else -1]
+
+
+def located(
+    picture: NDArray[Any],
+    layout: ImageLayout,
+    ends: tuple[float, float],
+    sector: tuple[float, float],
+) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
+    """Ranges, azimuths and intensities (b, m) of a picture.
+
+    Parameters
+    ----------
+    picture : (rows, columns) ndarray
+    layout : ImageLayout
+    ends : (float, float)
+        Middles of the nearest and the farthest row, m.
+    sector : (float, float)
+        Its edges, rad.
+    """
     if layout.rows == "fan":
-        range_, azimuth, intensity = _unwarped(picture, layout, sensor)
-    else:
-        by_beam = picture if layout.rows == "beams" else picture.T
-        intensity = by_beam[:, :: 1 if layout.near_first else -1]
-        b, m = intensity.shape
-        range_ = sensor.min_range + (np.arange(m) + 0.5) * (
-            (sensor.max_range - sensor.min_range) / m
+        return _unwarped(picture, layout, ends, sector)
+    intensity = by_beam(picture, layout)
+    b, m = intensity.shape
+    return np.linspace(*ends, m), _bearings(sector, b)[:: -1 if layout.port_first else 1], intensity
+
+
+def in_words(
+    picture: NDArray[Any], layout: ImageLayout, range_: FloatArray, azimuth: FloatArray
+) -> str:
+    """A sentence that says where the corners of a picture, or the sides of a fan, are.
+
+    Parameters
+    ----------
+    picture : (rows, columns) ndarray
+    layout : ImageLayout
+    range_, azimuth : (m,) and (b,) ndarray
+        As read from it.
+    """
+    height, width = picture.shape
+    text = f"the image has {height} rows and {width} columns: "
+    if layout.rows == "fan":
+        far, apex = ("lowest", "highest") if layout.near_first else ("highest", "lowest")
+        whole, side = np.ptp(azimuth) > math.pi, "port" if layout.port_first else "starboard"
+        return (
+            f"{text}the sonar is in the middle of {'it' if whole else f'its {apex} row'}, its "
+            f"{'highest' if whole else far} row is {range_[-1]:.4g} m ahead, and {side} is at the "
+            "left"
         )
-        azimuth = _bearings(sensor, b)[:: -1 if layout.port_first else 1]
-    return ImagePing(
-        time_to_ns(message.header.stamp), message.header.frame_id, range_, azimuth, intensity
+    ranges, sides = range_[:: 1 if layout.near_first else -1][[0, -1]], azimuth[[0, -1]]
+    of_beams = layout.rows == "beams"
+    corners = (
+        ((r, a) for r in ranges for a in sides)
+        if not of_beams
+        else ((r, a) for a in sides for r in ranges)
+    )
+    names = ("top left", "top right", "bottom left", "bottom right")
+    return text + ", ".join(
+        f"{name} is {r:.4g} m at {to_side(a)}" for name, (r, a) in zip(names, corners, strict=True)
     )
 
 
-def _bearings(sensor: SensorModel, number: int) -> FloatArray:
+def to_side(azimuth: float) -> str:
+    """A bearing in words."""
+    return f"{abs(math.degrees(azimuth)):.4g} degrees to {'port' if azimuth >= 0 else 'starboard'}"
+
+
+def _bearings(sector: tuple[float, float], number: int) -> FloatArray:
     """Middles of beams over the sector, (number,), rad, ascending."""
     part = (np.arange(number) + 0.5) / number
-    return np.asarray(sensor.azimuth_min + (sensor.azimuth_max - sensor.azimuth_min) * part, float)
+    return np.asarray(sector[0] + (sector[1] - sector[0]) * part, float)
 
 
 def _unwarped(
-    picture: NDArray[Any], layout: ImageLayout, sensor: SensorModel
+    picture: NDArray[Any],
+    layout: ImageLayout,
+    ends: tuple[float, float],
+    sector: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ranges, azimuths and intensities (b, m) of a fan, ahead upwards; NaN outside of it."""
+    """As `located`, of a fan, ahead upwards; NaN outside of it.
+
+    The sonar is in the middle of the lowest row, or of all of the picture where the sector is more
+    than half a turn.
+    """
     height, width = picture.shape
-    whole = sensor.azimuth_max - sensor.azimuth_min > math.pi + 1e-3
+    span = sector[1] - sector[0]
+    whole = span > math.pi + 1e-3
     cells = (min(height, width) + 1) // 2 if whole else height
-    pixel = sensor.max_range / cells
-    range_ = (np.arange(math.ceil(sensor.min_range / pixel - 0.5), cells) + 0.5) * pixel
-    span = sensor.azimuth_max - sensor.azimuth_min
-    azimuth = _bearings(sensor, min(max(round(span * cells / 2.0), 2), 2 * width + 2))
+    pixel = ends[1] / (cells - 0.5)
+    range_ = (np.arange(max(math.ceil(ends[0] / pixel - 0.5), 0), cells) + 0.5) * pixel
+    azimuth = _bearings(sector, min(max(round(span * cells / 2.0), 2), 2 * width + 2))
     ahead = np.cos(azimuth)[:, None] * range_ / pixel
     port = np.sin(azimuth)[:, None] * range_ / pixel
     apex = 0.5 * height if whole else float(height)
@@ -252,6 +384,75 @@ def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
         )
     values = np.frombuffer(data, form).astype(form.newbyteorder("="))
     return values.reshape(beams, cells) if beam_rows else values.reshape(cells, beams).T
+
+
+class FirstLook:
+    """What the first images of a shape show that is no echo, or that another layout explains.
+
+    Parameters
+    ----------
+    looks : int, optional
+        Images in each of which it must be.
+    """
+
+    def __init__(self, looks: int = LOOKS) -> None:
+        self._looks, self._left, self._always = looks, 0, np.zeros(0, bool)
+
+    def add(self, ping: Any, rows: str = "") -> list[str]:
+        """Take an image; the sentences, with the last of the first images.
+
+        Parameters
+        ----------
+        ping : ImagePing or SonarImage
+        rows : str, optional
+            Of the layout by which a picture was read; empty: the message states its geometry.
+        """
+        b, m = ping.intensity.shape
+        if len(self._always) != b + m + 2:
+            self._left, self._always = self._looks, np.ones(b + m + 2, bool)
+        if self._left <= 0:
+            return []
+        there = np.isfinite(ping.intensity)
+        low = np.where(there, ping.intensity, ping.intensity.min(initial=0.0, where=there))
+        middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
+        levels = [np.quantile(low, 0.5, axis=axis, method="lower") for axis in (1, 0)]
+        spread = [float(np.ptp(np.quantile(one, [0.1, 0.9]))) for one in levels]
+        varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
+        swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)
+        fan, asked = _is_fan(low) or _is_fan(low.T), rows not in ("", "fan")
+        self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
+        self._left -= 1
+        beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
+        named = ", ".join(f"{k} ({to_side(ping.azimuth[k])})" for k in beams[:MOST_NAMED])
+        span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
+        always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
+        other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")
+        sentences = {
+            f"{len(beams)} of {b} bearings are {always}; numbers, from 0: {named}. Bytes of gain "
+            "before each row, and lines of a display, count as bearings and shift the others: cut "
+            "them off the image": len(beams),
+            f"{len(cells)} of {m} ranges are {always}, from {span[0]:.4g} to {span[1]:.4g} m. If "
+            "that is the ring of the transmission, give sensor.min_range beyond it": len(cells),
+            f"{b} bearings of {m} ranges look transposed: if the rows of the image are {other[0]}, "
+            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[-2],
+            "the corners of the image are blank as around a fan, and it is read as bearings and "
+            "ranges: if it is a picture in x and y, give fan for rows (image.rows)": asked
+            and self._always[-1],
+        }
+        return [one for one, holds in sentences.items() if holds and not self._left]
+
+
+def _is_fan(values: NDArray[Any]) -> bool:
+    """Whether (b, m) values are blank at both sides, the less so the farther from an end."""
+    b, m = values.shape
+    filled = values != values[0, -1]
+    run = np.where(filled.any(axis=0), [filled.argmax(axis=0), filled[::-1].argmax(axis=0)], b)
+    ends = run[:, [m // 20, m // 10]], run[:, [-1 - m // 20, -1 - m // 10]]
+    return any(
+        0.5 * b > one[:, 0].min() > one[:, 1].max() >= one[:, 1].min() > 0.02 * b
+        and np.ptp(one, axis=0).max() <= 0.02 * b + 2.0
+        for one in ends
+    )
 
 
 class ImageInput:
@@ -286,12 +487,13 @@ class ImageInput:
         self.plans: list[Plan] | None = None
         self.in_parts = False
         self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
+        self._look = FirstLook()
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
         if options[DetectorOptions] != self._options[DetectorOptions]:
             self.detector = Detector(options[DetectorOptions])
-        self._options = options
+        self._options, self._look = options, FirstLook()
 
     def coverage(self, ping: ImagePing) -> ImageCoverage:
         """Coverage of a ping, without the detector's blanking distance."""
@@ -305,10 +507,9 @@ class ImageInput:
         Turns of bearings that are late are passed over.
         """
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        layout: ImageLayout = self._options[ImageLayout]
         try:
-            ping = read_image(
-                message, self._options[ImageLayout], self._options[SensorModel], given.sound_speed
-            )
+            ping = read_image(message, layout, self._options[SensorModel], given.sound_speed)
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")
             return
@@ -330,6 +531,8 @@ class ImageInput:
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
+            for sentence in self._look.add(whole, layout.rows if whole.corners else ""):
+                self._say(sentence)
             self._draw(whole)
             yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
 

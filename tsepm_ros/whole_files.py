@@ -12,7 +12,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -73,6 +73,20 @@ def opened_whole(path: Path) -> Iterator[TextIO]:
         temporary.open("w", encoding="utf-8", newline="") as file,
     ):
         yield file
+
+
+def spare(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
+    """Refuse outputs that are inputs, by whatever name.
+
+    Raises
+    ------
+    ValueError
+        It names the file.
+    """
+    there = [path for path in inputs if os.path.exists(path)]
+    for path in filter(os.path.exists, outputs):
+        if any(os.path.samefile(path, one) for one in there):
+            raise ValueError(f"{path} is read here and is not overwritten: give another output")
 
 
 def write_text(path: Path, text: str) -> None:

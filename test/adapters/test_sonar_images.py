@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from support import foreign_messages as foreign
 from msg_adapters import MessageError, make_header
 from msg_adapters.sonar_images import (
     DTYPES,
+    FirstLook,
     ImageInput,
     normalised_image,
     plan_message,
@@ -183,16 +185,134 @@ def picture(table, encoding="mono8", kind="u1", pad=0, big=False):
 
 @pytest.mark.parametrize(
     ("encoding", "kind", "pad", "big"),
-    [("mono8", "u1", 3, False), ("mono16", "u2", 0, True), ("32FC1", "f4", 4, False)],
+    [
+        ("mono8", "u1", 3, False),
+        ("MONO8", "u1", 0, False),
+        ("mono16", "u2", 0, True),
+        ("16SC1", "i2", 2, False),
+        ("32FC1", "f4", 4, False),
+        ("64FC1", "f8", 0, True),
+    ],
 )
 def test_a_picture_as_it_is_displayed_has_far_ranges_above_and_port_at_the_left(
     encoding, kind, pad, big
 ):
     displayed = TABLE.T[::-1]  # the last row is the nearest range
-    found = read(picture(displayed, encoding, kind, pad, big))
+    found = read(picture(displayed, encoding, kind, pad, big), near_range=0.05, far_range=4.05)
     np.testing.assert_array_equal(found.intensity, TABLE)
-    np.testing.assert_allclose(found.range, 2.0 + 10.0 / 3.0 * np.array([0.5, 1.5, 2.5]))
+    np.testing.assert_allclose(found.range, [0.05, 2.05, 4.05])  # middles of the rows
+    assert found.assumptions == ()
     np.testing.assert_allclose(found.azimuth, [0.45, 0.15, -0.15, -0.45])
+
+
+def test_a_step_of_0_and_three_equal_channels_are_read_where_they_are_plain():
+    message = picture(TABLE)
+    message.step = 0
+    np.testing.assert_array_equal(read(message, rows="beams", near_first=True).intensity, TABLE)
+    message = picture(np.repeat(TABLE, 3, axis=1), "rgb8")
+    message.width = 3
+    np.testing.assert_array_equal(read(message, rows="beams", near_first=True).intensity, TABLE)
+
+
+def test_the_blanking_distance_is_no_range_of_a_row_and_without_ranges_this_is_said_or_dropped():
+    stated = {"near_range": 0.05, "far_range": 10.05}
+    blind = replace(SECTOR, min_range=5.0)
+    near, far = read(picture(TABLE.T), **stated), read(picture(TABLE.T), blind, **stated)
+    np.testing.assert_array_equal(near.range, far.range)
+    unstated = read(picture(TABLE.T))
+    np.testing.assert_allclose(unstated.range, 2.0 + 10.0 / 3.0 * np.array([0.5, 1.5, 2.5]))
+    assert "all ranges are wrong: give both" in unstated.assumptions[0]
+    for some in ({"near_range": 0.05}, {"far_range": 9.0}, {"near_range": 9.0, "far_range": 2.0}):
+        with pytest.raises(MessageError, match=r"image\.near_range and, above it") as refused:
+            read(picture(TABLE.T), **some)
+        assert refused.value.reason == "no_geometry"
+    with pytest.raises(MessageError, match="states no geometry"):
+        read(picture(TABLE.T), SensorModel(min_range=0.5))
+
+
+@pytest.mark.parametrize("near_first", [False, True])
+@pytest.mark.parametrize("port_first", [False, True])
+@pytest.mark.parametrize("rows", ["ranges", "beams"])
+def test_a_sentence_says_where_the_corners_are(rows, near_first, port_first):
+    layout = {"rows": rows, "near_first": near_first, "port_first": port_first}
+    corners = np.zeros((4, 3))
+    corners[0, 0] = 1.0
+    found = read(picture(corners), near_range=1.0, far_range=7.0, **layout)
+    (beam, cell) = np.argwhere(found.intensity == 1.0)[0]
+    side = "port" if found.azimuth[beam] > 0 else "starboard"
+    degrees = abs(np.degrees(found.azimuth[beam]))
+    assert (
+        f"top left is {found.range[cell]:.4g} m at {degrees:.4g} degrees to {side},"
+        in found.corners
+    )
+    assert "4 rows and 3 columns" in found.corners
+
+
+def test_beams_with_z_0_have_x_ahead_which_is_said_and_others_have_z_ahead():
+    message = projected()
+    message.beam_directions = [Vector3(x=math.cos(a), y=math.sin(a), z=0.0) for a in BEAMS]
+    found = read(message)
+    np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-12)
+    [said] = found.assumptions
+    assert "x is taken as ahead" in said
+    abeam = projected()  # z ahead, at right angles: z is 0 but for rounding, and so is x
+    abeam.beam_directions = [
+        Vector3(x=0.0, y=-math.sin(a), z=math.cos(a)) for a in [math.pi / 2] * 4
+    ]
+    found = read(abeam)
+    assert found.assumptions == ()
+    np.testing.assert_allclose(found.azimuth, math.pi / 2)
+    turned = projected()  # x ahead, at right angles
+    turned.beam_directions = [Vector3(x=math.cos(math.pi / 2), y=1.0, z=0.0)] * 4
+    np.testing.assert_allclose(read(turned).azimuth, math.pi / 2)
+
+
+def look_at(images, rows="ranges", azimuth=1.0):
+    """Sentences about the first images, (b, m) each."""
+    look, said = FirstLook(), []
+    for image in images:
+        b, m = image.shape
+        axes = np.linspace(1.0, 20.0, m), np.linspace(-azimuth, azimuth, b)
+        said += look.add(ImagePing(0, "sonar", *axes, image), rows)
+    return said
+
+
+def speckle(*shape, number=12):
+    return np.random.default_rng(4).rayleigh(20.0, (number, *shape)).clip(0, 255).astype(np.uint8)
+
+
+def test_bearings_and_ranges_that_are_bright_in_every_image_are_named_once():
+    images = speckle(60, 200)
+    assert look_at(images) == []
+    images[:, 7] = 255
+    images[:, :, 3] = 255
+    images[0, 12] = 255  # another sonar's streak, once
+    beams, cells = look_at(images)
+    assert beams.startswith("1 of 60 bearings") and "from 0: 7 (43.7 degrees to starboard)" in beams
+    assert cells.startswith("1 of 200 ranges") and "from 1.286 to 1.286 m" in cells
+
+
+def test_what_looks_transposed_is_asked_about_with_the_other_rows():
+    [said] = look_at(speckle(200, 60))
+    assert "200 bearings of 60 ranges look transposed" in said and "give beams for rows" in said
+    assert look_at(speckle(200, 60), azimuth=3.1) == [], "a turn has many bearings"
+    fading = (speckle(60, 60, number=12) * np.linspace(3.0, 0.3, 60)[:, None]).astype(np.uint8)
+    [said] = look_at(fading, rows="beams")
+    assert "give ranges for rows" in said
+    assert look_at(fading.transpose(0, 2, 1)) == look_at(speckle(200, 60), rows="") == []
+
+
+@pytest.mark.parametrize("half", [0.3, 0.8, 1.4])
+def test_a_fan_that_is_read_as_bearings_and_ranges_is_asked_about(half):
+    height, width = 100, round(200 * math.sin(half))
+    y, x = np.indices((height, width)) + 0.5
+    ahead, port = height - y, 0.5 * width - x
+    outside = (np.hypot(ahead, port) > height) | (np.abs(np.arctan2(port, ahead)) > half)
+    images = np.where(outside, 0, speckle(height, width, number=10) + 1)
+    for read_as in (images.transpose(0, 2, 1)[:, :, ::-1], images.transpose(0, 2, 1), images):
+        [said] = look_at(read_as)
+        assert "give fan for rows" in said
+    assert look_at(images, rows="fan") == []
 
 
 def test_other_orders_of_a_picture_are_told_by_the_layout():
@@ -241,7 +361,17 @@ def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
             "equal numbers of echoes",
         ),
         (foreign.SonarEcho(header=HEADER), "must not be empty"),
-        (Image(header=HEADER, encoding="bgr8"), "publish the driver's raw image"),
+        (Image(header=HEADER, encoding="yuv422"), "publish the driver's raw image"),
+        (
+            Image(
+                header=HEADER, encoding="bgr8", height=1, width=2, step=6, data=[1, 1, 1, 1, 2, 1]
+            ),
+            "no colours, .* take the driver's raw image",
+        ),
+        (
+            Image(header=HEADER, encoding="mono8", height=2, width=3, step=0, data=[0] * 7),
+            "too few",
+        ),
         (Image(header=HEADER, encoding="mono8", height=2, width=3, step=2), "too few"),
         (Vector3(), "is not supported; supported types are .*SonarImage"),
         (raw(rx_angles=[math.nan] * 4), "must be finite"),

@@ -64,6 +64,11 @@ TABLES = {
     "target": ["time_s,east_m,north_m", *(f"{12.0 * k},2000.0,{1500.0 + k}" for k in range(8))],
 }
 """Lines of a recording's files."""
+FOLDERS = {
+    "arrays": "range: [1, 60]\nazimuth: [-1.0, 1.0]\nfalse_detections_per_ping: 3.0\n",
+    "pictures": "near_range: 1.0\nfar_range: 24.0\nazimuth: [1, -1]\nrows: fan\nport_first: true\n",
+}
+"""Geometries of folders of images."""
 
 
 @functools.cache
@@ -75,6 +80,19 @@ def originals() -> Path:
         (folder / "recording" / f"{name}.csv").write_text("\n".join([*lines, ""]))
     for storage in ("mcap", "sqlite3"):
         write_bag(folder / storage, simulated(small_scenario(scans=4)), storage)
+    rng = np.random.default_rng(3)
+    for name, text in FOLDERS.items():
+        (folder / name).mkdir()
+        (folder / name / "geometry.yaml").write_text(text)
+        images = rng.rayleigh(20.0, (3, 24, 60)).astype(np.uint8)
+        names = [f"{k}.{'pgm' if name == 'pictures' else 'npy'}" for k in range(3)]
+        rows = [f"{k}.5,{one}" for k, one in enumerate(names)]
+        (folder / name / "times.csv").write_text("\n".join(["time_s,file", *rows, ""]))
+        for one, image in zip(names, images, strict=True):
+            if name == "arrays":
+                np.save(folder / name / one, image)
+            else:
+                (folder / name / one).write_bytes(b"P5\n60 24\n255\n" + image.tobytes())
     scenarios = Path(campaign.ROOT) / "tsepm_ros" / "tools" / "simulation" / "scenarios"
     for name in shipped_scenarios():
         text = (scenarios / f"{name}.yaml").read_text()
@@ -159,6 +177,10 @@ KINDS: dict[str, tuple[str, Command]] = {
     "mcap alone": ("mcap/*.mcap", lambda folder: ["run", str(storage_file(folder / "mcap"))]),
     "sqlite3": ("sqlite3/*.db3", _run("sqlite3")),
     "metadata": ("mcap/metadata.yaml", _run("mcap")),
+    **{f"geometry of {one}": (f"{one}/geometry.yaml", _run(one)) for one in FOLDERS},
+    **{f"times of {one}": (f"{one}/times.csv", _run(one)) for one in FOLDERS},
+    "array": ("arrays/*.npy", _run("arrays")),
+    "picture": ("pictures/*.pgm", _run("pictures")),
     "parameters": ("parameters.yaml", _parameters),
     "learned": ("learned.json", _learned),
     "runs": ("runs/**/*.jsonl", _runs),

@@ -42,8 +42,8 @@ PINGS, TURN, PER_PING = 12, 24, 12
 MAX_MEMORY = 1500.0
 """Resident memory of the process that is too much, MB."""
 TYPES = ("projected", "raw", "mono8", "mono16", "32FC1", "fan", "column", "echo", "spokes")
-WINDOWS = [(0.0, 40.0), (5e3, 5e3 + 0.3), (9e7, 9e7 + 0.3), (0.0, 1e8), (39.99, 40.0), (0.0, 2e-3)]
-"""Nearest and largest range of images without a geometry, m."""
+WINDOWS = [(0.5, 39.5), (5e3, 5e3 + 0.3), (9e7, 9e7 + 0.3), (0.0, 1e8), (39.99, 40.0), (0.0, 2e-3)]
+"""Ranges of the nearest and the farthest row of images without a geometry, m."""
 OPTIONS = {
     "false_detections_per_ping": 3.0,
     "sensor.azimuth_min": -0.65,
@@ -153,7 +153,8 @@ class Fed:
 def options_of(kind: str, window: tuple[float, float] = WINDOWS[0]) -> dict[type[Any], Any]:
     """Options of the node beside a driver."""
     layout = {"image.rows": "fan" if kind == "fan" else "auto"}
-    ranges = dict(zip(("sensor.min_range", "sensor.max_range"), window, strict=True))
+    names = "image.near_range", "image.far_range"
+    ranges = dict(zip(names, window, strict=True)) | {"sensor.max_range": window[1]}
     return make_groups(SONAR_DETECTOR, OPTIONS | layout | ranges)
 
 

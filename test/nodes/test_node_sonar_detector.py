@@ -25,6 +25,7 @@ COVERAGE = {
     "sensor.azimuth_min": -0.8,
     "sensor.azimuth_max": 0.8,
 }
+ROWS = {"image.near_range": 0.6, "image.far_range": 40.4}
 STAMP = 1_700_000_000.0
 
 
@@ -50,7 +51,7 @@ class Sonar:
         message = Image(
             header=make_header(round((STAMP + self.interval * self.number) * 1e9), "sonar"),
             height=CELLS,
-            width=BEAMS,
+            width=BEAMS if encoding == "mono8" else BEAMS // 3,
             step=BEAMS,
             encoding=encoding,
             data=np.ascontiguousarray(displayed).tobytes(),
@@ -70,7 +71,7 @@ def pings(world, sonar, heard, number, targets=lambda k: ()):
 def detecting(world, interval=0.2, **parameters):
     """A detector that has found its sonar, and its detections."""
     sonar, heard = Sonar(world, interval=interval), world.listen(PointCloud2, "detections")
-    world.make(SonarDetector, COVERAGE | parameters)
+    world.make(SonarDetector, COVERAGE | ROWS | parameters)
     world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
     world.until_connected()
     return sonar, heard
@@ -85,6 +86,7 @@ def test_targets_to_port_and_to_starboard_are_detected_and_shown_where_they_are(
     begin = time.monotonic()
     places = [(15.0, 0.4), (25.0, -0.3)]
     clouds = pings(world, sonar, heard, 30, lambda k: places)
+    world.until_logged("top left is 40.4 m at 45.12 degrees to port, top right is 40.4 m")
     found = [read_detections(cloud).scan for cloud in clouds[20:]]
     for range_, azimuth in places:
         hits = 0
@@ -112,7 +114,7 @@ def test_both_nodes_start_a_track_on_a_target_that_moves_in_spite_of_a_picture_i
     world.until_logged("subscribed to /detections")
     world.until_connected()
     sonar.ping(encoding="bgr8")
-    world.until_logged("publish the driver's raw image")
+    world.until_logged("no colours, which are no intensities")
     pings(world, sonar, heard, 50, lambda k: [(12.0 + 0.2 * k, 0.3)])  # 1 m/s away
     world.until(lambda: any(cloud.width for cloud in tracks), "a track")
     world.until(
@@ -133,7 +135,7 @@ def test_an_image_without_a_geometry_is_dropped_and_no_tracker_is_told_a_default
     world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
     world.until_connected()
     sonar.ping()
-    world.until_logged("states no geometry: give sensor.max_range", level=WARN)
+    world.until_logged("states no geometry: give image.near_range", level=WARN)
     assert not heard
     assert tracker.get_parameter("sensor.max_range").value == 40.5
 

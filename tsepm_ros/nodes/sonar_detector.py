@@ -135,6 +135,7 @@ class SonarDetector(ParameterisedNode):
         self._coverage = coverage
         self.get_logger().info(
             f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
+            + f"; {ping.corners}; compare this with the driver's own display" * bool(ping.corners)
         )
         self._ask()
 

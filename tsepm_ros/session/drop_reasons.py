@@ -152,7 +152,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
         DETECTIONS,
         "scan",
         "an image states no ranges and bearings, nor do parameters",
-        "Set `sensor.min_range`, `max_range`, `azimuth_min` and `azimuth_max` of `sonar_detector`",
+        "Set `image.near_range`, `image.far_range`, `sensor.azimuth_min` and `sensor.azimuth_max` "
+        "of `sonar_detector`",
     ),
     "bad_encoding": DropReason(
         DETECTIONS,

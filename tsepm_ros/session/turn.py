@@ -399,6 +399,8 @@ class ImagePing:
         Whether the bearings are a part of a turn.
     assumptions : tuple of str
         Sentences about what the message does not state.
+    corners : str
+        Which corner of a picture without a geometry of its own is where; else empty.
     """
 
     stamp_ns: int
@@ -410,6 +412,7 @@ class ImagePing:
     sound_speed: float = 0.0
     is_part: bool = False
     assumptions: tuple[str, ...] = ()
+    corners: str = ""
 
 
 class ImageTurns:

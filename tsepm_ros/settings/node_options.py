@@ -546,13 +546,29 @@ class SonarDetectorNodeOptions(ParameterGroup):
 
 @dataclass(frozen=True, kw_only=True)
 class ImageLayout(ParameterGroup):
-    """How the rows of images lie; the coverage is that of the sensor."""
+    """How the rows of images lie, and the ranges and sides of a picture that states none."""
 
     rows: str = parameter(
         "auto",
         "What the rows of an image are; auto: beams in RawSonarImage, else ranges. fan: a picture "
         "in x and y, whose apex is the middle of the lowest row (all round: of the picture)",
         choices=("auto", "ranges", "beams", "fan"),
+    )
+    near_range: float = parameter(
+        -1.0,
+        "sensor_msgs/Image: range of the nearest row (of beams: column), its middle; of a fan the "
+        "nearest range that it shows. Below 0: not given",
+        unit="m",
+        minimum=-1.0,
+        maximum=1e8,
+    )
+    far_range: float = parameter(
+        -1.0,
+        "sensor_msgs/Image: range of the farthest row (of beams: column), its middle. Below 0: not "
+        "given",
+        unit="m",
+        minimum=-1.0,
+        maximum=1e8,
     )
     near_first: bool = parameter(
         False, "sensor_msgs/Image: the first row (of beams: the first column) is the nearest range"

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 import yaml
 
+from msg_adapters.sonar_images import located
 from tsepm_ros.methods.registry import available_methods
+from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.settings import NODES
 from tsepm_ros.tools.commands import evaluate_command
 from tsepm_ros.tools.commands.cli import COMMANDS, main
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.tools.evaluation.result_files import read_result
-from tsepm_ros.tools.replay.recording import read_recording
+from tsepm_ros.tools.replay.recording import read_images, read_recording
 
 
 def test_methods_are_listed_with_what_they_are(capsys):
@@ -186,17 +188,149 @@ def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_
 @pytest.mark.parametrize(
     ("name", "text", "sentence"),
     [
-        ("geometry.yaml", "range: [1, 2]\n", "cannot be read: KeyError('azimuth')"),
+        ("geometry.yaml", "range: [1, 2]\n", "azimuth must be a list, of first and last"),
         ("times.csv", "time_s\n0\n", "holds 12 images, times.csv 1 times"),
         ("times.csv", "time_s\nnoon\n", "cannot be read"),
-        ("geometry.yaml", GEOMETRY + "p_fa: 3\n", "no option 'p_fa'"),
-        ("geometry.yaml", GEOMETRY.replace("-1.0, 1.0", "-60, 60"), "at most a turn, in rad"),
+        ("geometry.yaml", GEOMETRY + "p_fa: 3\n", "p_fa is not a parameter"),
+        (
+            "geometry.yaml",
+            GEOMETRY.replace("-1.0, 1.0", "-60, 60"),
+            "(in rad; -60 degrees are -1.047 rad)",
+        ),
+        ("geometry.yaml", GEOMETRY + "rows: range\n", "rows must be one of auto, ranges, beams"),
+        ("geometry.yaml", GEOMETRY + "false_detections_per_ping: many\n", "must be a number"),
+        ("geometry.yaml", GEOMETRY + "near_range: 0.5\n", "near_range and far_range must be given"),
+        (
+            "geometry.yaml",
+            GEOMETRY.replace("1.0, 20.9", "1, 5" + "0" * 400),
+            "range must be a number",
+        ),
+        ("geometry.yaml", GEOMETRY.replace("[-1.0, 1.0]", "null"), "azimuth must be a list"),
+        ("geometry.yaml", "- 1\n", "expected names and values"),
+        ("geometry.yaml", "a: &a [1]\nrange: *a\n", "aliases"),
+        ("times.csv", "time_s\n" + "0\n" * 12, "ascend"),
+        ("times.csv", "time_s\n" + "".join(f"{k}\n" for k in range(11)) + "nan\n", "ascend"),
+        ("times.csv", "time\n" + "0\n" * 12, "time_s of times.csv must have a number"),
+        ("times.csv", "time_s\n" + "".join(f"{k}e12\n" for k in range(12)), "in milliseconds?"),
+        ("images.npz", "PK broken", "cannot be read as images"),
     ],
 )
 def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, text, sentence):
     (folder / name).write_text(text)
     assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def huge_array(shape: str) -> bytes:
+    """A file .npy whose header promises a shape."""
+    head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode() + b"x" * 100
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("0.npy", huge_array("(1000000, 10000000)")),
+        ("0.npy", huge_array("()")),
+        ("0.pgm", b"P5\n99999999 99999999\n255\n"),
+        ("0.pgm", b"P5\n30 30\n255\n"),
+        ("0.png", b"\x89PNG\r\n\x1a\nbroken"),
+        ("0.ppm", b"P6\n2 1\n255\n\x01\x01\x01\x01\x02\x01"),
+    ],
+    ids=["huge array", "no array", "huge picture", "cut picture", "broken picture", "colours"],
+)
+def test_an_image_that_cannot_be_read_is_refused_whatever_its_header_says(
+    tmp_path, capsys, name, content
+):
+    pytest.importorskip("matplotlib")
+    (tmp_path / "geometry.yaml").write_text(GEOMETRY)
+    (tmp_path / "times.csv").write_text(f"time_s,file\n0,{name}\n")
+    (tmp_path / name).write_bytes(content)
+    assert main(["detect", str(tmp_path), "--out", str(tmp_path / "o.csv")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("refused: ") and ("colours" in said or name != "0.ppm")
+
+
+def test_pictures_of_16_bits_and_of_three_equal_channels_are_as_their_arrays(tmp_path):
+    pytest.importorskip("matplotlib")
+    rng = np.random.default_rng(2)
+    images = rng.rayleigh(4000.0, (3, 30, 90)).astype(np.uint16)
+    found = []
+    for form in ("npy", "pgm", "ppm"):
+        folder = tmp_path / form
+        folder.mkdir()
+        (folder / "geometry.yaml").write_text(GEOMETRY)
+        names = [f"{k}.{form}" for k in range(3)]
+        rows = [f"{k},{name}" for k, name in enumerate(names)]
+        (folder / "times.csv").write_text("\n".join(["time_s,file", *rows]))
+        for name, image in zip(names, images if form != "ppm" else images >> 8, strict=True):
+            if form == "npy":
+                np.save(folder / name, image)
+            elif form == "pgm":
+                (folder / name).write_bytes(b"P5\n90 30\n65535\n" + image.astype(">u2").tobytes())
+            else:
+                three = np.repeat(image.astype(np.uint8), 3)
+                (folder / name).write_bytes(b"P6\n90 30\n255\n" + three.tobytes())
+        _, _, read = read_images(folder, [])
+        found.append([image.intensity for image in read])
+    np.testing.assert_array_equal(found[0], images)
+    np.testing.assert_array_equal(found[1], images)
+    np.testing.assert_array_equal(found[2], images >> 8)
+
+
+@pytest.mark.parametrize("rows", ["beams", "ranges", "fan"])
+def test_a_folder_is_read_as_the_node_reads_the_same_picture(tmp_path, rows):
+    image = np.random.default_rng(2).rayleigh(4000.0, (40, 60)).astype(np.uint16)
+    np.save(tmp_path / "images.npy", image[None])
+    (tmp_path / "times.csv").write_text("time_s\n0\n")
+    ends = "range: [12.0, 0.5]" if rows != "fan" else "range: [0.5, 12.0]"
+    (tmp_path / "geometry.yaml").write_text(f"{ends}\nazimuth: [0.6, -0.6]\nrows: {rows}\n")
+    notes: list[str] = []
+    _, _, images = read_images(tmp_path, notes)
+    [read] = images
+    layout = ImageLayout(rows=rows)  # far first, port first
+    range_, azimuth, intensity = located(image, layout, (0.5, 12.0), (-0.6, 0.6))
+    np.testing.assert_array_equal(read.intensity, intensity)
+    np.testing.assert_allclose(read.range, range_)
+    half = 0.6 / len(azimuth) if rows != "fan" else 0.0  # of a fan the edges are given
+    np.testing.assert_allclose(read.azimuth, azimuth * 0.6 / (0.6 - half))
+    assert ("top left" in notes[0]) == (rows != "fan")
+
+
+def test_an_output_is_no_input_whatever_it_is_called(folder, capsys):
+    (folder / "link.csv").symlink_to(folder / "times.csv")
+    for out in ("times.csv", "geometry.yaml", "images.npz", "link.csv"):
+        before = (folder / out).read_bytes()
+        assert main(["detect", str(folder), "--out", str(folder / out)]) == 2
+        assert "is not overwritten" in capsys.readouterr().err
+        assert (folder / out).read_bytes() == before
+    assert main(["detect", str(folder), "--out", str(folder / "detections.csv")]) == 0
+    recording = folder / "detections.csv"
+    assert main(["run", str(folder), "--html", str(recording)]) == 2
+    target = folder / "tracks.csv"
+    target.write_bytes(recording.read_bytes())
+    before = target.read_bytes()
+    assert main(["run", str(target), "--out", str(folder)]) == 2
+    assert target.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (["four_targets", "--detections", "/sonar"], "--detections has no meaning for a scenario"),
+        (["recording", "--odometry", "/odom"], "--odometry has no meaning for a recording"),
+        (["recording", "--seed", "0"], "--seed has no meaning for a recording"),
+        (["recording", "--origin", "1,2"], "--origin is for --as and --html"),
+    ],
+)
+def test_an_option_without_a_meaning_for_the_source_is_refused(
+    tmp_path, monkeypatch, capsys, given, words
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recording").mkdir()
+    (tmp_path / "recording" / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,1,0\n")
+    assert main(["run", *given]) == 2
+    assert words in capsys.readouterr().err
 
 
 def evaluated(tmp_path, *arguments):

@@ -1,5 +1,6 @@
 """The command `tsepm init`, and its questions: what a data sheet says, as parameters."""
 
+import importlib.util
 import math
 import shlex
 import sys
@@ -9,11 +10,19 @@ import numpy as np
 import pytest
 import yaml
 
+from msg_adapters.sonar_images import located
+from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import values_for
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.init_command import QUESTIONS, SHARED, completed, parameters
+from tsepm_ros.tools.commands.init_command import (
+    OF_IMAGES,
+    QUESTIONS,
+    SHARED,
+    completed,
+    parameters,
+)
 from tsepm_ros.tracker.sensor import SensorModel
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
@@ -102,8 +111,11 @@ def test_what_is_given_is_not_asked_and_enter_takes_the_default():
 
     answers = completed({"sector": 90.0}, ask)
     assert answers == completed({"sector": 90.0, "max_range": 500.0, "own_ship": 1.0})
-    assert len(prompts) == len(QUESTIONS) - 1
-    assert all(question.explanation in "".join(prompts) for question in QUESTIONS[3:])
+    asked = [one for one in QUESTIONS if one.name not in ("sector", *OF_IMAGES)]
+    assert [prompt.partition(" (")[0] for prompt in prompts] == [one.text for one in asked]
+    assert all(question.explanation in "".join(prompts) for question in asked)
+    completed({"images": 1.0}, ask)
+    assert sum(prompt.startswith("Image: ") for prompt in prompts) == len(OF_IMAGES)
 
 
 def test_an_end_of_the_input_is_said():
@@ -160,6 +172,44 @@ def test_for_images_one_file_has_both_nodes_with_one_coverage(capsys, tmp_path):
     assert tracker["sensor.clutter_density"] == pytest.approx(20.0 / (0.5 * 40.0**2 * 2.2689), 0.01)
     assert main(["init", str(out), "--yes", *given, "--false-detections", "1e5"]) == 2
     assert "false_detections_per_ping" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_expectation")
+@pytest.mark.parametrize("near_row", ["last", "first"])
+def test_an_image_has_the_ranges_of_its_own_rows_and_a_picture_to_compare(
+    capsys, tmp_path, near_row
+):
+    path = tmp_path / "sonar.yaml"
+    given = ["--images", "yes", "--max-range", "30", "--sector", "120", "--min-range", "0.5"]
+    given += ["--near-range", "0.05", "--far-range", "29.95", "--near-row", near_row]
+    given += ["--first-column", "starboard"]
+    assert main(["init", str(path), "--yes", *given]) == 0
+    groups = make_groups(SONAR_DETECTOR, values_for(path, "/sonar_detector"))
+    layout, limits = groups[ImageLayout], groups[SensorModel]
+    assert (layout.near_range, layout.far_range, limits.min_range) == (0.05, 29.95, 0.5)
+    sector = (limits.azimuth_min, limits.azimuth_max)
+    shown = np.zeros((300, 60))
+    shown[20 if near_row == "last" else 279, 50] = 1.0  # far, to port
+    range_, azimuth, read = located(shown, layout, (0.05, 29.95), sector)
+    beam, cell = np.argwhere(read)[0]
+    assert range_[cell] == pytest.approx(27.95)
+    assert azimuth[beam] == pytest.approx(math.radians(-60.0 + 2.0 * 50.5), abs=1e-5)
+    if importlib.util.find_spec("matplotlib"):
+        assert f"picture: {tmp_path / 'sonar_image.png'}; compare" in capsys.readouterr().out
+        assert (tmp_path / "sonar_image.png").stat().st_size > 10_000
+        path.unlink()
+        assert main(["init", str(path), "--yes", *given]) == 2, "the picture may be another's"
+
+
+@pytest.mark.usefixtures("no_expectation")
+def test_ranges_of_rows_are_both_given_or_neither_and_are_never_guessed(capsys, tmp_path):
+    for near, far in (("0.05", "-1"), ("-1", "30"), ("30", "0.05")):
+        given = ["--images", "yes", "--near-range", near, "--far-range", far]
+        assert main(["init", str(tmp_path / "a.yaml"), "--yes", *given]) == 2
+        assert "--near-range and, above it, --far-range" in capsys.readouterr().err
+    assert main(["init", str(tmp_path / "a.yaml"), "--yes", "--images", "yes"]) == 0
+    assert values_for(tmp_path / "a.yaml", "/sonar_detector")["image.far_range"] == -1.0
+    assert not list(tmp_path.glob("*.png"))
 
 
 def test_own_ship_and_mounting_are_written(capsys, tmp_path):

@@ -46,13 +46,16 @@ def run_detect(options: argparse.Namespace) -> None:
         If there is no image.
     """
     given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
-    found, drawn = 0, None
+    found, drawn, notes = 0, None, list[str]()
+    outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
-        write_detections(options.folder, options.out, **given)
+        write_detections(options.folder, options.out, notes, outputs, **given)
     ):
         found += len(scan)
         if k <= options.image and detector.stages is not None:
             drawn = image, detector.stages, scan
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
     if not found or drawn is None:
         raise CommandFailed(f"{options.folder} has no image with an echo")
     if options.picture:

@@ -31,7 +31,7 @@ from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_re
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.terminal import text_table, with_progress
-from tsepm_ros.whole_files import opened_whole, write_text
+from tsepm_ros.whole_files import opened_whole, spare, write_text
 
 ARGUMENTS: Arguments = {
     "scenario": {"nargs": "*", "default": ["box"], "help": f"{scenario_names()}; default box"},
@@ -84,6 +84,7 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
     ValueError
         If an argument is not allowed.
     """
+    spare(map(Path, options.scenario), [options.result] if options.result else [])
     changes = parse_values(options.scene)
     if options.scans:
         changes["scans"] = options.scans

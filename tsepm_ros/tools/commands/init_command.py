@@ -12,20 +12,25 @@ import math
 import re
 import shlex
 import sys
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from msg_adapters.sonar_images import in_words, located, to_side
 from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.parameters import Value
-from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
+from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
 from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.design.prediction import Case, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_text, written_whole
 
 Answers = Mapping[str, float]
 Sections = dict[str, dict[str, Value]]
@@ -47,6 +52,7 @@ MOUNTING = (
     ("roll", "rolled about its axis ahead, 180 if it hangs upside down", "degrees", 180.0),
 )
 """Name, wording, unit and bound of the parts of the mounting that are asked for."""
+ROWS = ("auto", "ranges", "beams", "fan")
 ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
@@ -163,7 +169,7 @@ QUESTIONS = (
         "min_range",
         "Blanking distance, the nearest range",
         "m",
-        "Nearer targets cannot be detected.",
+        "Nearer targets cannot be detected; an image may begin at another range.",
         _SENSOR.min_range,
     ),
     Question(
@@ -267,6 +273,48 @@ QUESTIONS = (
         choices=("no", "yes"),
     ),
     Question(
+        "rows",
+        "Image: what its rows are",
+        "auto, ranges, beams or fan",
+        "fan: a picture in x and y. auto: ranges, or as the message states it.",
+        0.0,
+        choices=ROWS,
+    ),
+    Question(
+        "near_range",
+        "Image: range of the nearest row",
+        "m",
+        "Of sensor_msgs/Image, not the blanking distance; of a fan 0. -1: the messages state it.",
+        -1.0,
+        minimum=-1.0,
+        maximum=1e8,
+    ),
+    Question(
+        "far_range",
+        "Image: range of the farthest row",
+        "m",
+        "As for the nearest row.",
+        -1.0,
+        minimum=-1.0,
+        maximum=1e8,
+    ),
+    Question(
+        "near_row",
+        "Image: which row, or of beams which column, is the nearest range",
+        "last or first",
+        "first: near ranges are at the top, or of beams at the left; of a fan the sonar.",
+        0.0,
+        choices=("last", "first"),
+    ),
+    Question(
+        "first_column",
+        "Image: side of the first column, or of beams of the first row",
+        "port or starboard",
+        "As the driver sends it; a display may turn it.",
+        0.0,
+        choices=("port", "starboard"),
+    ),
+    Question(
         "false_detections",
         "False detections per ping, over the whole coverage",
         "per ping",
@@ -305,6 +353,13 @@ QUESTIONS = (
     ),
 )
 """In the order in which they are asked; a default depends on earlier answers only."""
+OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column")
+"""Questions that are asked where the driver publishes images."""
+
+
+def _meant(answers: Answers) -> list[Question]:
+    """The questions that are not of images where there are none."""
+    return [one for one in QUESTIONS if one.name not in OF_IMAGES or answers["images"]]
 
 
 def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[str, float]:
@@ -326,7 +381,11 @@ def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[s
         name, default = question.name, question.default(answers)
         if name in given:
             answers[name] = question.checked(given[name])
-        elif ask is None or (name.startswith("mounting") and answers["own_ship"] != ODOMETRY):
+        elif (
+            ask is None
+            or (name.startswith("mounting") and answers["own_ship"] != ODOMETRY)
+            or (name in OF_IMAGES and not answers["images"])
+        ):
             answers[name] = question.checked(default)
         else:
             answers[name] = _asked(question, default, ask)
@@ -402,13 +461,6 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     return values
 
 
-LAYOUT: dict[str, Value] = {
-    "image.rows": "auto",
-    "image.near_first": False,
-    "image.port_first": True,
-    "image.clockwise": False,
-}
-"""What a driver's images may have otherwise, in the file so that it is seen."""
 SHARED = (
     *(f"sensor.{name}" for name in ("min_range", "max_range", "azimuth_min", "azimuth_max")),
     "sound_speed",
@@ -421,8 +473,21 @@ def sections(answers: Answers, values: dict[str, Value]) -> Sections:
     if not answers["images"]:
         return {ANY_NODE: values}
     number = answers["false_detections"] or DetectorOptions().false_detections_per_ping
+    near, far = answers["near_range"], answers["far_range"]
+    if max(near, far) >= 0.0 and not 0.0 <= near < far:
+        raise ValueError(
+            f"--near-range and, above it, --far-range must both be given; got {near:g} and {far:g}"
+        )
+    layout: dict[str, Value] = {
+        "image.rows": ROWS[int(answers["rows"])],
+        "image.near_range": near,
+        "image.far_range": far,
+        "image.near_first": bool(answers["near_row"]),
+        "image.port_first": not answers["first_column"],
+        "image.clockwise": False,
+    }
     shared = {name: values[name] for name in SHARED if name in values}
-    detector = {"false_detections_per_ping": number} | LAYOUT | shared
+    detector = {"false_detections_per_ping": number} | layout | shared
     make_groups(SONAR_DETECTOR, detector)
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
 
@@ -478,8 +543,13 @@ def run_init(options: argparse.Namespace) -> None:
         given = completed(given, input)
     answers = completed(given)
     values = parameters(answers, known_interval="interval" in given)
-    write_text(path, file_text(sections(answers, values), _line(path, answers, given)))
-    missing = [question for question in QUESTIONS if question.name not in given]
+    content = sections(answers, values)
+    picture = path.with_name(f"{path.stem}_image.png")
+    drawn = bool(answers["images"]) and answers["far_range"] > 0.0
+    if drawn and picture.exists() and not options.force:
+        raise ValueError(f"{picture} exists; give another name, or --force to overwrite it")
+    write_text(path, file_text(content, _line(path, answers, given)))
+    missing = [question for question in _meant(answers) if question.name not in given]
     if missing:
         print("not given, defaults taken:")
         for question in missing:
@@ -487,6 +557,8 @@ def run_init(options: argparse.Namespace) -> None:
                 f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
             )
     print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
+    if drawn:
+        _draw_layout(picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"]))
     source = values["own_ship_source"]
     more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
     runs = {"sonar_detector": "image", "track_initiator": ""}
@@ -495,6 +567,56 @@ def run_init(options: argparse.Namespace) -> None:
     print(f"written: {path}; run it with{lines}{more.get(str(source), '')}")
     if source == "none":
         print("on a moving vessel give --own-ship odometry, or tf")
+
+
+def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
+    """Picture of where an image has its ranges and sides, as `sonar_detector` reads it."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        print("no picture of the image: it needs matplotlib, see the extra plot")
+        return
+    layout, sensor = groups[ImageLayout], groups[SensorModel]
+    span = sensor.azimuth_max - sensor.azimuth_min
+    wide = 2.0 * math.sin(min(0.5 * span, 0.5 * math.pi)) if layout.rows == "fan" else 1.5
+    shape = (400, 400) if span > math.pi and layout.rows == "fan" else (300, round(300 * wide))
+    ends, sector = (layout.near_range, layout.far_range), (sensor.azimuth_min, sensor.azimuth_max)
+    rows, columns = np.indices(shape).astype(float)
+    range_, azimuth, down = located(rows, layout, ends, sector)
+    across = located(columns, layout, ends, sector)[2]
+    ahead, port = (range_ * turn(azimuth)[:, None] for turn in (np.cos, np.sin))
+    figure = Figure(figsize=(13, 7), layout="constrained")
+    words = textwrap.wrap(in_words(rows, layout, range_, azimuth).partition(": ")[2], 110)
+    figure.suptitle("\n".join(words))
+    sides, (b, m) = sorted([0, -1], key=lambda place: float(azimuth[place])), down.shape
+    beam, cell = b // 2 + (b // 4) * (1 if sides[1] else -1), m * 3 // 4
+    for axes, x, y, title in zip(
+        figure.subplots(1, 2),
+        (across, -port),
+        (down, ahead),
+        ("the image as the driver sends it\n", "from above, m: ahead is up, port is at the left\n"),
+        strict=True,
+    ):
+        for k in np.linspace(0, m - 1, 5).round().astype(int):
+            axes.plot(x[:, k], y[:, k], color="grey", lw=1)
+            axes.text(x[b // 2, k], y[b // 2, k], f"{range_[k]:.3g} m", ha="center", va="bottom")
+        for place, colour in zip(sides, ("green", "red"), strict=True):
+            axes.plot(x[place], y[place], color=colour, lw=4, label=to_side(azimuth[place]))
+        target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
+        axes.plot(x[beam, cell], y[beam, cell], "*", color="black", ms=14, label=target)
+        axes.set(title=title, aspect="equal")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06))
+    figure.axes[0].set(
+        xlim=(-0.5, shape[1] - 0.5),
+        ylim=(shape[0] - 0.5, -0.5),
+        xticks=(0, shape[1] - 1),
+        xticklabels=["first column", "last column"],
+        yticks=(0, shape[0] - 1),
+        yticklabels=["first row", "last row"],
+    )
+    with written_whole(path) as temporary:
+        figure.savefig(temporary)
+    print(f"picture: {path}; compare it with the driver's own display")
 
 
 def file_text(content: Sections, line: str) -> str:
@@ -551,7 +673,7 @@ def expectation_text(answers: Answers, path: Path) -> str:
 def _line(path: Path, answers: Answers, given: Answers) -> str:
     """The command line that writes the same file again: an interval only if it was given."""
     words = ["tsepm", "init", str(path), "--yes"]
-    for question in QUESTIONS:
+    for question in _meant(answers):
         if question.name != "interval" or question.name in given:
             words += [question.argument, question.shown(answers[question.name])]
     return shlex.join(words)

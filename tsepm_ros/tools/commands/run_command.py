@@ -77,7 +77,7 @@ from tsepm_ros.tools.replay.track_files import (
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tools.viewer.page_content import RecordedScene, image_frame, make_server, write_page
-from tsepm_ros.whole_files import naming, opened_whole
+from tsepm_ros.whole_files import naming, opened_whole, spare
 
 DRAWING = "tsepm_ros.tools.pictures.plan_position"
 
@@ -89,6 +89,19 @@ TOPIC_OPTIONS = {
     LAND: "land",
 }
 """Names of the topic options of a bag, by role."""
+OUTPUTS = (
+    "tracks.csv",
+    "current.csv",
+    "tracks.mcap",
+    "tracks.geojson",
+    "tracks.nmea",
+    "picture.png",
+)
+"""Files that `tsepm run` writes in a folder."""
+BESIDE = ("own_ship.csv", "target.csv")
+"""Files that are read beside a recording's detections."""
+WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
+"""Suffixes of outputs in the folder of a bag, which it does not read."""
 
 
 def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
@@ -100,9 +113,7 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
         "metadata.yaml, .mcap or .db3 file; "
         f"or scenario to simulate: {scenario_names()}",
     )
-    parser.add_argument(
-        "--seed", type=seed, default=1, help="seed of a simulated scenario; default 1"
-    )
+    parser.add_argument("--seed", type=seed, help="seed of a simulated scenario; default 1")
     for role, name in TOPIC_OPTIONS.items():
         parser.add_argument(
             f"--{name}",
@@ -112,6 +123,7 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
             help=f"topic of a bag to read as {role}",
         )
     add_values(parser)
+    parser.set_defaults(out=None, picture=None, html=None)
 
 
 @dataclass
@@ -180,24 +192,49 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         If an argument is not allowed, or a recording cannot be read.
     """
     name, scenarios = options.recording, shipped_scenarios()
-    path = Path(name)
+    path, coverage, notes = Path(name), dict[str, float](), list[str]()
+    is_images = (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists()
+    outputs = [one for one in (options.picture, options.html) if isinstance(one, Path)]
+    outputs += [options.out / one for one in OUTPUTS if options.out]
+    given = [path, *(one for one in options.parameter if isinstance(one, Path))]
     if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
         name in scenarios and not path.exists()
     ):
+        spare(given, outputs)
+        _refuse_unused(options, "a scenario")
         return _simulation(load_scenario(name), options)
     if not path.exists():
         raise ValueError(
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
-    coverage: dict[str, float] = {}
-    if (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists():
-        path, coverage = detected(path, Path(stack.enter_context(TemporaryDirectory())))
-    source, is_bag = source_of(path)
+    source, is_bag = (path, False) if is_images else source_of(path)
+    beside = source.iterdir() if is_bag and source.is_dir() else map(source.with_name, BESIDE)
+    spare(
+        [*given, source, *(one for one in beside if one.suffix not in WRITTEN or not is_bag)],
+        outputs,
+    )
+    _refuse_unused(options, "a bag" if is_bag else "a recording")
+    if is_images:
+        into = Path(stack.enter_context(TemporaryDirectory()))
+        source, coverage = detected(path, into, notes, outputs)
     if is_bag:
         return _bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)
+    recording.notes.extend(notes)
     own_ship = "odometry" if recording.own_ship else "none"
     return _recorded(recording, options, own_ship, **coverage)
+
+
+def _refuse_unused(options: argparse.Namespace, source: str) -> None:
+    """Refuse options that have no meaning for a source."""
+    given = {name: getattr(options, f"topic_{role}") for role, name in TOPIC_OPTIONS.items()}
+    unused = [f"--{name}" for name in given if given[name] and source != "a bag"]
+    unused += ["--seed"] * (options.seed is not None and source != "a scenario")
+    if unused:
+        raise ValueError(
+            f"{', '.join(unused)} has no meaning for {source}: topics are named of a bag, and the "
+            "seed is that of a simulated scenario"
+        )
 
 
 def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str, Value]]:
@@ -300,14 +337,15 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
 
 
 def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
-    simulator = Simulator(scenario, options.seed)
+    seed = 1 if options.seed is None else options.seed
+    simulator = Simulator(scenario, seed)
     recording, origins = simulated_recording(simulator)
     sensor = {f"sensor.{key}": value for key, value in dataclasses.asdict(scenario.sensor).items()}
     run = _recorded(recording, options, "odometry", **sensor)
     method = run.session.settings.session.method
     return dataclasses.replace(
         run,
-        title=f"{scenario.name}, seed {options.seed}, method {method}",
+        title=f"{scenario.name}, seed {seed}, method {method}",
         judge=lambda scene: scene.judge(simulator, recording, origins),
     )
 
@@ -360,6 +398,8 @@ def run_recording(options: argparse.Namespace) -> None:
     ValueError
         If an argument is not allowed, or a recording cannot be read.
     """
+    if options.origin and not (options.form or options.html):
+        raise ValueError("--origin is for --as and --html, and neither is given")
     drawing = _drawing(options)
     with ExitStack() as stack:
         run = open_run(options, stack)
@@ -511,7 +551,7 @@ def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="arguments of ROS for live topics, such as -r tracks/current:=/boat/tracks/current",
     )
-    parser.set_defaults(out=None, picture=None, html=True)
+    parser.set_defaults(html=True)
 
 
 def run_watch(options: argparse.Namespace) -> None:
@@ -525,6 +565,7 @@ def run_watch(options: argparse.Namespace) -> None:
     given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     viewer = ViewerNodeOptions(**given)
     if options.recording is None:
+        _refuse_unused(options, "live topics")
         _watch_live(options, given)
     else:
         _watch_recording(options, viewer)
