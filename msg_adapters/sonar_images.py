@@ -34,7 +34,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage
 
 DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
@@ -52,11 +52,11 @@ LEVEL = 0.1
 """Elevation of beams from which on an assumption is stated, rad."""
 
 
-Reader = Callable[[Any, ImageLayout, SensorModel, float], ImagePing]
+Reader = Callable[[Any, ImageLayout, Coverage, float], ImagePing]
 
 
 def read_image(
-    message: Any, layout: ImageLayout, sensor: SensorModel, sound_speed: float = 0.0
+    message: Any, layout: ImageLayout, sensor: Coverage, sound_speed: float = 0.0
 ) -> ImagePing:
     """Read a message of one of `IMAGES`.
 
@@ -64,8 +64,8 @@ def read_image(
     ----------
     message : ROS message
     layout : ImageLayout
-    sensor : SensorModel
-        Its coverage is that of messages without a geometry.
+    sensor : Coverage
+        That of messages without a geometry.
     sound_speed : float, optional
         m/s, where a message states none; 0: 1500 m/s.
 
@@ -90,7 +90,7 @@ def read_image(
     return replace(ping, range=ping.range[first:], intensity=ping.intensity[:, first:])
 
 
-def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _projected(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """ProjectedSonarImage: z ahead, x up, y to starboard."""
     beams = np.array([(one.x, one.y, one.z) for one in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
@@ -110,7 +110,7 @@ def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: f
     )
 
 
-def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _raw(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RawSonarImage: angles to starboard, samples from the transmission on."""
     angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
     if not message.sample_rate > 0.0:
@@ -134,7 +134,7 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     )
 
 
-def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _spokes(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RadarSector: rays to port, each at its own time."""
     rays = [np.asarray(one.echoes, np.float32) for one in message.intensities]
     lengths = sorted({len(ray) for ray in rays})
@@ -153,7 +153,7 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     )
 
 
-def _echo(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """SonarEcho of a Ping360: one bearing, cells from 0 to the range."""
     intensity = np.frombuffer(bytes(message.intensities), np.uint8)
     if len(intensity) < 2 or not message.range > 0:
@@ -170,7 +170,7 @@ def _echo(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float)
     )
 
 
-def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -> ImagePing:
+def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
     """Image: of ranges and beams over the sensor's coverage, or a fan in x and y."""
     kind = ENCODINGS.get(message.encoding)
     if kind is None:
@@ -190,7 +190,7 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
         )
     rows = data[: height * step].reshape(height, step)[:, : width * form.itemsize]
     picture = np.ascontiguousarray(rows).view(form).astype(form.newbyteorder("="))
-    if sensor.max_range == SensorModel.max_range:
+    if sensor.max_range == Coverage.max_range:
         raise MessageError(
             "no_geometry",
             "the message states no geometry: give sensor.max_range, min_range, azimuth_min and "
@@ -211,14 +211,14 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
     )
 
 
-def _bearings(sensor: SensorModel, number: int) -> FloatArray:
+def _bearings(sensor: Coverage, number: int) -> FloatArray:
     """Middles of beams over the sector, (number,), rad, ascending."""
     part = (np.arange(number) + 0.5) / number
     return np.asarray(sensor.azimuth_min + (sensor.azimuth_max - sensor.azimuth_min) * part, float)
 
 
 def _unwarped(
-    picture: NDArray[Any], layout: ImageLayout, sensor: SensorModel
+    picture: NDArray[Any], layout: ImageLayout, sensor: Coverage
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ranges, azimuths and intensities (b, m) of a fan, ahead upwards; NaN outside of it."""
     height, width = picture.shape
@@ -281,24 +281,25 @@ class ImageInput:
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
         self.plans: list[Plan] | None = None
-        self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
+        self.turns = ImageTurns()
+        self.detector = Detector(options[DetectorOptions], options[Coverage])
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
-        if options[DetectorOptions] != self._options[DetectorOptions]:
-            self.detector = Detector(options[DetectorOptions])
+        if any(options[one] != self._options[one] for one in (DetectorOptions, Coverage)):
+            self.detector = Detector(options[DetectorOptions], options[Coverage])
         self._options = options
 
     def coverage(self, ping: ImagePing) -> ImageCoverage:
-        """Coverage of a ping, without the detector's blanking distance."""
-        return ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
+        """Coverage of a ping, within the detector's."""
+        return ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
 
     def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
         """Take a message; the pings that it completes and the detections of each."""
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         try:
             ping = read_image(
-                message, self._options[ImageLayout], self._options[SensorModel], given.sound_speed
+                message, self._options[ImageLayout], self._options[Coverage], given.sound_speed
             )
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")

@@ -600,8 +600,8 @@ def detected(folder: Path, into: Path) -> tuple[Path, dict[str, float]]:
     coverage: dict[str, float] = {}
     for path in folder.glob("*.csv"):
         shutil.copy(path, into)
-    for _, image, _ in write_detections(folder, into / DETECTIONS_FILE):
-        coverage = ImageCoverage(image.range, image.azimuth).values
+    for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE):
+        coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     values = {f"sensor.{name}": value for name, value in coverage.items()}
     return into / DETECTIONS_FILE, values
 
