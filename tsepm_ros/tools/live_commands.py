@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from msg_adapters.detections import installed_class
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level
-from tsepm_ros.nodes.base_node import refusing
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
-from tsepm_ros.tools.replay.bag import BagWriter
+from tsepm_ros.ending_signals import ending_at_once
+
+if TYPE_CHECKING:
+    from tsepm_ros.nodes.subscriptions import OfferedSubscription
 
 MIN_TIME = 2.0
 """Time in which running nodes are discovered, and detectors report, s."""
@@ -49,7 +52,12 @@ class HealthReader(Node):
     """
 
     def __init__(self, name: str, timeout: float) -> None:
-        super().__init__("tsepm_health")
+        super().__init__(  # without services, which nobody calls: they take half of the imports
+            "tsepm_health",
+            start_parameter_services=False,
+            enable_rosout=False,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
+        )
         self.finished = Future()
         self._name = name and f"/{name.lstrip('/')}"
         self._timeout = timeout
@@ -92,6 +100,35 @@ class HealthReader(Node):
             self.finished.set_result(None)
 
 
+def read_health(name: str, timeout: float, arguments: Sequence[str]) -> list[tuple[Level, str]]:
+    """Level and sentence of each entry of the running nodes, or of one node.
+
+    Parameters
+    ----------
+    name : str
+        Full name of a node; all of them if empty.
+    timeout : float
+        Longest time, s.
+    arguments : sequence of str
+        Of ROS.
+
+    Raises
+    ------
+    ValueError
+        If ROS refuses an argument.
+    """
+    try:  # signals stay exceptions of the command: it is called by scripts, often, and has no state
+        rclpy.init(args=["--ros-args", *arguments], signal_handler_options=SignalHandlerOptions.NO)
+        node = HealthReader(name, timeout)
+    except RuntimeError as error:
+        raise ValueError(str(error)) from None
+    try:
+        rclpy.spin_until_future_complete(node, node.finished)
+    finally:
+        rclpy.try_shutdown()
+    return node.entries
+
+
 class TopicRecorder(Node):
     """Writes a bag of topics, each from the time on at which it is published.
 
@@ -105,10 +142,22 @@ class TopicRecorder(Node):
     ------
     ParameterError
         If the bag cannot be written.
+
+    Attributes
+    ----------
+    counts : Counter
+        Messages in the bag by topic.
+    missed : dict of str to int
+        Messages that a topic's first publisher had sent before, and that it keeps for nobody.
     """
 
     def __init__(self, path: Path, topics: Sequence[str]) -> None:
+        from tsepm_ros.nodes.base_node import refusing
+        from tsepm_ros.nodes.subscriptions import QosWatch
+        from tsepm_ros.tools.replay.bag import BagWriter
+
         super().__init__("tsepm_record")
+        self.missed: dict[str, int] = {}
         self.counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
         with refusing():
             self._bag = BagWriter(path)
@@ -133,6 +182,9 @@ class TopicRecorder(Node):
                     self.get_logger().error(f"{topic} is not recorded: {error}")
 
     def _record(self, topic: str, publishers: Sequence[Any]) -> None:
+        from msg_adapters.detections import installed_class
+        from tsepm_ros.nodes.subscriptions import OfferedSubscription
+
         kind = publishers[0].topic_type
         message_type = installed_class(kind)
         self._bag.add(topic, kind)
@@ -148,6 +200,44 @@ class TopicRecorder(Node):
         )
         self.get_logger().info(f"records {topic} ({kind})")
 
-    def _take(self, topic: str, message: Any) -> None:
+    def _take(self, topic: str, message: Any, info: Mapping[str, Any]) -> None:
         self._bag.write(topic, time.time_ns(), serialize_message(message))
         self.counts[topic] += 1
+        number = info["publication_sequence_number"] or 1
+        if self.missed.setdefault(topic, number - 1) and self.counts[topic] == 1:
+            self.get_logger().warning(f"{topic}: {_without(number - 1)}")
+
+
+def _without(number: int) -> str:
+    return (
+        f"{number} messages were sent before the recording and are not in the bag: start the "
+        "recording before the driver"
+    )
+
+
+def record(path: Path, topics: Sequence[str], arguments: Sequence[str]) -> list[str]:
+    """Record until interrupted; a sentence for each topic.
+
+    Parameters
+    ----------
+    path : Path
+    topics : sequence of str
+    arguments : sequence of str
+        Of ROS.
+    """
+    with ending_at_once():
+        from tsepm_ros.nodes.base_node import run
+    made: list[TopicRecorder] = []
+
+    def make_node() -> Node:
+        made.append(TopicRecorder(path, topics))
+        return made[0]
+
+    if code := run(make_node, ["--ros-args", *arguments]):
+        raise SystemExit(code)
+    recorder = made[0]
+    return [
+        f"{topic}: {number} messages"
+        + (f"; {_without(recorder.missed[topic])}" if recorder.missed.get(topic) else "")
+        for topic, number in recorder.counts.items()
+    ]

@@ -17,10 +17,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tsepm_ros.detector.image import DetectorOptions
+from tsepm_ros.methods.registry import METHODS, method_class
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES
-from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
-from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml, section, yaml_text
+from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.design.prediction import Case, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
@@ -429,6 +430,26 @@ def sections(answers: Answers, values: dict[str, Value]) -> Sections:
 
 LEARNED = """the node learns the clutter density by place, the detection probability, and whether
 targets have several detections in a ping"""
+
+
+def print_methods(options: argparse.Namespace) -> None:
+    """List the methods, each with what it is."""
+    for name in METHODS:
+        print(f"{name}: {str(method_class(name).__doc__).splitlines()[0].strip()}")
+
+
+def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the argument of `tsepm parameters`."""
+    names = [*sorted(NODES), "all"]
+    parser.add_argument("node", nargs="?", choices=names, default="track_initiator")
+
+
+def print_parameters(options: argparse.Namespace) -> None:
+    """Print the parameter file of a node, or of all, with the defaults."""
+    nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
+    keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
+    files = [as_yaml(node, groups, keys[node]) for node, groups in nodes.items()]
+    print("\n".join(files), end="")
 
 
 def add_init_arguments(parser: argparse.ArgumentParser) -> None:
