@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import Any
 
 INTERRUPTED = 130
 """Exit code of a process that was ended by an interrupt."""
@@ -18,11 +19,13 @@ TERMINATED = 143
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-Handler = Callable[[int, object], None]
+Handler = Callable[[int, Any], Any]
 
 
 @contextmanager
-def _handled(handler: Handler, numbers: Sequence[int] = ENDING_SIGNALS) -> Iterator[None]:
+def handled(
+    handler: Callable[[int, object], None], numbers: Sequence[int] = ENDING_SIGNALS
+) -> Iterator[None]:
     """Handle signals until the end of the block; in the main thread, which alone runs handlers."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -37,8 +40,11 @@ def _handled(handler: Handler, numbers: Sequence[int] = ENDING_SIGNALS) -> Itera
 
 @contextmanager
 def ending_on_termination() -> Iterator[None]:
-    """End by an exception at SIGTERM: temporary files are removed, and other processes end."""
-    with _handled(lambda number, _: sys.exit(TERMINATED), [signal.SIGTERM]):
+    """End by an exception, also at SIGTERM: temporary files are removed, other processes end."""
+    with (
+        handled(lambda number, _: sys.exit(TERMINATED), [signal.SIGTERM]),
+        handled(signal.default_int_handler, [signal.SIGINT]),
+    ):
         yield
 
 
@@ -52,16 +58,15 @@ def signals_held() -> Iterator[None]:
     """
     held: list[int] = []
     try:
-        with _handled(lambda number, _: held.append(number)):
+        with handled(lambda number, _: held.append(number)):
             yield
     finally:
         for arrived in held:
             signal.raise_signal(arrived)
 
 
-@contextmanager
-def ending_at_once(interrupted: int = INTERRUPTED, terminated: int = TERMINATED) -> Iterator[None]:
-    """End the process at SIGINT and SIGTERM with a code, until the end of the block, which imports.
+def ends_at_once(interrupted: int = INTERRUPTED, terminated: int = TERMINATED) -> Handler:
+    """A handler that ends the process with a code, for imports.
 
     Imports take seconds of a busy machine, and leave nothing to clean up. An exception would not
     do: extension modules print the traceback of an exception that interrupts them, or lose it.
@@ -73,8 +78,7 @@ def ending_at_once(interrupted: int = INTERRUPTED, terminated: int = TERMINATED)
                 os.write(2, b"interrupted\n")
         os._exit(interrupted if number == signal.SIGINT else terminated)
 
-    with _handled(end):
-        yield
+    return end
 
 
 def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
@@ -84,16 +88,13 @@ def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], 
     """
 
     def main() -> int:
-        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(terminated))
+        for number in ENDING_SIGNALS:
+            signal.signal(number, ends_at_once(interrupted, terminated))
         try:
-            with ending_at_once(interrupted, terminated):
-                imported = importlib.import_module(module)
-            return imported.main()
-        except KeyboardInterrupt:  # just after the imports; then the module has its own way
-            print("interrupted", file=sys.stderr)
-            return interrupted
+            imported = importlib.import_module(module)
         except ModuleNotFoundError as error:
             sys.exit(f"failed: {error}, which is needed: package.xml names its package")
+        return int(imported.main())
 
     return main
 

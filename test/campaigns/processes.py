@@ -86,7 +86,7 @@ def case(number: int, rng: np.random.Generator) -> Tried:
                 _until_ready(process)
             time.sleep(delay)
             ready, held = handlers_set(process), segments(process)
-            before = cpu_time(process) - children()
+            before = cpu_time(process) + children()
             process.send_signal(chosen)
             if rng.random() < 0.3:
                 time.sleep(float(rng.uniform(0.0, 0.05)))

@@ -9,11 +9,12 @@ import pkgutil
 import shlex
 import sys
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
-from tsepm_ros.ending_signals import INTERRUPTED, ending_at_once, ending_on_termination
+from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, ends_at_once, handled
 from tsepm_ros.tools.commands.arguments import CommandFailed
 from tsepm_ros.whole_files import naming
 
@@ -85,9 +86,8 @@ def _found(place: Place) -> Callable[..., Any]:
     """A function of the commands, or one of another module, which is imported."""
     if not isinstance(place, str):
         return place
-    with ending_at_once():
-        found: Callable[..., Any] = pkgutil.resolve_name(f"tsepm_ros.{place}")
-    return found
+    with handled(ends_at_once()):
+        return pkgutil.resolve_name(f"tsepm_ros.{place}")
 
 
 def _add_ros_arguments(parser: argparse.ArgumentParser) -> None:
@@ -102,10 +102,10 @@ def _add_health_arguments(parser: argparse.ArgumentParser) -> None:
     _add_ros_arguments(parser)
 
 
-def _on_live_topics(name: str) -> Callable[..., Any]:
-    """A function of the commands on live topics."""
+def _of_ros(*places: str) -> list[Callable[..., Any]]:
+    """Functions of modules that need ROS."""
     try:
-        return _found(f"tools.live_commands:{name}")
+        return [_found(place) for place in places]
     except ImportError as error:
         raise ValueError(f"live topics need ROS 2 ({error})") from None
 
@@ -113,7 +113,7 @@ def _on_live_topics(name: str) -> Callable[..., Any]:
 def _health(options: argparse.Namespace) -> None:
     if not 0.0 < options.timeout < math.inf:
         raise ValueError("--timeout must be a positive number of seconds")
-    read = _on_live_topics("read_health")
+    [read] = _of_ros("tools.live_commands:read_health")
     entries = read(options.node, options.timeout, options.ros_args)
     for level, sentence in entries:
         print(f"{level.name:5} {sentence}")
@@ -133,8 +133,10 @@ def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _record(options: argparse.Namespace) -> None:
-    record = _on_live_topics("record")
-    print("\n".join(record(options.out, options.topics, options.ros_args)))
+    run, recorder = _of_ros("nodes.base_node:run", "tools.players.scan_player:TopicRecorder")
+    make = partial(recorder, options.out, options.topics)
+    if code := run(make, ["--ros-args", *options.ros_args]):
+        raise SystemExit(code)
 
 
 COMMANDS: dict[str, tuple[str, Place, Place]] = {

@@ -19,7 +19,6 @@ from tsepm_ros.tools.commands.arguments import (
     scenario_names,
 )
 from tsepm_ros.tools.evaluation.performance import (
-    SHORT,
     Evaluated,
     Plan,
     evaluate,
@@ -130,9 +129,8 @@ def _announce(plan: Plan) -> None:
 
 def _say(finished: Evaluated) -> None:
     """Print the figures of a point as soon as its runs are done; the table of all follows."""
-    (scenario, pings, method, *figures) = table_of([finished], interval=False)[1][0]
-    named = ", ".join(map(" ".join, zip(SHORT.values(), figures, strict=True)))
-    write_line(f"{scenario}, {pings} pings, {method}: {named}", sys.stderr)
+    header, [row] = table_of([finished], interval=False)
+    write_line(", ".join(map(" ".join, zip(header, row, strict=True))), sys.stderr)
 
 
 def _repeated(line: str) -> str:

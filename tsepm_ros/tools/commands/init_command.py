@@ -440,16 +440,16 @@ def print_methods(options: argparse.Namespace) -> None:
 
 def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the argument of `tsepm parameters`."""
-    names = [*sorted(NODES), "all"]
-    parser.add_argument("node", nargs="?", choices=names, default="track_initiator")
+    parser.add_argument(
+        "node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator"
+    )
 
 
 def print_parameters(options: argparse.Namespace) -> None:
     """Print the parameter file of a node, or of all, with the defaults."""
     nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
     keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
-    files = [as_yaml(node, groups, keys[node]) for node, groups in nodes.items()]
-    print("\n".join(files), end="")
+    print("\n".join(as_yaml(node, nodes[node], key) for node, key in keys.items()), end="")
 
 
 def add_init_arguments(parser: argparse.ArgumentParser) -> None:

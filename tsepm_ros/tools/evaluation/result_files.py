@@ -16,9 +16,7 @@ import os
 import platform
 import re
 import signal
-import site
 import sys
-import sysconfig
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -112,12 +110,12 @@ def outside_files(*objects: Any) -> list[Path]:
     These are all modules that are loaded and not installed: a method may be made of several.
     """
     own = {one.__module__ for one in objects if not one.__module__.startswith("tsepm_ros.")}
-    installed = (str(PACKAGE), sysconfig.get_path("stdlib"), *site.getsitepackages())
-    files = {name: getattr(module, "__file__", None) for name, module in [*sys.modules.items()]}
+    installed = (str(PACKAGE), sys.prefix, sys.base_prefix)
     return [
         Path(file)
-        for name, file in files.items()
-        if own and file and (name in own or not file.startswith(installed))
+        for name, module in [*sys.modules.items()]
+        if own and (file := getattr(module, "__file__", None))
+        if name in own or not file.startswith(installed)
     ]
 
 

@@ -223,8 +223,8 @@ class OperatingPoint:
     @property
     def code(self) -> str:
         """Key of the code that makes it: of the package, and of what is not of the package."""
-        known = [method_class(self.method)] if self.method in METHODS else []
-        return code_key(*outside_files(self.factory, *known))
+        classes = map(method_class, METHODS.keys() & {self.method})
+        return code_key(*outside_files(self.factory, *classes))
 
 
 def operating_points(
