@@ -34,7 +34,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage
 
 DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 """Types of marine_acoustic_msgs/SonarImageData by its number."""
@@ -67,11 +67,11 @@ BRIGHT = 0.95
 """Share of an image's cells below a level that most cells of a bright line are above."""
 
 
-Reader = Callable[[Any, ImageLayout, SensorModel, float], ImagePing]
+Reader = Callable[[Any, ImageLayout, Coverage, float], ImagePing]
 
 
 def read_image(
-    message: Any, layout: ImageLayout, sensor: SensorModel, sound_speed: float = 0.0
+    message: Any, layout: ImageLayout, sensor: Coverage, sound_speed: float = 0.0
 ) -> ImagePing:
     """Read a message of one of `IMAGES`.
 
@@ -79,8 +79,8 @@ def read_image(
     ----------
     message : ROS message
     layout : ImageLayout
-    sensor : SensorModel
-        Its coverage is that of messages without a geometry.
+    sensor : Coverage
+        That of messages without a geometry.
     sound_speed : float, optional
         m/s, where a message states none; 0: 1500 m/s.
 
@@ -105,7 +105,7 @@ def read_image(
     return replace(ping, range=ping.range[first:], intensity=ping.intensity[:, first:])
 
 
-def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _projected(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """ProjectedSonarImage: z ahead, x up, y to starboard; or, with z = 0, x ahead, y to port."""
     beams = np.array([(one.x, one.y, one.z) for one in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
@@ -129,7 +129,7 @@ def _projected(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: f
     )
 
 
-def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _raw(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RawSonarImage: angles to starboard, samples from the transmission on."""
     angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
     if not message.sample_rate > 0.0:
@@ -153,7 +153,7 @@ def _raw(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) 
     )
 
 
-def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _spokes(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RadarSector: rays to port, each at its own time."""
     rays = [np.asarray(one.echoes, np.float32) for one in message.intensities]
     lengths = sorted({len(ray) for ray in rays})
@@ -173,7 +173,7 @@ def _spokes(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: floa
     )
 
 
-def _echo(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float) -> ImagePing:
+def _echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """SonarEcho of a Ping360: one bearing, cells from 0 to the range."""
     intensity = np.frombuffer(bytes(message.intensities), np.uint8)
     if len(intensity) < 2 or not message.range > 0:
@@ -190,7 +190,7 @@ def _echo(message: Any, layout: ImageLayout, _: SensorModel, sound_speed: float)
     )
 
 
-def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -> ImagePing:
+def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
     """Image: of ranges and beams over the sensor's sector, or a fan in x and y."""
     picture = _pixels(message)
     sector, near, far = (
@@ -199,7 +199,7 @@ def _picture(message: Any, layout: ImageLayout, sensor: SensorModel, _: float) -
         layout.far_range,
     )
     assumptions: tuple[str, ...] = ()
-    if near < 0.0 and far < 0.0 and sensor.max_range != SensorModel.max_range:
+    if near < 0.0 and far < 0.0 and sensor.max_range != Coverage.max_range:
         half = 0.5 * (sensor.max_range - sensor.min_range) / picture.shape[layout.rows == "beams"]
         near, far = sensor.min_range + half, sensor.max_range - half
         assumptions = (
@@ -485,19 +485,19 @@ class ImageInput:
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
         self.plans: list[Plan] | None = None
-        self.in_parts = False
-        self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
-        self._look = FirstLook()
+        self.in_parts, self._look = False, FirstLook()
+        self.turns = ImageTurns()
+        self.detector = Detector(options[DetectorOptions], options[Coverage])
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
-        if options[DetectorOptions] != self._options[DetectorOptions]:
-            self.detector = Detector(options[DetectorOptions])
+        if any(options[one] != self._options[one] for one in (DetectorOptions, Coverage)):
+            self.detector = Detector(options[DetectorOptions], options[Coverage])
         self._options, self._look = options, FirstLook()
 
     def coverage(self, ping: ImagePing) -> ImageCoverage:
-        """Coverage of a ping, without the detector's blanking distance."""
-        return ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
+        """Coverage of a ping, within the detector's."""
+        return ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
 
     def take(
         self, message: Any, is_late: Callable[[ImagePing], bool] = lambda turn: False
@@ -509,7 +509,7 @@ class ImageInput:
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         layout: ImageLayout = self._options[ImageLayout]
         try:
-            ping = read_image(message, layout, self._options[SensorModel], given.sound_speed)
+            ping = read_image(message, layout, self._options[Coverage], given.sound_speed)
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")
             return

@@ -1,14 +1,16 @@
-"""Ends of a command by SIGINT and SIGTERM: by an exception, and not while processes start.
+"""Ends by SIGINT and SIGTERM: at once during imports, later by an exception, held at a fork.
 
 The executables begin here, before the imports that take their time.
 """
 
 import importlib
+import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
 
 INTERRUPTED = 130
 """Exit code of a process that was ended by an interrupt."""
@@ -17,45 +19,66 @@ TERMINATED = 143
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+Handler = Callable[[int, Any], Any]
+
+
 @contextmanager
-def ending_on_termination() -> Iterator[None]:
-    """End by an exception at SIGTERM: temporary files are removed, and other processes end."""
-
-    def end(number: int, _: object) -> None:
-        raise SystemExit(TERMINATED)
-
+def handled(
+    handler: Callable[[int, object], None], numbers: Sequence[int] = ENDING_SIGNALS
+) -> Iterator[None]:
+    """Handle signals until the end of the block; in the main thread, which alone runs handlers."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, end)
+    before = [signal.signal(number, handler) for number in numbers]
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler_before in zip(numbers, before, strict=True):
+            signal.signal(number, handler_before)
+
+
+@contextmanager
+def ending_on_termination() -> Iterator[None]:
+    """End by an exception, also at SIGTERM: temporary files are removed, other processes end."""
+    with (
+        handled(lambda number, _: sys.exit(TERMINATED), [signal.SIGTERM]),
+        handled(signal.default_int_handler, [signal.SIGINT]),
+    ):
+        yield
 
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until the end of the block, which imports or starts processes.
+    """Hold SIGINT and SIGTERM back until the end of the block, which starts processes.
 
     The exception of a signal handler is lost if it is raised in the functions that Python calls
     around a fork, and elsewhere would leave a process behind that nobody ends. A forked process
     inherits the handler until it sets its own.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # the main thread alone runs handlers
-        return
     held: list[int] = []
-    before = [
-        signal.signal(number, lambda number, _: held.append(number)) for number in ENDING_SIGNALS
-    ]
     try:
-        yield
+        with handled(lambda number, _: held.append(number)):
+            yield
     finally:
-        for number, handler in zip(ENDING_SIGNALS, before, strict=True):
-            signal.signal(number, handler)
         for arrived in held:
             signal.raise_signal(arrived)
+
+
+def ends_at_once(interrupted: int = INTERRUPTED, terminated: int = TERMINATED) -> Handler:
+    """A handler that ends the process with a code, for imports.
+
+    Imports take seconds of a busy machine, and leave nothing to clean up. An exception would not
+    do: extension modules print the traceback of an exception that interrupts them, or lose it.
+    """
+
+    def end(number: int, _: object) -> None:
+        if number == signal.SIGINT:
+            with suppress(OSError):
+                os.write(2, b"interrupted\n")
+        os._exit(interrupted if number == signal.SIGINT else terminated)
+
+    return end
 
 
 def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
@@ -65,16 +88,13 @@ def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], 
     """
 
     def main() -> int:
-        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(terminated))
+        for number in ENDING_SIGNALS:
+            signal.signal(number, ends_at_once(interrupted, terminated))
         try:
-            with signals_held():  # extension modules print tracebacks of what interrupts them
-                imported = importlib.import_module(module)
-            return imported.main()
-        except KeyboardInterrupt:  # during the imports; afterwards the module has its own way
-            print("interrupted", file=sys.stderr)
-            return interrupted
+            imported = importlib.import_module(module)
         except ModuleNotFoundError as error:
             sys.exit(f"failed: {error}, which is needed: package.xml names its package")
+        return int(imported.main())
 
     return main
 

@@ -33,7 +33,7 @@ from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields, plan_of, read_image
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage
 
 BEAMS, CELLS, START = 16, 40, 1000.0
 AZIMUTH, RANGE = np.linspace(-0.6, 0.6, BEAMS), np.linspace(1.0, 40.0, CELLS)
@@ -177,7 +177,7 @@ def is_refused(message: Any, options: dict[type[Any], Any]) -> bool:
     """Whether an image is refused when it is read."""
     given: SonarDetectorNodeOptions = options[SonarDetectorNodeOptions]
     try:
-        read_image(message, options[ImageLayout], options[SensorModel], given.sound_speed)
+        read_image(message, options[ImageLayout], options[Coverage], given.sound_speed)
     except MessageError:
         return True
     return False

@@ -1,10 +1,11 @@
 """Starts and ends of every node by SIGINT and SIGTERM at random times.
 
-From the moment at which its handlers are set a node ends with code 0, without a traceback, and
-leaves nothing in shared memory. Before that moment the signal's own end is right.
+From the moment at which its handlers are set a node ends with code 0, without a traceback, within
+`MOST_CPU`, and leaves nothing in shared memory. Before that moment the signal's own end is right.
 """
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -27,6 +28,8 @@ NODES = (
 LONGEST = 1.0
 """Longest time from the start, or from the setting of the handlers, to the signal, s."""
 WAIT = 60.0
+MOST_CPU = 0.3
+"""Most CPU time from a signal to the end, s."""
 
 
 def handlers_set(process: subprocess.Popen[bytes]) -> bool:
@@ -49,6 +52,21 @@ def segments(process: subprocess.Popen[bytes]) -> set[str]:
     return {path for path in paths if "port" not in path}
 
 
+def cpu_time(process: subprocess.Popen[bytes]) -> float:
+    """CPU time of a process until now, s; 0 if it has ended."""
+    try:
+        fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def children() -> float:
+    """CPU time of the processes that have ended, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def _until_ready(process: subprocess.Popen[bytes]) -> None:
     end = time.monotonic() + WAIT
     while not handlers_set(process) and process.poll() is None and time.monotonic() < end:
@@ -68,11 +86,13 @@ def case(number: int, rng: np.random.Generator) -> Tried:
                 _until_ready(process)
             time.sleep(delay)
             ready, held = handlers_set(process), segments(process)
+            before = cpu_time(process) + children()
             process.send_signal(chosen)
             if rng.random() < 0.3:
                 time.sleep(float(rng.uniform(0.0, 0.05)))
                 process.send_signal(signals[rng.integers(2)])
             code = process.wait(WAIT)
+            used = children() - before
         except subprocess.TimeoutExpired:
             raise Finding(f"{name} does not end, {chosen.name} after {delay:.3f} s") from None
         finally:
@@ -82,6 +102,7 @@ def case(number: int, rng: np.random.Generator) -> Tried:
     where = f"{name}, {chosen.name} after {delay:.3f} s: code {code}, {said[-1500:]}"
     if ready:
         require(code == 0, where)
+        require(used <= MOST_CPU, f"{where}; {used:.2f} s of CPU time after the signal")
         for word in ("Traceback", "terminate called", "Segmentation"):
             require(word not in said, where)
         left = [path for path in held if Path(path).exists()]

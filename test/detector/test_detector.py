@@ -45,6 +45,34 @@ SCALES = {
 }
 
 
+LIMITS = {
+    "min_range": (5.0, lambda r, a: r > 4.9),
+    "max_range": (15.0, lambda r, a: r < 15.1),
+    "azimuth_min": (-0.4, lambda r, a: a > -0.4 - D_AZIMUTH),
+    "azimuth_max": (0.4, lambda r, a: a < 0.4 + D_AZIMUTH),
+}
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_nothing_is_detected_beyond_a_limit_of_the_coverage(limit):
+    value, inside = LIMITS[limit]
+    image = SonarImage(0.0, RANGE, AZIMUTH, noise(np.random.default_rng(6)))
+    given = POINT | {"false_detections_per_ping": 200}
+    whole, part = (make_detector(**given, **more).process(image) for more in ({}, {limit: value}))
+    assert len(whole) > 100 and not inside(whole.range, whole.azimuth).all()
+    assert len(part) > 50 and inside(part.range, part.azimuth).all()
+
+
+def test_a_coverage_without_a_cell_is_said_and_a_model_of_errors_is_no_option():
+    image = SonarImage(0.0, RANGE, AZIMUTH, noise(np.random.default_rng(1)))
+    with pytest.raises(
+        ValueError, match="no cell of the image is in the coverage, which min_range"
+    ):
+        make_detector(min_range=50.0).process(image)
+    with pytest.raises(ValueError, match=r"no option 'range_std'; it has .* azimuth_max"):
+        make_detector(range_std=1.0)
+
+
 @pytest.mark.parametrize("scale", SCALES)
 def test_the_stated_number_of_false_detections_is_kept_on_any_scale(scale):
     rng = np.random.default_rng(1)

@@ -54,6 +54,17 @@ def test_health_says_each_entry_of_every_node_or_of_the_one_named_and_ends_with_
         assert f"/{name}/track_initiator: overall" in said
 
 
+def test_health_imports_what_it_needs_and_no_more():
+    code = (
+        "import sys, tsepm_ros.tools.live_commands; from tsepm_ros.tools.commands.cli import main; "
+        "print(main(['health', '--timeout', '0']), *sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    refused, *modules = done.stdout.split()
+    assert refused == "2"
+    assert not {"numpy", "scipy", "tsepm_ros.session.session", "msg_adapters"} & {*modules}
+
+
 def test_health_of_a_detector(world):
     world.make(SonarDetector)
     code, said = ended(world, command(world, "health", "/sonar_detector"))
@@ -74,10 +85,13 @@ def test_no_node_and_a_node_that_is_silent_are_stale(world):
 def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
     bag = tmp_path / "trial"
     driver = world.add(Driver(world.context, qos))
+    before = pings(3)
+    for ping in before:
+        driver.ping(ping)
     process = command(world, "record", str(bag), "detections", "nobody")
     try:
         world.until(driver.publisher.get_subscription_count, "the recorder")
-        sent = pings(12)
+        sent = pings(15)[3:]
         for ping in sent:
             driver.ping(ping)
             for _ in range(5):
@@ -87,7 +101,8 @@ def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
         process.send_signal(signal.SIGINT)
     code, said = ended(world, process)
     assert code == 0, said
-    assert "/detections: 12 messages\n/nobody: 0 messages" in said
+    assert "/detections: 12 messages; 3 messages were sent before the recording" in said
+    assert "/nobody: 0 messages\n" in said, "of these nothing is known"
     code, said = ended(world, command(world, "record", str(bag)))
     assert code == 2
     assert f"refused: {bag} exists; give a new folder" in said

@@ -15,6 +15,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import make_header, read_detections
 from tsepm_ros.detector.detector import Detector
+from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 
@@ -138,6 +139,15 @@ def test_an_image_without_a_geometry_is_dropped_and_no_tracker_is_told_a_default
     world.until_logged("states no geometry: give image.near_range", level=WARN)
     assert not heard
     assert tracker.get_parameter("sensor.max_range").value == 40.5
+
+
+def test_a_parameter_of_the_sensor_s_errors_is_named_as_not_used_and_another_is_refused(world):
+    world.make(SonarDetector, COVERAGE | {"sensor.range_std": 0.1, "sensor.clutter_density": 1e-4})
+    line = world.until_logged("not used by this node", level=WARN)
+    assert "sensor.range_std, sensor.clutter_density; it takes sensor.min_range" in line
+    assert "sensor.azimuth_max alone, no model of the sensor's errors" in line
+    with pytest.raises(ParameterError, match=r"sensor.range_stdd is not a parameter"):
+        world.make(SonarDetector, {"sensor.range_stdd": 0.1})
 
 
 def test_a_tracker_is_told_the_coverage_of_the_images_whenever_it_starts_and_until_it_takes_it(

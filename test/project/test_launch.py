@@ -173,10 +173,18 @@ def test_what_is_given_comes_before_the_file_and_leaves_the_others_as_in_it(
 
 
 @pytest.mark.parametrize(
-    "given", [{"params_file": "/no/such.yaml"}, {"own_ship_source": "gps"}, {"use_sim_time": "on"}]
+    "given",
+    [
+        {"params_file": "/no/such.yaml"},
+        {"params_file": "/tmp"},
+        {"params_file": ""},
+        {"own_ship_source": "gps"},
+        {"use_sim_time": "on"},
+    ],
 )
-def test_a_file_or_a_value_that_does_not_exist_ends_the_launch(given):
-    with pytest.raises(FileNotFoundError):
+def test_a_file_or_a_value_that_does_not_exist_ends_the_launch_by_its_argument(given):
+    [(argument, value)] = given.items()
+    with pytest.raises(FileNotFoundError, match=f"^{argument}:={value}: "):
         started(**given)
 
 

@@ -41,6 +41,7 @@ from tsepm_ros.settings.settings import (
 )
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import Coverage
 
 GROUPS = [
     CommonOptions,
@@ -201,6 +202,14 @@ def test_yaml_reads_back_as_the_defaults_with_their_types(node):
     assert {name: type(value) for name, value in values.items()} == {
         name: type(value) for name, value in expected.items()
     }
+
+
+def test_a_file_that_both_nodes_share_is_read_by_the_detector_without_the_sensor_s_errors():
+    errors = {row.name: row.default for row in full_table((("sensor.", SensorModel),))}
+    made = make_groups(NODES["sonar_detector"], errors | {"sensor.max_range": 40.0})
+    assert made[Coverage] == Coverage(max_range=40.0)
+    with pytest.raises(ValueError, match=r"sensor.max_rang is not a parameter; did you mean"):
+        make_groups(NODES["sonar_detector"], {"sensor.max_rang": 40.0})
 
 
 @EVERY_NODE

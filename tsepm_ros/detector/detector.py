@@ -26,7 +26,9 @@ from tsepm_ros.detector.cfar import (
 )
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.parameters import table
 from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import Coverage
 
 SCALES = ((3, 5), (1, 1), (5, 15))
 """Bearings and ranges of an echo of unknown extent, the one to begin with first."""
@@ -84,8 +86,8 @@ class Detector:
         Of the last image; None if it was empty.
     """
 
-    def __init__(self, options: DetectorOptions) -> None:
-        self.options = options
+    def __init__(self, options: DetectorOptions, coverage: Coverage) -> None:
+        self.options, self.coverage = options, coverage
         self.reset()
 
     def reset(self) -> None:
@@ -108,9 +110,22 @@ class Detector:
         Scan
             With `range_std`, `azimuth_std` and the features intensity (dB above the background),
             range_width and azimuth_width. Empty if no cell of the image has statistics.
+
+        Raises
+        ------
+        ValueError
+            If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
-        there = np.isfinite(image.intensity)
+        covered = self.coverage.covers(
+            image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
+        )
+        if not covered.any():
+            raise ValueError(
+                "no cell of the image is in the coverage, which min_range, max_range, azimuth_min "
+                f"and azimuth_max limit: {self.coverage}"
+            )
+        there = np.isfinite(image.intensity) & covered
         values = np.where(there, image.intensity, 0.0)
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
         x, defined = conditioned(amplitude, there)
@@ -175,18 +190,19 @@ def make_detector(**options: Any) -> Detector:
     Parameters
     ----------
     **options
-        Fields of `DetectorOptions`.
+        Fields of `DetectorOptions`, and of `Coverage`: cells beyond its limits are not used.
 
     Raises
     ------
     ValueError
         If an option is unknown or not allowed.
     """
-    known = DetectorOptions.__dataclass_fields__
+    known = {row.name: group for group in (DetectorOptions, Coverage) for row in table(group)}
     for name in options:
         if name not in known:
             raise ValueError(f"a detector has no option {name!r}; it has {', '.join(known)}")
-    return Detector(DetectorOptions(**options))
+    limits = {name: options.pop(name) for name in [*options] if known[name] is Coverage}
+    return Detector(DetectorOptions(**options), Coverage(**limits))
 
 
 def _scan(image: SonarImage, echoes: Echoes) -> Scan:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import ParameterGroup, parameter
+from tsepm_ros.parameters import ParameterGroup, parameter, table
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
+from tsepm_ros.tracker.sensor import Coverage
 
 TURN = 2 * math.pi + 1e-6
-COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
+COVERAGE = tuple(row.name for row in table(Coverage))
 """Fields of the tracker's `SensorModel` that follow the images."""
 COVERAGE_CHANGE = 0.02
 """Relative difference of a coverage from which on it is another."""
@@ -131,8 +132,8 @@ class ImageCoverage:
     ----------
     distance, azimuth : (m,) and (b,) ndarray
         Centres of its cells, m and rad, as in `SonarImage`.
-    blanking : float, optional
-        Range below which nothing is detected, m.
+    limits : Coverage
+        Of the detector, which some cell is in.
 
     Attributes
     ----------
@@ -140,13 +141,15 @@ class ImageCoverage:
         By the names of `COVERAGE`.
     """
 
-    def __init__(self, distance: FloatArray, azimuth: FloatArray, blanking: float = 0.0) -> None:
+    def __init__(self, distance: FloatArray, azimuth: FloatArray, limits: Coverage) -> None:
         half = 0.5 * (distance[1] - distance[0])
         step = 0.5 * float(np.median(np.abs(np.diff(azimuth)))) if len(azimuth) > 1 else 0.0
-        low, high = float(azimuth.min()) - step, float(azimuth.max()) + step
-        if high - low >= 2.0 * np.pi - 4.0 * step:
-            low, high = -np.pi, np.pi
-        near, far = max(float(distance[0] - half), blanking), float(distance[-1] + half)
+        near = max(float(distance[0] - half), limits.min_range)
+        far = min(float(distance[-1] + half), limits.max_range)
+        low, high = limits.azimuth_min, limits.azimuth_max
+        if np.ptp(azimuth) < 2.0 * np.pi - 6.0 * step:
+            seen = azimuth[limits.covers(limits.min_range, azimuth, 0.0, step)]
+            low, high = float(seen.min()) - step, float(seen.max()) + step
         self.values = dict(zip(COVERAGE, (near, far, low, high), strict=True))
         self._slack = 2.0 * step + 1e-3
 

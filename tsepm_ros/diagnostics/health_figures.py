@@ -14,11 +14,13 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from tsepm_ros.session.drop_reasons import DETECTIONS, reason_of
-from tsepm_ros.session.session import SessionSnapshot
-from tsepm_ros.settings.node_options import DiagnosticsOptions
+
+if TYPE_CHECKING:  # `tsepm health` reads levels alone
+    from tsepm_ros.session.session import SessionSnapshot
+    from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 
 class Level(enum.IntEnum):

@@ -52,8 +52,8 @@ from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_val
 from tsepm_ros.settings.settings import (
     NODES,
     full_table,
-    is_of_another_method,
     make_groups,
+    why_unused,
     with_method,
 )
 
@@ -283,16 +283,18 @@ class ParameterisedNode(Node):
             _refuse_override(f"{OVERRIDES}{name}", one.value, publishers)
 
     def _refuse_unknown(self) -> None:
-        given = self.get_parameters_by_prefix("")
-        for name, one in given.items():
+        unused: dict[str, list[str]] = {}
+        for name, one in self.get_parameters_by_prefix("").items():
             if name.startswith(OVERRIDES):
                 _refuse_override(name, one.value)
             if name in self._rows or name.startswith(OF_ROS):
                 continue
-            if not is_of_another_method(name, self._rows):
+            if not (why := why_unused(name, self._rows)):
                 raise ParameterError(unknown_parameter(name, self._rows))
             self.undeclare_parameter(name)
-            self.get_logger().warning(f"{name} is not used: another method is chosen")
+            unused.setdefault(why, []).append(name)
+        for why, names in unused.items():
+            self.get_logger().warning(f"not used by this node: {', '.join(names)}; {why}")
 
     def _declare(self, row: Parameter) -> None:
         given: Any = row.default

@@ -33,7 +33,7 @@ from tsepm_ros.settings.node_options import (
 )
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage, SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
 
@@ -112,7 +112,7 @@ SONAR_DETECTOR: Groups = (
     ("", SonarDetectorNodeOptions),
     ("", DetectorOptions),
     ("image.", ImageLayout),
-    ("sensor.", SensorModel),
+    ("sensor.", Coverage),
 )
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,
@@ -139,11 +139,25 @@ def with_method(groups: Groups, method: Any) -> Groups:
     return tuple(dict.fromkeys((*groups, (f"{method}.", method_class(method).Options))))
 
 
-def is_of_another_method(name: str, rows: Collection[str]) -> bool:
-    """Whether a name is no parameter since another method is chosen: it is then not used."""
-    method, _, own = name.partition(".")
-    is_method = "method" in rows and method in METHODS
-    return is_method and own in {row.name for row in table(method_class(method).Options)}
+def why_unused(name: str, rows: Collection[str]) -> str:
+    """Why a name is not used, though a file that nodes share may have it; empty if it is unknown.
+
+    Parameters
+    ----------
+    name : str
+    rows : collection of str
+        Full names of the node's parameters.
+    """
+    group, _, own = name.partition(".")
+    if "method" in rows and group in METHODS:
+        return "another method is chosen" * _has(method_class(group).Options, own)
+    limits = [row for row in rows if row.startswith("sensor.")]
+    why = f"it takes {', '.join(limits)} alone, no model of the sensor's errors"
+    return why * (group == "sensor" and bool(limits) and _has(SensorModel, own))
+
+
+def _has(group: type[Any], name: str) -> bool:
+    return name in {row.name for row in table(group)}
 
 
 def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], Any]:
@@ -160,7 +174,7 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
     for name, value in values.items():
         if name in rows:
             check_value(name, value, rows)
-        elif not is_of_another_method(name, rows):
+        elif not why_unused(name, rows):
             raise ValueError(unknown_parameter(name, rows))
     options = {}
     for prefix, group in groups:

@@ -1,32 +1,26 @@
-"""The nodes of `tsepm health` and `tsepm record`: health in one shot, and bags of live topics."""
+"""The node of `tsepm health`, which imports little: scripts call it often."""
 
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 from typing import Any
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from msg_adapters.detections import installed_class
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level
-from tsepm_ros.nodes.base_node import refusing
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
-from tsepm_ros.tools.replay.bag import BagWriter
 
 MIN_TIME = 2.0
 """Time in which running nodes are discovered, and detectors report, s."""
 POLL_PERIOD = 0.1
 """Time between looks at the graph, s."""
-DEPTH = 1000
 DIAGNOSTICS = "/diagnostics"
 SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
@@ -49,7 +43,12 @@ class HealthReader(Node):
     """
 
     def __init__(self, name: str, timeout: float) -> None:
-        super().__init__("tsepm_health")
+        super().__init__(  # without services, which nobody calls: they take half of the imports
+            "tsepm_health",
+            start_parameter_services=False,
+            enable_rosout=False,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
+        )
         self.finished = Future()
         self._name = name and f"/{name.lstrip('/')}"
         self._timeout = timeout
@@ -92,62 +91,30 @@ class HealthReader(Node):
             self.finished.set_result(None)
 
 
-class TopicRecorder(Node):
-    """Writes a bag of topics, each from the time on at which it is published.
+def read_health(name: str, timeout: float, arguments: Sequence[str]) -> list[tuple[Level, str]]:
+    """Level and sentence of each entry of the running nodes, or of one node.
 
     Parameters
     ----------
-    path : Path
-        Folder of the bag, which must not exist.
-    topics : sequence of str
+    name : str
+        Full name of a node; all of them if empty.
+    timeout : float
+        Longest time, s.
+    arguments : sequence of str
+        Of ROS.
 
     Raises
     ------
-    ParameterError
-        If the bag cannot be written.
+    ValueError
+        If ROS refuses an argument.
     """
-
-    def __init__(self, path: Path, topics: Sequence[str]) -> None:
-        super().__init__("tsepm_record")
-        self.counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
-        with refusing():
-            self._bag = BagWriter(path)
-        self._qos = QosWatch(self)
-        self._waiting = set(self.counts)
-        self._subscriptions_made: list[OfferedSubscription] = []
-        self.create_timer(POLL_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def destroy_node(self) -> None:
-        """Destroy the node and close the bag."""
-        super().destroy_node()
-        self._bag.close()
-
-    def _look(self) -> None:
-        for topic in sorted(self._waiting):
-            publishers = self.get_publishers_info_by_topic(topic)
-            if publishers:
-                self._waiting.remove(topic)
-                try:
-                    self._record(topic, publishers)
-                except (ValueError, ImportError, AttributeError) as error:
-                    self.get_logger().error(f"{topic} is not recorded: {error}")
-
-    def _record(self, topic: str, publishers: Sequence[Any]) -> None:
-        kind = publishers[0].topic_type
-        message_type = installed_class(kind)
-        self._bag.add(topic, kind)
-        latched = all(
-            end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for end in publishers
-        )
-        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        take = partial(self._take, topic)
-        self._subscriptions_made.append(
-            OfferedSubscription(
-                self, message_type, topic, DEPTH, take, self._qos, durability=durability
-            )
-        )
-        self.get_logger().info(f"records {topic} ({kind})")
-
-    def _take(self, topic: str, message: Any) -> None:
-        self._bag.write(topic, time.time_ns(), serialize_message(message))
-        self.counts[topic] += 1
+    try:  # signals stay exceptions of the command
+        rclpy.init(args=["--ros-args", *arguments], signal_handler_options=SignalHandlerOptions.NO)
+        node = HealthReader(name, timeout)
+    except RuntimeError as error:
+        raise ValueError(str(error)) from None
+    try:
+        rclpy.spin_until_future_complete(node, node.finished)
+    finally:
+        rclpy.try_shutdown()
+    return node.entries

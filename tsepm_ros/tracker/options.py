@@ -54,7 +54,7 @@ class CommonOptions(ParameterGroup):
     max_raw_confirmations: int = parameter(
         250_000,
         "Maximum number of tracks that reach confirmation in one scan, before pruning and "
-        "merging; the worst are cut and counted",
+        "merging; the worst are cut and counted. The method score has no such tracks",
         minimum=1,
     )
     hold_time: float = parameter(

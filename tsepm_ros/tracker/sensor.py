@@ -40,7 +40,102 @@ TURNS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorModel(ParameterGroup):
+class Coverage(ParameterGroup):
+    """Limits of range and azimuth beyond which a sensor detects nothing.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or the limits are too near to each other.
+    """
+
+    min_range: float = parameter(
+        0.0, "Nearest range covered", unit="m", minimum=0.0, maximum=MAX_MAGNITUDE["range"]
+    )
+    max_range: float = parameter(
+        MAX_MAGNITUDE["range"],
+        "Farthest range covered",
+        unit="m",
+        minimum=MIN_MAGNITUDE["range"],
+        maximum=MAX_MAGNITUDE["range"],
+    )
+    azimuth_min: float = parameter(
+        -math.pi,
+        "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    azimuth_max: float = parameter(
+        math.pi,
+        "End of the azimuth sector covered, counter-clockwise from its start",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.max_range - self.min_range < MIN_MAGNITUDE["range"]:
+            raise ValueError(
+                f"min_range must be below max_range by at least {MIN_MAGNITUDE['range']:g}; got "
+                f"{self.min_range} and {self.max_range}"
+            )
+        if self.azimuth_max - self.azimuth_min < MIN_SECTOR_WIDTH:
+            raise ValueError(
+                f"azimuth_min must be below azimuth_max by at least {MIN_SECTOR_WIDTH:g}; got "
+                f"{self.azimuth_min} and {self.azimuth_max}"
+            )
+
+    @property
+    def sector_width(self) -> float:
+        """Width of the azimuth sector covered, rad; 2 pi from `FULL_TURN` on."""
+        width = self.azimuth_max - self.azimuth_min
+        return width if width < FULL_TURN else 2 * math.pi
+
+    @property
+    def all_round(self) -> bool:
+        """Whether every azimuth is covered."""
+        return self.azimuth_max - self.azimuth_min >= FULL_TURN
+
+    @property
+    def coverage_area(self) -> float:
+        """Area covered, m^2."""
+        return 0.5 * self.sector_width * (self.max_range**2 - self.min_range**2)
+
+    def covers(
+        self,
+        range: ArrayLike,
+        azimuth: ArrayLike,
+        range_margin: ArrayLike = 0.0,
+        azimuth_margin: ArrayLike = 0.0,
+    ) -> NDArray[np.bool_]:
+        """Whether positions in the sensor frame are in the coverage.
+
+        Parameters
+        ----------
+        range, azimuth : (n,) array_like
+            m and rad.
+        range_margin, azimuth_margin : float or (n,) array_like, optional
+            Distance by which a position may lie beyond the edges, m and rad.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+        """
+        distance, range_margin = np.asarray(range, float), np.asarray(range_margin, float)
+        covered: NDArray[np.bool_] = distance >= self.min_range - range_margin
+        covered = covered & (distance <= self.max_range + range_margin)
+        if self.all_round:
+            return covered
+        azimuth_margin = np.asarray(azimuth_margin, float)
+        sector_start = self.azimuth_min - azimuth_margin
+        from_start = np.remainder(np.asarray(azimuth, float) - sector_start, 2 * np.pi)
+        return covered & (from_start <= self.sector_width + 2.0 * azimuth_margin)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorModel(Coverage):
     """Errors and coverage of a range/azimuth sensor. The defaults are the sonar of TSEPM 2018.
 
     Raises
@@ -49,6 +144,13 @@ class SensorModel(ParameterGroup):
         If a value is out of its range, or both range deviations are 0; the message names it.
     """
 
+    max_range: float = parameter(
+        9000.0,
+        "Farthest range covered",
+        unit="m",
+        minimum=MIN_MAGNITUDE["range"],
+        maximum=MAX_MAGNITUDE["range"],
+    )
     range_std: float = parameter(
         0.0,
         "Constant part of the range's standard deviation",
@@ -68,30 +170,6 @@ class SensorModel(ParameterGroup):
         unit="rad",
         minimum=1e-9,
         maximum=1.0,
-    )
-    min_range: float = parameter(
-        0.0, "Nearest range covered", unit="m", minimum=0.0, maximum=MAX_MAGNITUDE["range"]
-    )
-    max_range: float = parameter(
-        9000.0,
-        "Farthest range covered",
-        unit="m",
-        minimum=MIN_MAGNITUDE["range"],
-        maximum=MAX_MAGNITUDE["range"],
-    )
-    azimuth_min: float = parameter(
-        -math.pi,
-        "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",
-        unit="rad",
-        minimum=-2 * math.pi,
-        maximum=2 * math.pi,
-    )
-    azimuth_max: float = parameter(
-        math.pi,
-        "End of the azimuth sector covered, counter-clockwise from its start",
-        unit="rad",
-        minimum=-2 * math.pi,
-        maximum=2 * math.pi,
     )
     range_resolution: float = parameter(
         0.0,
@@ -144,37 +222,11 @@ class SensorModel(ParameterGroup):
                 f"range_std must be at most {MAX_STD_RATIO:g} m/rad times azimuth_std; got "
                 f"{self.range_std} and {self.azimuth_std}"
             )
-        if self.max_range - self.min_range < MIN_MAGNITUDE["range"]:
-            raise ValueError(
-                f"min_range must be below max_range by at least {MIN_MAGNITUDE['range']:g}; got "
-                f"{self.min_range} and {self.max_range}"
-            )
-        if self.azimuth_max - self.azimuth_min < MIN_SECTOR_WIDTH:
-            raise ValueError(
-                f"azimuth_min must be below azimuth_max by at least {MIN_SECTOR_WIDTH:g}; got "
-                f"{self.azimuth_min} and {self.azimuth_max}"
-            )
         if 0.0 < self.range_rate_std < MIN_RANGE_RATE_STD:
             raise ValueError(
                 f"range_rate_std must be 0 or at least {MIN_RANGE_RATE_STD:g}; got "
                 f"{self.range_rate_std}"
             )
-
-    @property
-    def sector_width(self) -> float:
-        """Width of the azimuth sector covered, rad; 2 pi from `FULL_TURN` on."""
-        width = self.azimuth_max - self.azimuth_min
-        return width if width < FULL_TURN else 2 * math.pi
-
-    @property
-    def all_round(self) -> bool:
-        """Whether every azimuth is covered."""
-        return self.azimuth_max - self.azimuth_min >= FULL_TURN
-
-    @property
-    def coverage_area(self) -> float:
-        """Area covered, m^2."""
-        return 0.5 * self.sector_width * (self.max_range**2 - self.min_range**2)
 
     def range_variance(self, range: ArrayLike) -> NDArray[np.float64]:
         """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
@@ -183,36 +235,6 @@ class SensorModel(ParameterGroup):
     def range_variance_slope(self, range: ArrayLike) -> NDArray[np.float64]:
         """Derivative of the range's variance by the range, m: 2 range_std_fraction^2 range."""
         return 2.0 * self.range_std_fraction**2 * np.asarray(range, float)
-
-    def covers(
-        self,
-        range: ArrayLike,
-        azimuth: ArrayLike,
-        range_margin: ArrayLike = 0.0,
-        azimuth_margin: ArrayLike = 0.0,
-    ) -> NDArray[np.bool_]:
-        """Whether positions in the sensor frame are in the coverage.
-
-        Parameters
-        ----------
-        range, azimuth : (n,) array_like
-            m and rad.
-        range_margin, azimuth_margin : float or (n,) array_like, optional
-            Distance by which a position may lie beyond the edges, m and rad.
-
-        Returns
-        -------
-        (n,) ndarray of bool
-        """
-        distance, range_margin = np.asarray(range, float), np.asarray(range_margin, float)
-        covered: NDArray[np.bool_] = distance >= self.min_range - range_margin
-        covered = covered & (distance <= self.max_range + range_margin)
-        if self.all_round:
-            return covered
-        azimuth_margin = np.asarray(azimuth_margin, float)
-        sector_start = self.azimuth_min - azimuth_margin
-        from_start = np.remainder(np.asarray(azimuth, float) - sector_start, 2 * np.pi)
-        return covered & (from_start <= self.sector_width + 2.0 * azimuth_margin)
 
 
 def goes_on(

@@ -1,8 +1,10 @@
 """The sweeps of the methods, and the key of stored runs."""
 
+import sys
+
 import pytest
 
-from tsepm_ros.methods.registry import available_methods, method_class
+from tsepm_ros.methods.registry import METHODS, available_methods, method_class
 from tsepm_ros.tools.evaluation.result_files import code_key
 from tsepm_ros.tools.evaluation.simulated_run import operating_points
 from tsepm_ros.tools.simulation import load_scenario
@@ -31,6 +33,36 @@ def test_an_option_goes_to_the_methods_that_have_it_and_replaces_what_their_swee
     given = [point for point in points if point.method == "tsepm"]
     assert [dict(point.options) for point in given] == [{"min_hits": 4}]
     assert len(points) == 1 + len(method_class("score").operating_points)
+
+
+TOY = """
+import {helper}
+from tsepm_ros.methods.score import Score
+
+
+class Toy(Score):
+    pass
+"""
+
+
+def test_runs_of_a_method_outside_the_package_are_of_its_module_and_those_that_it_imports(
+    tmp_path, monkeypatch
+):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "toy_rule.py").write_text("HITS = 3\n")
+    (tmp_path / "toy_method.py").write_text(TOY.format(helper="toy_rule"))
+    monkeypatch.setitem(METHODS, "toy", "toy_method:Toy")
+    inside, codes = operating_points(["score"])[0].code, []
+    for name in ("", "toy_rule.py", "toy_method.py"):  # each of the next processes has other code
+        if name:
+            with (tmp_path / name).open("a") as file:
+                file.write("CHANGED = True\n")
+        code_key.cache_clear()
+        codes += [point.code for point in operating_points(["toy"])[:1]]
+    assert len({inside, *codes}) == 4
+    assert operating_points(["score"])[0].code == inside == code_key()
+    for name in ("toy_rule", "toy_method"):
+        monkeypatch.delitem(sys.modules, name)
 
 
 def test_the_key_of_stored_runs_is_of_every_module_and_of_further_files(tmp_path):

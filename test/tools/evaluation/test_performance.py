@@ -103,6 +103,30 @@ def test_a_killed_process_costs_the_run_that_it_was_writing(tmp_path, expected):
     assert tables(plan(), tmp_path) == expected
 
 
+def test_a_point_is_reported_as_soon_as_its_runs_are_done(tmp_path):
+    done: list[int] = []
+    said = []
+
+    def count(runs, total):
+        for one in runs:
+            done.append(total)
+            yield one
+
+    evaluated = evaluate(
+        plan(TSEPM, TOY, runs=2),
+        tmp_path,
+        progress=count,
+        report=lambda one: said.append((len(done), one.points[0].method, one.measures[0])),
+    )
+    assert [one[:2] for one in said] == [(2, "tsepm"), (4, "toy")]
+    assert [one[2].detection for one in said] == [one.detection for one in evaluated[0].measures]
+    done.clear()
+    evaluate(
+        plan(TSEPM, TOY, runs=2), tmp_path, progress=count, report=lambda one: said.append(one)
+    )
+    assert (len(said), done) == (4, []), "those of stored runs, too"
+
+
 def test_two_workers_give_the_same_tables_as_one(tmp_path, expected):
     assert tables(plan(), tmp_path, processes=2) == expected
 

@@ -82,9 +82,11 @@ class Setting:
         def job_of(case: int, index: int) -> tuple[RunFunction, Any, list[int]]:
             return function, cases[case], [self.seed, index]
 
-        return complete(
-            files, self.runs, _run, job_of, processes=self.processes, progress=self.progress
-        )
+        return [
+            *complete(
+                files, self.runs, _run, job_of, processes=self.processes, progress=self.progress
+            )
+        ]
 
     def _file(self, function: RunFunction, case: Any) -> RunFile:
         header = {

@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tsepm_ros.tools.simulation import shipped_scenarios
-
 
 class CommandFailed(Exception):  # noqa: N818
     """A command failed for the reason in the message, which has the remedy."""
@@ -64,4 +62,6 @@ def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
 
 def scenario_names() -> str:
     """Names of the shipped scenarios, and the form of another one."""
+    from tsepm_ros.tools.simulation import shipped_scenarios
+
     return f"{', '.join(shipped_scenarios())} or a .yaml file"

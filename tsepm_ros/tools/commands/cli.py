@@ -8,33 +8,19 @@ import os
 import pkgutil
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
-from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination
-from tsepm_ros.methods.registry import METHODS, method_class
-from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml
-from tsepm_ros.settings.settings import NODES
+from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, ends_at_once, handled
 from tsepm_ros.tools.commands.arguments import CommandFailed
-from tsepm_ros.tools.commands.design_command import add_design_arguments, run_design
-from tsepm_ros.tools.commands.detect_command import add_detect_arguments, run_detect
-from tsepm_ros.tools.commands.evaluate_command import add_evaluation_arguments, run_evaluation
-from tsepm_ros.tools.commands.init_command import add_init_arguments, run_init
-from tsepm_ros.tools.commands.run_command import (
-    add_recording_arguments,
-    add_watch_arguments,
-    run_recording,
-    run_watch,
-)
-from tsepm_ros.tools.replay.bag import ROLES
 from tsepm_ros.whole_files import naming
 
-AddArguments = Callable[[argparse.ArgumentParser], None]
-Command = Callable[[argparse.Namespace], None]
-
-REPRODUCTION = "tsepm_ros.studies.reproduction.report"
+Place = str | Callable[..., Any]
+"""A function, or its module and name: the modules are imported when the command is called."""
+HERE = "tools.commands"
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
@@ -53,11 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    options = _parser().parse_args(arguments)
+    options = _parser(arguments[:1]).parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
         with naming("standard output"):
-            options.command(options)
+            _found(options.command)(options)
             sys.stdout.flush()
     except ValueError as error:
         print(f"refused: {_sentence(error)}", file=sys.stderr)
@@ -81,36 +67,27 @@ def _sentence(error: Exception) -> str:
     return text if len(text) <= MAX_SENTENCE else f"{text[:MAX_SENTENCE]} ..."
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(named: Collection[str] | None = None) -> argparse.ArgumentParser:
+    """The parser of all commands, of which those named, or all, have their arguments.
+
+    The modules of a command are imported where they are needed: all take seconds.
+    """
     parser = argparse.ArgumentParser(prog="tsepm", description="Track initiation without ROS.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (text, add_arguments, function) in COMMANDS.items():
         command = commands.add_parser(name, help=text)
-        add_arguments(command)
+        if named is None or name in named:
+            _found(add_arguments)(command)
         command.set_defaults(command=function)
     return parser
 
 
-def _reproduction(name: str) -> Any:
-    """A function of the studies, which tools do not import."""
-    return pkgutil.resolve_name(f"{REPRODUCTION}:{name}")
-
-
-def _methods(options: argparse.Namespace) -> None:
-    for name in METHODS:
-        print(f"{name}: {str(method_class(name).__doc__).splitlines()[0].strip()}")
-
-
-def _add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
-    names = [*sorted(NODES), "all"]
-    parser.add_argument("node", nargs="?", choices=names, default="track_initiator")
-
-
-def _parameters(options: argparse.Namespace) -> None:
-    nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
-    keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
-    files = [as_yaml(node, groups, keys[node]) for node, groups in nodes.items()]
-    print("\n".join(files), end="")
+def _found(place: Place) -> Callable[..., Any]:
+    """A function of the commands, or one of another module, which is imported."""
+    if not isinstance(place, str):
+        return place
+    with handled(ends_at_once()):
+        return pkgutil.resolve_name(f"tsepm_ros.{place}")
 
 
 def _add_ros_arguments(parser: argparse.ArgumentParser) -> None:
@@ -125,30 +102,19 @@ def _add_health_arguments(parser: argparse.ArgumentParser) -> None:
     _add_ros_arguments(parser)
 
 
-def _live(make: str, options: argparse.Namespace, *arguments: Any) -> Any:
-    """Run a node of the commands on live topics to its end, and return it."""
+def _of_ros(*places: str) -> list[Callable[..., Any]]:
+    """Functions of modules that need ROS."""
     try:
-        from tsepm_ros.nodes.base_node import run
-
-        kind = pkgutil.resolve_name(f"tsepm_ros.tools.live_commands:{make}")
+        return [_found(place) for place in places]
     except ImportError as error:
         raise ValueError(f"live topics need ROS 2 ({error})") from None
-    made: list[Any] = []
-
-    def make_node() -> Any:
-        made.append(kind(*arguments))
-        return made[0]
-
-    code = run(make_node, ["--ros-args", *options.ros_args])
-    if code:
-        raise SystemExit(code)
-    return made[0]
 
 
 def _health(options: argparse.Namespace) -> None:
     if not 0.0 < options.timeout < math.inf:
         raise ValueError("--timeout must be a positive number of seconds")
-    entries = _live("HealthReader", options, options.node, options.timeout).entries
+    [read] = _of_ros("tools.live_commands:read_health")
+    entries = read(options.node, options.timeout, options.ros_args)
     for level, sentence in entries:
         print(f"{level.name:5} {sentence}")
     if not entries:
@@ -159,7 +125,7 @@ def _health(options: argparse.Namespace) -> None:
 
 def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="folder of the bag, which must not exist")
-    names = (*ROLES, "/tf", "/tf_static")
+    names = (*pkgutil.resolve_name("tsepm_ros.tools.replay.bag:ROLES"), "/tf", "/tf_static")
     parser.add_argument(
         "topics", nargs="*", default=names, help=f"default the inputs: {', '.join(names)}"
     )
@@ -167,36 +133,38 @@ def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _record(options: argparse.Namespace) -> None:
-    counts = _live("TopicRecorder", options, options.out, options.topics).counts
-    print("\n".join(f"{topic}: {number} messages" for topic, number in counts.items()))
+    run, recorder = _of_ros("nodes.base_node:run", "tools.players.scan_player:TopicRecorder")
+    make = partial(recorder, options.out, options.topics)
+    if code := run(make, ["--ros-args", *options.ros_args]):
+        raise SystemExit(code)
 
 
-COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
-    "methods": ("list the methods", lambda parser: None, _methods),
+COMMANDS: dict[str, tuple[str, Place, Place]] = {
+    "methods": ("list the methods", lambda parser: None, f"{HERE}.init_command:print_methods"),
     "parameters": (
         "print the parameters of a node, with defaults",
-        _add_parameters_arguments,
-        _parameters,
+        f"{HERE}.init_command:add_parameters_arguments",
+        f"{HERE}.init_command:print_parameters",
     ),
     "init": (
         "ask what a sonar is, write the node's parameter file and estimate the performance",
-        add_init_arguments,
-        run_init,
+        f"{HERE}.init_command:add_init_arguments",
+        f"{HERE}.init_command:run_init",
     ),
     "detect": (
         "detect targets in a folder of sonar images; write CSV, or a picture of one image",
-        add_detect_arguments,
-        run_detect,
+        f"{HERE}.detect_command:add_detect_arguments",
+        f"{HERE}.detect_command:run_detect",
     ),
     "run": (
         "start tracks on a recording, a bag or a simulated scenario; write CSV or a picture",
-        add_recording_arguments,
-        run_recording,
+        f"{HERE}.run_command:add_recording_arguments",
+        f"{HERE}.run_command:run_recording",
     ),
     "watch": (
         "show live topics, a recording, a bag or a simulated scenario on a page in a browser",
-        add_watch_arguments,
-        run_watch,
+        f"{HERE}.run_command:add_watch_arguments",
+        f"{HERE}.run_command:run_watch",
     ),
     "health": (
         "print the health of the running nodes; the exit code is that of the worst level",
@@ -210,18 +178,18 @@ COMMANDS: dict[str, tuple[str, AddArguments, Command]] = {
     ),
     "design": (
         "predict detection and false tracks of a sonar at a target false-track rate",
-        add_design_arguments,
-        run_design,
+        f"{HERE}.design_command:add_design_arguments",
+        f"{HERE}.design_command:run_design",
     ),
     "evaluate": (
         "operating curves of the methods: tables and pictures from many runs",
-        add_evaluation_arguments,
-        run_evaluation,
+        f"{HERE}.evaluate_command:add_evaluation_arguments",
+        f"{HERE}.evaluate_command:run_evaluation",
     ),
     "reproduce": (
         "regenerate the published results and compare them with the published values",
-        lambda parser: _reproduction("add_reproduction_arguments")(parser),
-        lambda options: _reproduction("run_reproduction")(options),
+        "studies.reproduction.report:add_reproduction_arguments",
+        "studies.reproduction.report:run_reproduction",
     ),
 }
 """Description, arguments and function of each command."""

@@ -19,6 +19,10 @@ OPTIONS = {
     "false_detections_per_ping": "kept by the threshold; default 20",
     "range_extent": "of an echo, m; default learned",
     "azimuth_extent": "of an echo, rad; default learned",
+    "min_range": "nearest range that is used, m; default 0",
+    "max_range": "farthest range that is used, m; default all",
+    "azimuth_min": "start of the sector that is used, rad; default all round",
+    "azimuth_max": "end of it, counter-clockwise, rad",
     "clutter_map": "pings of a map of what stands, which is subtracted; default none",
 }
 """Options of the detector, in place of those in the folder."""

@@ -30,7 +30,7 @@ from tsepm_ros.tools.evaluation.performance import (
 from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
 from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.terminal import text_table, with_progress
+from tsepm_ros.tools.terminal import text_table, with_progress, write_line
 from tsepm_ros.whole_files import opened_whole, spare, write_text
 
 ARGUMENTS: Arguments = {
@@ -97,7 +97,7 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
         horizons=options.horizon,
     )
     _announce(plan)
-    evaluated = evaluate(plan, options.out / "runs", options.workers, with_progress)
+    evaluated = evaluate(plan, options.out / "runs", options.workers, with_progress, _say)
     print(f"{plan.runs} runs, seed {plan.seed}\n{text_table(*table_of(evaluated, interval=False))}")
     _write(plan, evaluated, options.out, options.line)
     if options.result:
@@ -126,6 +126,12 @@ def _announce(plan: Plan) -> None:
         f"methods on {names}; those done before are not repeated; fewer: --runs, --method",
         file=sys.stderr,
     )
+
+
+def _say(finished: Evaluated) -> None:
+    """Print the figures of a point as soon as its runs are done; the table of all follows."""
+    header, [row] = table_of([finished], interval=False)
+    write_line(", ".join(map(" ".join, zip(header, row, strict=True))), sys.stderr)
 
 
 def _repeated(line: str) -> str:

@@ -22,14 +22,15 @@ import numpy as np
 
 from msg_adapters.sonar_images import in_words, located, to_side
 from tsepm_ros.detector.image import DetectorOptions
+from tsepm_ros.methods.registry import METHODS, method_class
 from tsepm_ros.parameters import Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
-from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
-from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml, section, yaml_text
+from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.design.prediction import Case, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage, SensorModel
 from tsepm_ros.whole_files import write_text, written_whole
 
 Answers = Mapping[str, float]
@@ -496,6 +497,26 @@ LEARNED = """the node learns the clutter density by place, the detection probabi
 targets have several detections in a ping"""
 
 
+def print_methods(options: argparse.Namespace) -> None:
+    """List the methods, each with what it is."""
+    for name in METHODS:
+        print(f"{name}: {str(method_class(name).__doc__).splitlines()[0].strip()}")
+
+
+def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the argument of `tsepm parameters`."""
+    parser.add_argument(
+        "node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator"
+    )
+
+
+def print_parameters(options: argparse.Namespace) -> None:
+    """Print the parameter file of a node, or of all, with the defaults."""
+    nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
+    keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
+    print("\n".join(as_yaml(node, nodes[node], key) for node, key in keys.items()), end="")
+
+
 def add_init_arguments(parser: argparse.ArgumentParser) -> None:
     """Add an argument for each question."""
     parser.add_argument("file", nargs="?", default="my_sonar.yaml", help="default my_sonar.yaml")
@@ -576,7 +597,7 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     except ImportError:
         print("no picture of the image: it needs matplotlib, see the extra plot")
         return
-    layout, sensor = groups[ImageLayout], groups[SensorModel]
+    layout, sensor = groups[ImageLayout], groups[Coverage]
     span = sensor.azimuth_max - sensor.azimuth_min
     wide = 2.0 * math.sin(min(0.5 * span, 0.5 * math.pi)) if layout.rows == "fan" else 1.5
     shape = (400, 400) if span > math.pi and layout.rows == "fan" else (300, round(300 * wide))

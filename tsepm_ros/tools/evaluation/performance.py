@@ -9,7 +9,7 @@ import csv
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -149,6 +149,7 @@ def evaluate(
     folder: Path,
     processes: int = 1,
     progress: Progress = silent,
+    report: Callable[[Evaluated], None] = lambda evaluated: None,
 ) -> list[Evaluated]:
     """Do the runs missing in the folder's files, and compute measures.
 
@@ -160,6 +161,8 @@ def evaluate(
     processes : int, optional
     progress : callable, optional
         Shows the number of missing runs that are done.
+    report : callable, optional
+        Called with each point on each scenario, after all its scans, as soon as its runs are done.
 
     Returns
     -------
@@ -181,8 +184,11 @@ def evaluate(
         scenario, point = tasks[task]
         return scenario, [plan.seed, index], point
 
+    runs: list[list[RunSummary]] = []
     stored = complete(files, plan.runs, _record, job_of, processes=processes, progress=progress)
-    runs = [[*map(RunSummary.from_json, records)] for records in stored]
+    for (scenario, point), records in zip(tasks, stored, strict=True):
+        runs.append([*map(RunSummary.from_json, records)])
+        report(Evaluated.of(scenario, scenario.scans, [point], runs[-1:]))
     count = len(plan.points)
     return [
         Evaluated.of(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
@@ -195,6 +201,7 @@ def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int)
     """The file of an operating point's runs on a scenario."""
     header = {
         "version": point.version,
+        "code": point.code,
         "method": point.method,
         "options": dict(point.options),
         "scenario": dataclasses.asdict(scenario),

@@ -16,9 +16,10 @@ import os
 import platform
 import re
 import signal
+import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -101,6 +102,21 @@ def code_key(*files: Path) -> str:
     Any change of the code discards an unfinished study: its runs are of one code.
     """
     return _digest([*PACKAGE.rglob("*.py"), *files])
+
+
+def outside_files(*objects: Any) -> list[Path]:
+    """Files of the user's own code, if one of some functions or classes is not of the package.
+
+    These are all modules that are loaded and not installed: a method may be made of several.
+    """
+    own = {one.__module__ for one in objects if not one.__module__.startswith("tsepm_ros.")}
+    installed = (str(PACKAGE), sys.prefix, sys.base_prefix)
+    return [
+        Path(file)
+        for name, module in [*sys.modules.items()]
+        if own and (file := getattr(module, "__file__", None))
+        if name in own or not file.startswith(installed)
+    ]
 
 
 def _digest(files: Iterable[Path]) -> str:
@@ -193,8 +209,8 @@ def complete(
     *,
     processes: int = 1,
     progress: Progress = silent,
-) -> list[list[Any]]:
-    """Do the missing runs of each file, and return all, as JSON, by file.
+) -> Iterator[list[Any]]:
+    """Do the missing runs of each file, and give all, as JSON, of each file once it is complete.
 
     Parameters
     ----------
@@ -208,16 +224,14 @@ def complete(
     progress : callable, optional
         Shows the number of missing runs that are done.
     """
-    missing = [
-        (row, index)
-        for row, file in enumerate(files)
-        for index in range(runs)
-        if index not in file.results
-    ]
-    results = mapped(function, [job_of(*one) for one in missing], processes)
-    for (row, index), result in zip(missing, progress(results, len(missing)), strict=True):
-        files[row].append(index, result)
-    return [[file.results[index] for index in range(runs)] for file in files]
+    missing = [[index for index in range(runs) if index not in file.results] for file in files]
+    jobs = [job_of(row, index) for row, indices in enumerate(missing) for index in indices]
+    results = iter(progress(mapped(function, jobs, processes), len(jobs)))
+    for file, indices in zip(files, missing, strict=True):
+        for index in indices:
+            file.append(index, next(results))
+        yield [file.results[index] for index in range(runs)]
+    next(results, None)  # ends the processes and the bar
 
 
 Row = Mapping[str, Any]

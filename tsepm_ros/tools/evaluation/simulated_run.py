@@ -18,10 +18,10 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.registry import make_initiator, method_class, option_names
+from tsepm_ros.methods.registry import METHODS, make_initiator, method_class, option_names
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.own_ship.pose_history import echo_poses
-from tsepm_ros.tools.evaluation.result_files import code_key
+from tsepm_ros.tools.evaluation.result_files import code_key, outside_files
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import Motion
 from tsepm_ros.tracker.measurement import major_sigma, position_covariance
@@ -207,7 +207,7 @@ class OperatingPoint:
         Makes a `TrackStarter` from a scenario, `method` and `options`; importable by its name, so
         that other processes can make it too.
     version : str
-        Version of the code that the results depend on; results of another version are not reused.
+        Version of an installed package that the results depend on, too.
     """
 
     method: str
@@ -219,6 +219,12 @@ class OperatingPoint:
     def make(self, scenario: Scenario) -> TrackStarter:
         """Make a new track starter for a run."""
         return self.factory(scenario, self.method, self.options)
+
+    @property
+    def code(self) -> str:
+        """Key of the code that makes it: of the package, and of what is not of the package."""
+        classes = map(method_class, METHODS.keys() & {self.method})
+        return code_key(*outside_files(self.factory, *classes))
 
 
 def operating_points(
@@ -251,10 +257,7 @@ def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
     sweep = method_class(method).operating_points
     if any(name in options for options in sweep.values() for name in own):
         sweep = {"as given": {}}
-    return [
-        OperatingPoint(method, label, {**own, **options}, version=code_key())
-        for label, options in sweep.items()
-    ]
+    return [OperatingPoint(method, label, {**own, **options}) for label, options in sweep.items()]
 
 
 @dataclass

@@ -1,26 +1,32 @@
 """The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording.
 
 What it shares with the simulator: events at their times, and the topics of a driver and of truth.
+
+The node of `tsepm record`, which writes such bags.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import PointCloud2
@@ -46,6 +52,7 @@ from tsepm_ros.nodes.base_node import (
     refusing,
     run,
 )
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
 from tsepm_ros.settings.settings import help_text
@@ -57,6 +64,7 @@ from tsepm_ros.tools.replay.bag import (
     TRUTH,
     Bag,
     BagMessage,
+    BagWriter,
     find_topics,
 )
 from tsepm_ros.tools.replay.recording import RecordedScan, read_recording, source_of
@@ -491,6 +499,78 @@ class ScanPlayer(PlayingNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("scan_player", _played, **node_options)
+
+
+class TopicRecorder(Node):
+    """Writes a bag of topics, each from the time on at which it is published.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag, which must not exist.
+    topics : sequence of str
+        Of messages that were sent before, their number is said.
+
+    Raises
+    ------
+    ParameterError
+        If the bag cannot be written.
+    """
+
+    def __init__(self, path: Path, topics: Sequence[str]) -> None:
+        super().__init__("tsepm_record")
+        self._missed: dict[str, str] = {}
+        self._counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
+        with refusing():
+            self._bag = BagWriter(path)
+        self._qos = QosWatch(self)
+        self._waiting = set(self._counts)
+        self._subscriptions_made: list[OfferedSubscription] = []
+        self.create_timer(WAIT_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def destroy_node(self) -> None:
+        """Destroy the node, close the bag, and print the number of messages of each topic."""
+        super().destroy_node()
+        self._bag.close()
+        for topic, number in self._counts.items():
+            print(f"{topic}: {number} messages{self._missed.get(topic, '')}")
+
+    def _look(self) -> None:
+        for topic in sorted(self._waiting):
+            publishers = self.get_publishers_info_by_topic(topic)
+            if publishers:
+                self._waiting.remove(topic)
+                try:
+                    self._record(topic, publishers)
+                except (ValueError, ImportError, AttributeError) as error:
+                    self.get_logger().error(f"{topic} is not recorded: {error}")
+
+    def _record(self, topic: str, publishers: Sequence[Any]) -> None:
+        kind = publishers[0].topic_type
+        message_type = installed_class(kind)
+        self._bag.add(topic, kind)
+        latched = all(
+            end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for end in publishers
+        )
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        take = partial(self._take, topic)
+        self._subscriptions_made.append(
+            OfferedSubscription(
+                self, message_type, topic, PUBLISHER_DEPTH, take, self._qos, durability=durability
+            )
+        )
+        self.get_logger().info(f"records {topic} ({kind})")
+
+    def _take(self, topic: str, message: Any, info: Mapping[str, Any]) -> None:
+        self._bag.write(topic, time.time_ns(), serialize_message(message))
+        self._counts[topic] += 1
+        number = info["publication_sequence_number"] or 1  # of its publisher
+        if number > 1 and self._counts[topic] == 1:
+            self._missed[topic] = (
+                f"; {number - 1} messages were sent before the recording and are not in the bag: "
+                "start the recording before the driver"
+            )
+            self.get_logger().warning(f"{topic}{self._missed[topic]}")
 
 
 def main(args: Sequence[str] | None = None) -> int:

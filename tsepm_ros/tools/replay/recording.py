@@ -57,6 +57,7 @@ from tsepm_ros.settings.settings import Groups, make_groups
 from tsepm_ros.tools.simulation.simulator import Simulator
 from tsepm_ros.tools.terminal import with_progress
 from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import Coverage
 from tsepm_ros.whole_files import opened_whole, spare
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
@@ -607,7 +608,7 @@ IMAGE_COLUMNS = (
 )
 
 
-FOLDER: Groups = (("", DetectorOptions), ("", ImageLayout))
+FOLDER: Groups = (("", DetectorOptions), ("", Coverage), ("", ImageLayout))
 """Parameters that ``geometry.yaml`` may have."""
 AXES = (
     Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
@@ -665,7 +666,7 @@ def read_images(
             notes.extend(look.add(image, layout.rows))
             yield image
 
-    return Detector(groups[DetectorOptions]), times, images()
+    return Detector(groups[DetectorOptions], groups[Coverage]), times, images()
 
 
 def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
@@ -756,8 +757,8 @@ def detected(
     coverage: dict[str, float] = {}
     for path in folder.glob("*.csv"):
         shutil.copy(path, into)
-    for _, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
-        coverage = ImageCoverage(image.range, image.azimuth).values
+    for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
+        coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     values = {f"sensor.{name}": value for name, value in coverage.items()}
     return into / DETECTIONS_FILE, values
 
