@@ -17,15 +17,11 @@ INTERRUPTED = 130
 TERMINATED = 143
 """Exit code of a process that was ended by SIGTERM."""
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
 Handler = Callable[[int, Any], Any]
 
 
 @contextmanager
-def handled(
-    handler: Callable[[int, object], None], numbers: Sequence[int] = ENDING_SIGNALS
-) -> Iterator[None]:
+def handled(handler: Handler, numbers: Sequence[int] = ENDING_SIGNALS) -> Iterator[None]:
     """Handle signals until the end of the block; in the main thread, which alone runs handlers."""
     if threading.current_thread() is not threading.main_thread():
         yield
