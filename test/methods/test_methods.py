@@ -166,7 +166,8 @@ def test_counts_add_up_and_a_run_is_the_same_again_and_after_a_reset(method):
         assert counts.split >= counts.started > 0
         ways = (counts.merged, counts.confirmed, counts.cut_confirmations)
         if method == "score":
-            assert counts.evaluated - counts.pruned == counts.potential_tracks
+            left = counts.evaluated - counts.pruned - counts.cut_potential_tracks
+            assert left - counts.terminated == counts.potential_tracks
             assert counts.raw_confirmations == sum(ways)
         else:
             assert counts.raw_confirmations == sum(ways) + counts.pruned
@@ -289,3 +290,19 @@ def test_a_new_method_is_one_class_and_one_row():
         timeout=patient(6.0),
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("seed", [8, 22, 27])
+def test_published_hits_are_those_of_shuffled_detections_where_evaluations_tie(seed):
+    rng, found = np.random.default_rng(seed), []
+    echoes = 3000.0 * np.sqrt(rng.uniform(0.01, 1.0, (8, 40))), rng.uniform(-0.6, 0.6, (8, 40))
+    as_made = np.tile(np.arange(40), (8, 1))
+    for orders in (as_made, rng.permuted(as_made, axis=1)):
+        made = make_initiator("tsepm", sensor=SensorModel(max_range=3000.0), min_hits=5, window=5)
+        tracks = [
+            track
+            for scan, order in enumerate(orders)
+            for track in made.process(Scan(12.0 * scan, *(part[scan, order] for part in echoes)))
+        ]
+        found.append({tuple((s, orders[s][d]) for s, d in track.hits) for track in tracks})
+    assert found[0] == found[1] != set()
