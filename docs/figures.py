@@ -22,6 +22,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from tsepm_ros import __version__
@@ -32,6 +33,7 @@ from tsepm_ros.settings.parameter_files import yaml_text
 from tsepm_ros.settings.settings import NODES, Groups, full_table, with_method
 from tsepm_ros.tools.evaluation.result_files import Result, Row, goldens_digest, read_result
 from tsepm_ros.tools.terminal import markdown_table
+from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.whole_files import write_text
 
 DOCS = Path(__file__).resolve().parent
@@ -93,6 +95,29 @@ DIAGNOSTICS_FIGURES = {
     "`topics.NAME`": "full name of a topic of the node, after namespace and remapping",
 }
 
+SCAN_COUNTS = {
+    "scans": "scans that were processed",
+    "detections": "detections in the coverage and not on land",
+    "potential_tracks": "potential tracks held after a scan; as a total the most held at once",
+    "started": "potential tracks started",
+    "split": "potential tracks that detections made: those started, and the children of others",
+    "evaluated": "potential tracks evaluated: by `score` all in each scan, by others those of "
+    "enough hits",
+    "terminated": "potential tracks ended by the age rule (`window`), or by a hit that another "
+    "track has taken",
+    "raw_confirmations": "tracks that reached confirmation; each is then in one of `pruned` (not "
+    "by `score`), `merged`, `cut_confirmations` and `confirmed`, waits, or is a fixed echo",
+    "pruned": "potential tracks (by `score`) or raw confirmations (by others) removed by their "
+    "evaluation",
+    "merged": "raw confirmations merged into another, or into a held track",
+    "confirmed": "tracks published for the first time",
+    "cut_potential_tracks": "potential tracks, and pairs of gate and detection, removed by a limit",
+    "cut_confirmations": "raw confirmations removed by a limit",
+    "outside_coverage": "detections outside the coverage, not used",
+    "plots": "clusters made of the detections; as many as these where each is its own",
+    "on_land": "detections on land, not used",
+}
+
 DIAGNOSTICS_END = """\
 Times since an arrival are measured on the wall clock or the simulated clock, whichever is slower.
 
@@ -112,7 +137,8 @@ def diagnostics_page() -> str:
         + markdown_table(["level", "condition", "remedy"], _rule_rows(entry.rules))
         for task, entry in ENTRIES.items()
     ]
-    figures = markdown_table(["figure", "meaning"], DIAGNOSTICS_FIGURES.items())
+    counts = {f"`{field.name}`": SCAN_COUNTS[field.name] for field in fields(ScanStatistics)}
+    figures = markdown_table(["figure", "meaning"], (counts | DIAGNOSTICS_FIGURES).items())
     parts = [DIAGNOSTICS_BEGIN, "\n\n".join(conditions), "", "## Figures", "", figures, ""]
     return "\n".join([*parts, DIAGNOSTICS_END, _drop_reasons()]) + "\n"
 

@@ -167,7 +167,8 @@ def test_counts_add_up_and_a_run_is_the_same_again_and_after_a_reset(method):
         assert counts.split >= counts.started > 0
         ways = (counts.merged, counts.confirmed, counts.cut_confirmations)
         if method == "score":
-            assert counts.evaluated - counts.pruned == counts.potential_tracks
+            left = counts.evaluated - counts.pruned - counts.cut_potential_tracks
+            assert left - counts.terminated == counts.potential_tracks
             assert counts.raw_confirmations == sum(ways)
         else:
             assert counts.raw_confirmations == sum(ways) + counts.pruned
@@ -290,3 +291,21 @@ def test_a_new_method_is_one_class_and_one_row():
         timeout=patient(6.0),
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_published_hits_are_those_of_shuffled_detections_where_evaluations_tie():
+    rng, mix = np.random.default_rng(4), np.random.default_rng(1_000_004)
+    drawn = [
+        (3000.0 * np.sqrt(rng.uniform(0.01, 1.0, 40)), rng.uniform(-0.6, 0.6, 40)) for _ in range(7)
+    ]
+    as_made = np.tile(np.arange(40), (7, 1))
+    found = []
+    for orders in (as_made, np.array([mix.permutation(40) for _ in drawn])):
+        made = make_initiator("tsepm", sensor=SensorModel(max_range=3000.0), min_hits=5, window=5)
+        tracks = [
+            track
+            for scan, (echoes, order) in enumerate(zip(drawn, orders, strict=True))
+            for track in made.process(Scan(12.0 * scan, *(part[order] for part in echoes)))
+        ]
+        found.append({tuple((s, orders[s][d]) for s, d in track.hits) for track in tracks})
+    assert found[0] == found[1] != set()

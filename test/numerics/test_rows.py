@@ -32,9 +32,8 @@ def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
         changed(echoes, range=echoes.range, bearing=echoes.azimuth)
 
 
-def test_rows_of_several_tables_are_put_at_their_places(echoes):
+def test_rows_chosen_of_several_tables_follow_each_other(echoes):
     none = np.zeros(0, np.int64)
-    parts = (echoes, np.array([2, 0]), np.array([0, 2])), (echoes[none], None, slice(0, 0))
-    placed = Echoes.placed(3, *parts, (echoes[np.array([1])], None, np.array([1])))
-    assert type(placed) is Echoes
-    assert (placed.range.tolist(), placed.azimuth.tolist()) == ([3.0, 2.0, 1.0], [0.3, 0.2, 0.1])
+    made = Echoes.chosen((echoes, np.array([2, 0])), (echoes[none], none), (echoes, np.array([1])))
+    assert type(made) is Echoes
+    assert (made.range.tolist(), made.azimuth.tolist()) == ([3.0, 1.0, 2.0], [0.3, 0.1, 0.2])

@@ -125,14 +125,13 @@ class Score(Method):
         target_hits = None
         if observed.strengths is not None:
             target_hits = evaluation.target_hits(self.hypotheses, observed.window)
-        number, pruned = len(tracks), counts.pruned + int(np.count_nonzero(ended))
+        number = len(tracks)
         return Step(
             tracks,
             changed(
                 counts,
                 potential_tracks=len(self.hypotheses),
-                terminated=pruned,
-                pruned=pruned,
+                terminated=int(np.count_nonzero(ended)),
                 raw_confirmations=number + merged,
                 merged=merged,
                 confirmed=number,

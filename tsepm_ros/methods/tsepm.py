@@ -74,6 +74,8 @@ MERGING_COST = 10.0
 """Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
 COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
 """Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
+ROUNDING = 1e-9
+"""Difference up to which evaluations of merged tracks are equal: then the shorter path counts."""
 BLOCK = 16_384
 """Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
@@ -435,12 +437,27 @@ class Tsepm(WindowedMethod):
             self.options.merging_probability,
         )
         groups = members_of_groups(labels)
-        best = [members[np.argmin(candidates.evaluation[members])] for members in groups]
+        best = [
+            members[0] if len(members) < 2 else self._best(candidates, members)
+            for members in groups
+        ]
         tracks = self.tracks(candidates[np.array(best, np.int64)])
         for row, members in enumerate(groups):
             if len(members) > 1:
                 tracks.state[row], tracks.covariance[row] = self.merged(candidates[members])
         return tracks
+
+    def _best(self, candidates: Candidates, members: IntArray) -> int:
+        """The member of the least evaluation; of those equal to `ROUNDING`, of the shortest path.
+
+        Exact ties are usual: with M hits in M equidistant scans the residuals of the fit at two of
+        its hits depend on two hits only, that members share.
+        """
+        evaluation = candidates.evaluation[members]
+        equal = members[evaluation <= evaluation.min() + ROUNDING]
+        places = self.detections.column("position", candidates.hits[equal])
+        length = np.hypot(*np.diff(places, axis=1).T).sum(axis=0)
+        return int(equal[np.lexsort((*places.reshape(len(equal), -1).T, length))[0]])
 
     def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""

@@ -98,16 +98,16 @@ class Rows:
         return cls(**columns)
 
     @classmethod
-    def placed(
-        cls, number: int, *parts: tuple[Self, IntArray | None, NDArray[np.integer] | slice]
-    ) -> Self:
-        """A number of rows: of each part the given ones, or all, at their places."""
+    def chosen(cls, *parts: tuple[Self, IntArray]) -> Self:
+        """The given rows of each part, in order."""
         columns = []
+        ends = np.cumsum([len(rows) for _, rows in parts])
         for name in cls.__dataclass_fields__:
-            values = [getattr(table, name) for table, _, _ in parts]
-            column = np.empty((number, *values[0].shape[1:]), values[0].dtype)
-            for value, (_, rows, place) in zip(values, parts, strict=True):
-                column[place] = value if rows is None else value.take(rows, axis=0)
+            values = [getattr(table, name) for table, _ in parts]
+            column = np.empty((ends[-1], *values[0].shape[1:]), values[0].dtype)
+            for value, (_, rows), end in zip(values, parts, ends, strict=True):
+                # "clip" writes into the place at once; "raise", the default, copies.
+                value.take(rows, axis=0, out=column[end - len(rows) : end], mode="clip")
             columns.append(column)
         return cls(*columns)
 

@@ -18,8 +18,10 @@ ALL_PAIRS = 20_000
 """Pairs of centres and positions up to which every distance is taken."""
 CANDIDATES_TOGETHER = 4_000_000
 """Pairs whose distances are taken together, at most: bounds memory."""
-STRIPS_PER_ROOT = 4.0
-"""Strips of positions at most, over the root of the number of positions."""
+ROWS_PER_ROOT = 2.0
+"""Rows of cells at most, over the root of the number of positions."""
+CELL = np.array([[0.25], [1.0]])
+"""Width and height of a cell, in radii: a search costs by the row, a cell nothing."""
 
 
 def disc_probability(
@@ -100,8 +102,8 @@ def pairs_within(
 ) -> tuple[IntArray, IntArray] | None:
     """Pairs of centres and positions within their radius, ``|z - c|^2 <= r^2``.
 
-    Of many, positions are sorted along strips. A centre looks at those between the sides of the
-    square around its disc, in each strip that the square touches.
+    Of many, positions are sorted by the cells of a grid, row by row. A centre looks at those from
+    the first to the last cell of each row that the square around its disc touches.
 
     Parameters
     ----------
@@ -123,38 +125,42 @@ def pairs_within(
         within = squared_distances(centres, positions) <= (radius * radius)[:, None]
         centre, position = within.nonzero()
         return (centre, position) if len(centre) <= most else None
-    low, extent = positions.min(axis=0), np.ptp(positions, axis=0)
-    least = float(extent[1]) / (STRIPS_PER_ROOT * math.sqrt(n))
-    side = max(float(np.median(radius)), least, np.finfo(float).tiny)
-    strips = int(extent[1] / side) + 1
-    margin = 1e-12 * strips * (extent.sum() + float(np.abs(positions).max()))  # of rounding
-    pitch = 2.0 * extent[0] + 4.0 * margin
-    along = (positions[:, 1] - low[1]) // side * pitch + positions[:, 0] - low[0]
-    order = np.argsort(along)
-    along, places = along[order], positions[order]
+    places, middle = positions.T.copy(), centres.T.copy()
+    low, extent = places.min(axis=1, keepdims=True), np.ptp(places, axis=1, keepdims=True)
+    margin = 1e-9 * float(np.abs(places).max())  # beyond rounding errors
+    least = max(float(extent.max()) / (ROWS_PER_ROOT * math.sqrt(n)), margin)
+    side = CELL * (max(float(np.median(radius)), least) or 1.0)
+    last = np.floor(extent / side)
+    columns, rows = (int(number) + 1 for number in last[:, 0])
+
+    def cells(values: FloatArray) -> IntArray:  # columns and rows (2, k), the nearest of the grid
+        cell = (values - low) / side
+        return np.fmin(np.fmax(cell, 0.0, out=cell), last, out=cell).astype(np.int64)
+
+    column, row = cells(places)
+    cell = row * columns + column
+    order = cell.argsort()
+    places, begins = places[:, order], cell[order].searchsorted(np.arange(columns * rows + 1))
+    square, reach = radius * radius, (1.0 + 1e-9) * radius + margin
+    (left, bottom), (right, top) = cells(middle - reach), cells(middle + reach)
     found, number, together = [], 0, max(CANDIDATES_TOGETHER // n, 1)
     for first in range(0, g, together):
         part = slice(first, first + together)
-        reach, square = radius[part] + margin, radius[part] ** 2
-        east, north = (centres[part] - low).T
-        bottom, top = (
-            np.clip((north + far) // side, 0, strips - 1).astype(np.int64)
-            for far in (-reach, reach)
-        )
-        owner = np.arange(len(reach)).repeat(top - bottom + 1)
-        strip = _counted(bottom, top - bottom + 1) * pitch
-        begin, end = (
-            along.searchsorted(strip + np.clip(east + far, -margin, extent[0] + margin)[owner])
-            for far in (-reach, reach)
-        )
-        centre, place = owner.repeat(end - begin), _counted(begin, end - begin)
-        apart = places.take(place, axis=0) - centres[part].take(centre, axis=0)
-        inside = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= square.take(centre))
+        touched = top[part] - bottom[part] + 1
+        owner = np.arange(first, first + len(touched)).repeat(touched)
+        of_row = _counted(bottom[part], touched) * columns
+        begin = begins.take(of_row + left.take(owner))
+        count = begins.take(of_row + right.take(owner) + 1) - begin
+        centre, place = owner.repeat(count), _counted(begin, count)
+        x, y = places.take(place, axis=1) - middle.take(centre, axis=1)
+        inside = np.flatnonzero(x * x + y * y <= square.take(centre))
         number += len(inside)
         if number > most or (late is not None and late()):
             return None
-        found.append(np.sort((centre.take(inside) + first) * n + order[place.take(inside)]))
-    centre, position = np.divmod(np.concatenate(found), n)
+        key = centre.take(inside) * n  # ascending
+        pairs = np.sort(key + order.take(place.take(inside)))
+        found.append((centre.take(inside), pairs - key))
+    centre, position = (np.concatenate(of) for of in zip(*found, strict=True))
     return centre, position
 
 

@@ -36,7 +36,7 @@ class ScanStatistics:
     evaluated : int
         Potential tracks that were evaluated.
     terminated : int
-        Potential tracks ended by the method's own rule.
+        Potential tracks ended by the method's rule on their scans, or by a hit that is another's.
     raw_confirmations : int
         Tracks that reached confirmation, before pruning and merging.
     pruned : int

@@ -90,6 +90,11 @@ class PolarGrid:
         column = np.remainder(azimuth - self._start, 2.0 * np.pi) / self.width
         return Cells(row, np.minimum(column.astype(np.int64), columns - 1))
 
+    def apart(self, column: IntArray, other: IntArray) -> IntArray:
+        """Number of columns between columns (...) that broadcast."""
+        away = np.abs(column - other)
+        return np.minimum(away, self.shape[1] - away) if self.wraps else away
+
     def divided(self, cells: Cells, range: FloatArray, parts: int) -> Cells:
         """Cells of ranges (n,) where each row is divided into parts of equal depth."""
         near, far = self.edges[cells.row], self.edges[cells.row + 1]

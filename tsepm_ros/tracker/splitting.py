@@ -428,18 +428,15 @@ def expand(
     missed, score, started = parts
     number = int(np.count_nonzero(kept < len(missed)))
     ended = kept[number:] - len(missed)
-    is_child = ended < len(score)
-    made = ended[is_child]
+    made = np.bincount(ended, minlength=len(score) + len(started)) > 0
+    rows = np.flatnonzero(made[: len(score)])  # in the order of the parents: these are read in turn
+    firsts = range(0, max(len(rows), 1), MAX_PAIRS_TOGETHER)
     children = [
-        _children(expected, pairs[0][rows], pairs[1][rows], score[rows], observed)
-        for rows in np.array_split(made, len(made) // MAX_PAIRS_TOGETHER + 1)
+        _children(expected, pairs[0][part], pairs[1][part], score[part], observed)
+        for part in (rows[of : of + MAX_PAIRS_TOGETHER] for of in firsts)
     ]
-    hypotheses = Hypotheses.placed(
-        len(kept),
-        (missed, kept[:number], slice(number)),
-        (Hypotheses.joined(*children), None, number + np.flatnonzero(is_child)),
-        (started, ended[~is_child] - len(score), number + np.flatnonzero(~is_child)),
-    )
+    new = Hypotheses.joined(*children, started[made[len(score) :]])
+    hypotheses = Hypotheses.chosen((missed, kept[:number]), (new, (np.cumsum(made) - 1)[ended]))
     return Tree(hypotheses, number, observed.ids)
 
 

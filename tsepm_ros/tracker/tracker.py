@@ -190,7 +190,7 @@ class Tracker:
         limit = TimeLimit(self.max_scan_time)
         observed = self.observe(scan, limit)  # measure, associate, learn
         room = room_for(limit, len(self.maintenance.held))
-        step = self.method.step(observed)  # split, evaluate, prune, merge, confirm
+        step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
         new, counts = self._hold(observed, step, room)
         self.statistics = changed(counts, plots=counts.detections, **self._received)
         self.totals = self.totals + self.statistics

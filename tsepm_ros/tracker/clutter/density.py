@@ -545,11 +545,12 @@ class ClutterMap:
         looks : (c,) ndarray or float, optional
             Number of the scans that looked at each column.
         """
-        keep = (1.0 - 1.0 / MEMORY) ** float(np.mean(looks))
+        scans = float(np.mean(looks))
+        keep = (1.0 - 1.0 / MEMORY) ** scans
         self._scans = keep * self._scans + looks
         self._counts *= keep
         np.add.at(self._counts, cells, weight)
-        self._new += np.array([np.mean(looks), weight.sum()])
+        self._new += scans, weight.sum()
         enough = RENEWAL * self._scans.mean(), RENEWAL * self._counts.sum()
         before = self.seen
         if (self._new > enough).any() or self._area_of(before.region, min_area) != before.area:

@@ -79,6 +79,8 @@ _ROW_OFFSETS, _COLUMN_OFFSETS = np.array(AROUND).T
 HALF_WIDTHS = 1, 2, 4, 8
 """Cells on either side of the middle of a strip."""
 _WIDTHS = np.array(HALF_WIDTHS)[:, None]
+FEW = 48
+"""Detections up to which they are counted one by one, not on the grid: in a third of the time."""
 BEHIND = 3
 """Cells in range between a target and a strip behind it."""
 TARGET_MEMORY = 20.0
@@ -245,9 +247,10 @@ class Overdispersion:
             counted, expected = around.counted, np.maximum(around.expected, MIN_EXPECTED)
             noise = self._squares / max(self._scans.mean(), 1e-9)
             ratio = counted / expected
-            of_each = 1.0, counted, expected, counted * ratio, noise * ratio, noise
+            even = np.ones_like(ratio)
+            of_each = even, counted, expected, counted * ratio, noise * ratio, noise * even
             self._sums *= (1.0 - 1.0 / MEMORY) ** scans
-            self._sums += [float(np.sum(each * weight)) for each in of_each]
+            self._sums += np.array(of_each) @ weight
         self._number += scans
         keep = (1.0 - 1.0 / RECENT) ** scans
         self._scans = keep * self._scans + looks
@@ -308,10 +311,8 @@ class _Strips:
 
     def hold(self, cells: Cells) -> BoolArray:
         """Whether each strip holds each of the cells (d,): (n, widths, 2, d)."""
-        away = np.abs(cells.column - self.middle)
-        if self._grid.wraps:
-            away = np.minimum(away, self._grid.shape[1] - away)
-        return np.asarray((away <= _WIDTHS)[:, :, None] & (cells.row >= self.start[..., None]))
+        near = self._grid.apart(cells.column, self.middle) <= _WIDTHS
+        return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
 
     def sums(self, values: BlockSums) -> FloatArray:
         """Sums of the cells in each strip, (n, widths, 2)."""
@@ -335,7 +336,8 @@ class SecondaryEchoes:
     def __init__(self, grid: PolarGrid) -> None:
         self._grid = grid
         self.pairs = Excess(*np.zeros((2, len(HALF_WIDTHS))))
-        self._track_id, self._scans, self._behind = self._of_targets(np.zeros(0, np.int64))
+        self._track_id, self._scans = np.zeros(0, np.int64), np.zeros(0)
+        self._behind = Excess(*np.zeros((2, 0, len(HALF_WIDTHS), 2)))
 
     def behind_targets(self, targets: HeldTargets, cells: Cells) -> FloatArray:
         """Factor (n,) of the map's density in cells, by held targets."""
@@ -392,19 +394,21 @@ class SecondaryEchoes:
 
     def _before(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> Excess:
         """Detections (w, n) in front of each of these, in the strips around its bearing."""
-        counts = np.zeros(self._grid.shape)
-        np.add.at(counts, cells, weight)
-        first, left, width = np.array(0), cells.column - _WIDTHS, 2 * _WIDTHS + 1
-        both = BlockSums(counts, self._grid.wraps), expected
-        strips = [sums.of(first, cells.row, left, width) for sums in both]
-        return Excess(*np.maximum(strips, 0.0))  # rounding errors
+        strips = np.array(0), cells.row, cells.column - _WIDTHS, 2 * _WIDTHS + 1
+        if len(weight) <= FEW:
+            near = self._grid.apart(cells.column, cells.column[:, None]) <= _WIDTHS[..., None]
+            before = (near & (cells.row < cells.row[:, None])) @ weight
+        else:
+            counts = np.zeros(self._grid.shape)
+            np.add.at(counts, cells, weight)
+            before = BlockSums(counts, self._grid.wraps).of(*strips)
+        return Excess(*np.maximum([before, expected.of(*strips)], 0.0))  # rounding errors
 
     def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:
         """Ids of targets (n,), scans since they are known, and what is behind them."""
         number = len(track_id)
         scans, both = np.zeros(number), np.zeros((2, number, len(HALF_WIDTHS), 2))
-        if number and len(self._track_id):
-            _, new, old = np.intersect1d(track_id, self._track_id, return_indices=True)
-            scans[new] = self._scans[old]
-            both[0, new], both[1, new] = self._behind.counted[old], self._behind.expected[old]
+        new, old = (track_id[:, None] == self._track_id).nonzero()
+        scans[new] = self._scans[old]
+        both[0, new], both[1, new] = self._behind.counted[old], self._behind.expected[old]
         return track_id, scans, Excess(*both)

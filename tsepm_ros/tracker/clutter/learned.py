@@ -354,7 +354,7 @@ class ScanClutter:
     @property
     def is_persistent(self) -> BoolArray:
         """Whether each detection is where clutter stays and the map does not show it, (d,)."""
-        return np.asarray(self._staying > RISE * self.density())
+        return self._staying > (RISE * self.density() if self._staying.any() else 0.0)
 
     def _raised(self, density: FloatArray) -> FloatArray:
         """Density (d,), raised where clutter stays."""

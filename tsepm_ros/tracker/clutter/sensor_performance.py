@@ -162,7 +162,7 @@ class MeasurementErrors:
             last = np.full((2, len(held), 3), complex(np.nan, np.nan))
             last[:, new] = self._last[:, old]
             self._track_id, self._last = held, last
-        _, own, row = np.intersect1d(track_id, held, return_indices=True)
+        own, row = (track_id[:, None] == held).nonzero()
         detections = taken(detections, own)
         self._last[:, row, :2] = self._last[:, row, 1:]
         self._last[:, row, 2] = detections["time"], detections["position"] @ (1.0, 1j)

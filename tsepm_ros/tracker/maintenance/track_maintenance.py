@@ -149,7 +149,8 @@ class TrackMaintenance:
     def detections_of_moving(self) -> IntArray:
         """Rows of the last scan's detections that are probably of held tracks that move, (k,)."""
         ids, rows = self.probable_detections
-        return rows[np.isin(ids, self.held.tracks.track_id[self.held.fits.moves])]
+        moving = self.held.tracks.track_id[self.held.fits.moves]
+        return rows[(ids[:, None] == moving).any(axis=1)]
 
     def step(
         self,
