@@ -281,7 +281,7 @@ class ImageInput:
     ) -> None:
         self._options, self._drop, self._say = options, drop, say
         self.plans: list[Plan] | None = None
-        self.turns, self.detector = ImageTurns(), Detector(options[DetectorOptions])
+        self.turns, self.detector = ImageTurns(drop, say), Detector(options[DetectorOptions])
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
