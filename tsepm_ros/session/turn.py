@@ -400,10 +400,13 @@ class Beam:
         Usual step between two messages, rad.
     rate : float
         rad/s.
+    slack : float
+        How far messages lie beside the line, rad.
     """
 
-    def __init__(self, step: float, rate: float) -> None:
+    def __init__(self, step: float, rate: float, slack: float = 0.0) -> None:
         self.step, self.rate = step, rate
+        self.reach = min(STEPS_OFF * max(step, slack), MOST_OFF)
         self._line: deque[tuple[float, float]] = deque(maxlen=LINE)
 
     def begin(self) -> None:
@@ -424,7 +427,7 @@ class Beam:
         """Go on to a message at its place along the line, rad."""
         self._line.append((stamp, place))
         seconds, azimuth = stamp - self._line[0][0], place - self._line[0][1]
-        if len(self._line) == LINE and seconds > 0.0 and azimuth:
+        if 2 * len(self._line) >= LINE and seconds > 0.0 and azimuth:
             self.rate = azimuth / seconds
         elif azimuth:
             self.rate = math.copysign(self.rate, azimuth)
@@ -439,10 +442,11 @@ class Beam:
             return ""
         last, before = self._line[-1]
         pause = max(GAP * TURN, GAP_INTERVALS * self.step) / abs(self.rate)
-        steps, is_far = STEPS_OFF * self.step, not abs(stamp - last) <= pause
-        if not is_far and abs(self.place(stamp, azimuth)[1]) <= min(steps, MOST_OFF):
+        is_far = not abs(stamp - last) <= pause
+        if not is_far and abs(self.place(stamp, azimuth)[1]) <= self.reach:
             return ""
-        goes_on = abs(turned(azimuth - before - math.copysign(self.step, self.rate))) <= steps
+        expected = before + math.copysign(self.step, self.rate)
+        goes_on = abs(turned(azimuth - expected)) <= STEPS_OFF * self.step
         if stamp == 0.0:
             return "stamp_not_set"
         return "bearing_stamp" if is_far or goes_on else "bearing_azimuth"
@@ -813,7 +817,7 @@ class ImageTurns:
         return images
 
     def _learn(self, ping: ImagePing) -> list[ImagePing]:
-        """Take a message of an unknown turn; return the images of all so far where these show it."""
+        """Take a message of an unknown turn; return the images of all so far that it shows."""
         waiting = self._learning
         if waiting and abs(turned(float(ping.azimuth[0] - waiting[-1].azimuth[0]))) < MIN_STEP:
             self._why, self.unused = "the beam stands", self.unused + 1
@@ -872,7 +876,9 @@ def beam_of(pings: Sequence[ImagePing]) -> Beam | str:
         return "their stamps do not rise"
     rises = seconds > 0.0
     moved = np.abs(wrapped(azimuth[lag:] - azimuth[:-lag]))
-    return Beam(step, float(np.median(moved[rises] / seconds[rises])))
+    rate = float(np.median(moved[rises] / seconds[rises]))
+    off = np.abs(np.abs(wrapped(np.diff(azimuth))) - rate * np.diff(stamp))
+    return Beam(step, rate, float(np.quantile(off, EVEN_RATES)))
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
