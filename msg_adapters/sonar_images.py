@@ -52,6 +52,12 @@ LEVEL = 0.1
 """Elevation of beams from which on an assumption is stated, rad."""
 
 
+ALTERNATES = (
+    "the ranges or the bearings of an image differ from those of the image before: the detector "
+    "learns anew at each change, and the coverage follows where the next image has it too"
+)
+
+
 Reader = Callable[[Any, ImageLayout, SensorModel, float], ImagePing]
 
 
@@ -269,6 +275,10 @@ class ImageInput:
     ----------
     detector : Detector
     turns : ImageTurns
+    coverage : ImageCoverage or None
+        Of the images, without the detector's blanking distance: of the first, then of two in a row.
+    coverage_changes : int
+        Images with another coverage than the one before.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -282,16 +292,14 @@ class ImageInput:
         self._options, self._drop, self._say = options, drop, say
         self.plans: list[Plan] | None = None
         self.turns, self.detector = ImageTurns(drop, say), Detector(options[DetectorOptions])
+        self.coverage: ImageCoverage | None = None
+        self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
         if options[DetectorOptions] != self._options[DetectorOptions]:
             self.detector = Detector(options[DetectorOptions])
         self._options = options
-
-    def coverage(self, ping: ImagePing) -> ImageCoverage:
-        """Coverage of a ping, without the detector's blanking distance."""
-        return ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
 
     def take(self, message: Any) -> Iterator[tuple[ImagePing, Scan]]:
         """Take a message; the pings that it completes and the detections of each."""
@@ -318,8 +326,21 @@ class ImageInput:
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
+            self._cover(whole)
             self._draw(whole)
             yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
+
+    def _cover(self, ping: ImagePing) -> None:
+        """Note the coverage of an image; another one counts where the next image has it too."""
+        now = ImageCoverage(ping.range, ping.azimuth, self._options[SensorModel].min_range)
+        before, self._other = self._other, now
+        values = list(now.values.values())
+        is_same = before is None or before.agrees(values)
+        self.coverage_changes += not is_same
+        if not is_same:
+            self._say(ALTERNATES)
+        elif self.coverage is None or not self.coverage.agrees(values):
+            self.coverage = now
 
     def _draw(self, ping: ImagePing) -> None:
         """Keep the plan of an image, where these are kept."""

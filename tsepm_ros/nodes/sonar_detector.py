@@ -83,7 +83,7 @@ class SonarDetector(ParameterisedNode):
     def take_image(self, message: Any) -> None:
         """Take a message of an image, or of some bearings, of any supported type."""
         for ping, scan in self._input.take(message):
-            self._follow(ping)
+            self._follow()
             self._publish(scan, ping)
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
@@ -99,13 +99,12 @@ class SonarDetector(ParameterisedNode):
             self._planned = now
             self._plan.publish(plan_message(header, plan_of(ping, stages)))
 
-    def _follow(self, ping: ImagePing) -> None:
+    def _follow(self) -> None:
         """Note the coverage of the images where it has changed."""
-        coverage = self._input.coverage(ping)
-        near, far, low, high = values = list(coverage.values.values())
-        if self._coverage is not None and self._coverage.agrees(values):
+        if self._input.coverage is None or self._input.coverage is self._coverage:
             return
-        self._coverage = coverage
+        self._coverage = self._input.coverage
+        near, far, low, high = self._coverage.values.values()
         self.get_logger().info(
             f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
         )
@@ -143,10 +142,14 @@ class SonarDetector(ParameterisedNode):
     def _report(self) -> None:
         """Publish what the detector measured, and the drops; look at the tracker's coverage."""
         self._ask()
-        measured = self._input.detector.measured | {"bearings_unused": self._input.turns.unused}
+        turns, changes = self._input.turns, self._input.coverage_changes
+        counts = {"bearings_unused": turns.unused, "coverage_changes": changes}
+        measured = self._input.detector.measured | counts
         values = measured | {f"dropped.{name}": count for name, count in self._dropped.items()}
         level, message = Level.OK, "detections are made of images"
-        if not measured["images"]:
+        if turns.state:
+            level, message = Level.WARN, turns.state
+        elif not measured["images"]:
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"

@@ -8,11 +8,11 @@ through a whole turn, or to and fro. Messages of a sonar that looks everywhere a
 arcs are wide, stay, or jump. Where a message lists only its detections, a single object seen from a
 turning vessel moves like a beam: the ranges of that do not change from message to message.
 
-Sonar images as they arrive: whole pings, or bearings that are joined to a turn or a pass.
-
-A turn's bearings are put on a grid of even azimuths, since their number differs from turn to turn:
-each in the nearest cell, and NaN where there is none. The grid is shifted by the part of a step by
-which a turn's bearings lie beside it.
+`ImageTurns` joins sonar images as they arrive: whole pings, or bearings and sectors that make a
+turn or a pass. `Beam` is the line of azimuths over time on which the next message is expected; a
+message beside it is left out. The bearings of a turn are put on a grid of even azimuths, since
+their number differs from turn to turn: each in the nearest cell, and NaN where there is none. The
+grid is shifted by the part of a step by which a turn's bearings lie beside it.
 """
 
 from __future__ import annotations
@@ -597,7 +597,7 @@ class Rounds:
             self.unused += len(left)
         is_narrow = part < 1.0 - CHANGED and not is_new
         self._narrow = this._replace(is_used=bool(used)) if is_narrow else None
-        self.vain, self.messages = 0 if used else self.vain, len(parts)
+        self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
         return [on_grid(one.parts, self._grid) for one in used if self._grid]
 
     def _filled(self, this: Round) -> float:
@@ -735,8 +735,10 @@ NO_NOISE = (
 
 
 def is_equal(one: ImagePing, other: ImagePing) -> bool:
-    """Whether two images are equal to the bit, and show something."""
-    if not (np.array_equal(one.azimuth, other.azimuth) and np.array_equal(one.range, other.range)):
+    """Whether two images are equal to the bit, and show something; turns round their azimuths."""
+    if one.intensity.shape != other.intensity.shape or not np.array_equal(one.range, other.range):
+        return False
+    if np.abs(one.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
         return False
     rows = zip(one.intensity, other.intensity, strict=True)
     if not all(np.array_equal(*row, equal_nan=True) for row in rows):
@@ -767,7 +769,7 @@ class ImageTurns:
     def __init__(
         self, drop: Drop = lambda *_: None, say: Callable[[str], None] = lambda _: None
     ) -> None:
-        self._tell, self._why, self._since = drop, "", 0
+        self._tell, self._why, self._since = drop, "less than a turn has come", 0
         self._messages, self._images = Repeats(self._drop, say), Repeats(self._drop, say)
         self._learning, self._passes = list[ImagePing](), None  # type: list[ImagePing], Rounds | None
         self.unused, self._next = 0, MIN_PARTS
