@@ -67,6 +67,12 @@ BRIGHT = 0.95
 """Share of an image's cells below a level that most cells of a bright line are above."""
 
 
+ALTERNATES = (
+    "the ranges or the bearings of an image differ from those of the image before: the detector "
+    "learns anew at each change, and the coverage follows where the next image has it too"
+)
+
+
 Reader = Callable[[Any, ImageLayout, Coverage, float], ImagePing]
 
 
@@ -473,6 +479,10 @@ class ImageInput:
     turns : ImageTurns
     in_parts : bool
         Whether the last message was of some bearings of a turn.
+    coverage : ImageCoverage or None
+        Of the images, within the detector's: of the first, then of two in a row.
+    coverage_changes : int
+        Images with another coverage than the one before.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -486,18 +496,16 @@ class ImageInput:
         self._options, self._drop, self._say = options, drop, say
         self.plans: list[Plan] | None = None
         self.in_parts, self._look = False, FirstLook()
-        self.turns = ImageTurns()
+        self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], options[Coverage])
+        self.coverage: ImageCoverage | None = None
+        self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
         if any(options[one] != self._options[one] for one in (DetectorOptions, Coverage)):
             self.detector = Detector(options[DetectorOptions], options[Coverage])
         self._options, self._look = options, FirstLook()
-
-    def coverage(self, ping: ImagePing) -> ImageCoverage:
-        """Coverage of a ping, within the detector's."""
-        return ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
 
     def take(
         self, message: Any, is_late: Callable[[ImagePing], bool] = lambda turn: False
@@ -533,8 +541,21 @@ class ImageInput:
                 continue
             for sentence in self._look.add(whole, layout.rows if whole.corners else ""):
                 self._say(sentence)
+            self._cover(whole)
             self._draw(whole)
             yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
+
+    def _cover(self, ping: ImagePing) -> None:
+        """Note the coverage of an image; another one counts where the next image has it too."""
+        now = ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
+        before, self._other = self._other, now
+        values = list(now.values.values())
+        is_same = before is None or before.agrees(values)
+        self.coverage_changes += not is_same
+        if not is_same:
+            self._say(ALTERNATES)
+        elif self.coverage is None or not self.coverage.agrees(values):
+            self.coverage = now
 
     def _draw(self, ping: ImagePing) -> None:
         """Keep the plan of an image, where these are kept."""

@@ -128,11 +128,10 @@ class SonarDetector(ParameterisedNode):
 
     def _follow(self, ping: ImagePing) -> None:
         """Note the coverage of the images where it has changed."""
-        coverage = self._input.coverage(ping)
-        near, far, low, high = values = list(coverage.values.values())
-        if self._coverage is not None and self._coverage.agrees(values):
+        if self._input.coverage is None or self._input.coverage is self._coverage:
             return
-        self._coverage = coverage
+        self._coverage = self._input.coverage
+        near, far, low, high = self._coverage.values.values()
         self.get_logger().info(
             f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
             + f"; {ping.corners}; compare this with the driver's own display" * bool(ping.corners)
@@ -171,9 +170,10 @@ class SonarDetector(ParameterisedNode):
     def _report(self) -> None:
         """Publish what the detector measured, and the drops; look at the tracker's coverage."""
         self._ask()
-        measured = self._input.detector.measured | {"bearings_unused": self._input.turns.unused}
-        pace = self._pace
-        values = measured | {
+        turns, pace = self._input.turns, self._pace
+        values = self._input.detector.measured | {
+            "bearings_unused": turns.unused,
+            "coverage_changes": self._input.coverage_changes,
             "time_per_image_s": pace.time,
             "image_interval_s": pace.interval,
             "image_age_s": pace.age,
@@ -190,7 +190,9 @@ class SonarDetector(ParameterisedNode):
                 f"{self._dropped['overload']} were passed over. Reduce the sonar's rate, or the "
                 "cells of its images",
             )
-        elif not measured["images"]:
+        elif turns.state:
+            level, message = Level.WARN, turns.state
+        elif not values["images"]:
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
         elif self._dropped:
             level, message = Level.WARN, "images were dropped; the log says why"

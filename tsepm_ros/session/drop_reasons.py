@@ -173,6 +173,35 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "an image's ranges or bearings are in no order, or a value of it is infinite",
         _DRIVER,
     ),
+    "bearing_stamp": DropReason(
+        DETECTIONS,
+        "message",
+        "the stamp of a bearing, or of a sector, is not the time at which the beam looks there",
+        "None if these are few: they are left out of the image; else look at the clock of the "
+        "driver, and at its `header.stamp`",
+    ),
+    "bearing_azimuth": DropReason(
+        DETECTIONS,
+        "message",
+        "the azimuth of a bearing, or of a sector, is not where the beam looks at its stamp",
+        "None if these are few: they are left out of the image; else look for two drivers on one "
+        "topic, or for messages that are lost",
+    ),
+    "bearing_geometry": DropReason(
+        DETECTIONS,
+        "message",
+        "the ranges, the frame or the angle increment of fewer than four messages in a row differ "
+        "from those before",
+        "None if these are few: they are left out of the image; else look for two drivers on one "
+        "topic",
+    ),
+    "image_repeated": DropReason(
+        DETECTIONS,
+        "scan",
+        "an image, or a bearing, is equal to the one before to the bit: no new evidence",
+        "None if the driver publishes faster than the sonar pings; else look for a sonar or a "
+        "driver that has stopped",
+    ),
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"
     ),

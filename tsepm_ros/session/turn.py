@@ -8,11 +8,11 @@ through a whole turn, or to and fro. Messages of a sonar that looks everywhere a
 arcs are wide, stay, or jump. Where a message lists only its detections, a single object seen from a
 turning vessel moves like a beam: the ranges of that do not change from message to message.
 
-Sonar images as they arrive: whole pings, or bearings that are joined to a turn or a pass.
-
-A turn's bearings are put on a grid of even azimuths, since their number differs from turn to turn:
-each in the nearest cell, and NaN where there is none. The grid is shifted by the part of a step by
-which a turn's bearings lie beside it.
+`ImageTurns` joins sonar images as they arrive: whole pings, or bearings and sectors that make a
+turn or a pass. `Beam` is the line of azimuths over time on which the next message is expected; a
+message beside it is left out. The bearings of a turn are put on a grid of even azimuths, since
+their number differs from turn to turn: each in the nearest cell, and NaN where there is none. The
+grid is shifted by the part of a step by which a turn's bearings lie beside it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import enum
 import math
 import statistics
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -372,10 +372,84 @@ class TurnLearner:
         return two.rows[0][0] - one.rows[0][0], len(ended.rows)
 
 
-CHANGED = 0.2
-"""Relative change of the step, or of a sector's width, from which on the grid is another."""
-WHOLE_GAP = 2.5
-"""Steps, at most, that a whole turn lacks."""
+LINE, NEWEST = 16, 5
+"""Messages of the line that a beam is followed by, and those whose median says where it is."""
+STEPS_OFF, MOST_OFF = 1.5, 0.25 * math.pi
+"""Steps, and angle (rad), by which a message lies beside the line at most."""
+ODD = 4
+"""Messages in a row beside the line that say that the beam is elsewhere."""
+VAIN = 4
+"""Beginnings in a row without an image from which on the turn is learned anew."""
+TRY_AGAIN = 1.1
+"""Factor of the messages that wait, between two attempts to learn a turn of them."""
+MOST_BYTES = 2**27
+"""Most memory of the messages that wait."""
+CHANGED, HALF = 0.2, 0.5
+"""Relative change of the step, or of a sector's width, from which on the grid is another; least
+part of the grid that an image fills."""
+WHOLE_GAP, SHORTEST = 2.5, 3.0
+"""Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
+
+
+class Beam:
+    """The azimuth of a beam over time: a line through its last messages.
+
+    Parameters
+    ----------
+    step : float
+        Usual step between two messages, rad.
+    rate : float
+        rad/s.
+    slack : float
+        How far messages lie beside the line, rad.
+    """
+
+    def __init__(self, step: float, rate: float, slack: float = 0.0) -> None:
+        self.step, self.rate = step, rate
+        self.reach = min(STEPS_OFF * max(step, slack), MOST_OFF)
+        self._line: deque[tuple[float, float]] = deque(maxlen=LINE)
+
+    def begin(self) -> None:
+        """Forget where the beam is, and its direction."""
+        self._line.clear()
+
+    def place(self, stamp: float, azimuth: float) -> tuple[float, float]:
+        """Azimuth of a message along the line, and how far it lies beside the line, rad."""
+        if not self._line:
+            return azimuth, 0.0
+        newest = list(self._line)[-NEWEST:]
+        rates = (self.rate,) if self._moved > STEPS_OFF * self.step else (self.rate, -self.rate)
+        there = [statistics.median(a + rate * (stamp - t) for t, a in newest) for rate in rates]
+        off, expected = min(((turned(azimuth - a), a) for a in there), key=lambda one: abs(one[0]))
+        return expected + off, off
+
+    def take(self, stamp: float, place: float) -> None:
+        """Go on to a message at its place along the line, rad."""
+        self._line.append((stamp, place))
+        seconds, azimuth = stamp - self._line[0][0], place - self._line[0][1]
+        if 2 * len(self._line) >= LINE and seconds > 0.0 and azimuth:
+            self.rate = azimuth / seconds
+        elif azimuth:
+            self.rate = math.copysign(self.rate, azimuth)
+
+    @property
+    def _moved(self) -> float:
+        return abs(self._line[-1][1] - self._line[0][1])
+
+    def fault(self, stamp: float, azimuth: float) -> str:
+        """Why a message is not on the line: a reason of `DROP_REASONS`; empty if it is."""
+        if not self._line:
+            return ""
+        last, before = self._line[-1]
+        pause = max(GAP * TURN, GAP_INTERVALS * self.step) / abs(self.rate)
+        is_far = not abs(stamp - last) <= pause
+        if not is_far and abs(self.place(stamp, azimuth)[1]) <= self.reach:
+            return ""
+        expected = before + math.copysign(self.step, self.rate)
+        goes_on = abs(turned(azimuth - expected)) <= STEPS_OFF * self.step
+        if stamp == 0.0:
+            return "stamp_not_set"
+        return "bearing_stamp" if is_far or goes_on else "bearing_azimuth"
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,109 +489,403 @@ class ImagePing:
     corners: str = ""
 
 
-class ImageTurns:
-    """Joins the bearings of a turn, or of a pass over a sector, to one ping.
+Drop = Callable[[str, str], None]
 
-    The time of a turn is learned from the first: its bearings are not used.
+
+class Part(NamedTuple):
+    """A message of a turn, and its first azimuth along the turn, rad."""
+
+    place: float
+    ping: ImagePing
+
+
+class Round(NamedTuple):
+    """The messages of a turn, or of a pass over a sector, and the azimuths between, rad."""
+
+    parts: list[Part]
+    low: float
+    high: float
+    step: float
+    is_used: bool = False
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is a turn."""
+        return self.high - self.low >= TURN - WHOLE_GAP * self.step
+
+
+class Rounds:
+    """Follows a beam, and joins the messages of each turn, or pass over a sector, to an image.
+
+    A message that is not where the beam is expected, or is of another geometry, is left out. Where
+    `ODD` in a row are, the beam is there, and a turn begins with them.
+
+    Attributes
+    ----------
+    parts : list of Part
+        Of the open turn.
+    vain : int
+        Beginnings since the last image.
+    messages : int
+        Of the last turn or pass.
+    unused : int
+        Messages of turns and passes that filled too little of the grid.
+    """
+
+    def __init__(self, beam: Beam, drop: Drop) -> None:
+        self._beam, self.drop, self.parts = beam, drop, list[Part]()
+        self._odd, self._first = list[tuple[str, ImagePing]](), 0.0
+        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self._narrow: Round | None = None  # the last, where it does not fill the grid
+        self.vain = self.messages = self.unused = 0
+
+    @property
+    def waiting(self) -> list[ImagePing]:
+        """Messages that are in no image yet."""
+        narrow = self._narrow.parts if self._narrow and not self._narrow.is_used else []
+        return [part.ping for part in [*narrow, *self.parts]] + [ping for _, ping in self._odd]
+
+    def take(self, ping: ImagePing) -> list[ImagePing]:
+        """Take a message; return the images that are complete by it."""
+        stamp, azimuth = 1e-9 * ping.stamp_ns, float(ping.azimuth[0])
+        odd = self.parts and not is_alike(self.parts[-1].ping, ping) and "bearing_geometry"
+        if odd := odd or self._beam.fault(stamp, azimuth):
+            self._odd.append((odd, ping))
+            return self._begin() if len(self._odd) >= ODD else []
+        for reason, left in self._odd:
+            self.drop(reason, f"message left out: {stated(left)}")
+        self._odd.clear()
+        place, _ = self._beam.place(stamp, azimuth)
+        self._beam.take(stamp, place)
+        self._first = self._first if self.parts else place
+        parts = self.parts
+        if is_full := abs(place - self._first) >= TURN - 0.5 * self._beam.step:
+            self._first += math.copysign(TURN, place - self._first)
+            self.parts = []
+        self.parts.append(Part(place, ping))
+        return self._finish(parts) if is_full else []
+
+    def _begin(self) -> list[ImagePing]:
+        """Begin a turn with messages that are elsewhere; return the images of those before."""
+        self.vain += 1
+        images, before = self._finish(self.parts), self.parts[1:]
+        odd, self._odd, self.parts = self._odd, [], []
+        self._beam.begin()
+        reason, first = odd[0]
+        again = [part.ping for part in before[-1:] if reason == "bearing_azimuth"]
+        for ping in again:  # the message where a beam turned back is of both passes
+            step = turned(float(first.azimuth[0] - ping.azimuth[0]))
+            images += self.take(ping) if abs(step) <= STEPS_OFF * self._beam.step else []
+        for _, ping in odd:
+            images += self.take(ping)
+        return images
+
+    def _finish(self, parts: list[Part]) -> list[ImagePing]:
+        """The images that a turn or pass completes, on the grid, which two passes alike renew."""
+        azimuth = azimuths(parts)
+        low, high = float(azimuth.min(initial=math.inf)), float(azimuth.max(initial=-math.inf))
+        if len(parts) < MIN_PARTS or high - low < SHORTEST * self._beam.step:
+            self.unused += len(parts)
+            return []
+        least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
+        step = max(float(np.median(np.abs(np.diff(azimuth)))), least)
+        this, before = Round(parts, low, high, step), self._narrow
+        part, is_second = self._filled(this), before is not None and are_alike(before, this)
+        is_new = part < 1.0 - CHANGED and (this.is_whole or is_second)
+        used = [this] if is_new or part >= HALF else []
+        if is_new:
+            self._grid = grid_of(before if before and is_second else this, this)
+        if before and not before.is_used:
+            used, left = ([before, *used], []) if is_new and is_second else (used, before.parts)
+            self.unused += len(left)
+        is_narrow = part < 1.0 - CHANGED and not is_new
+        self._narrow = this._replace(is_used=bool(used)) if is_narrow else None
+        self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
+        return [on_grid(one.parts, self._grid) for one in used if self._grid]
+
+    def _filled(self, this: Round) -> float:
+        """Part of the grid that a pass fills; 0 where it does not fit."""
+        if self._grid is None:
+            return 0.0
+        begin, step, cells = self._grid
+        is_turn, width = cells * step >= TURN - 1e-9, (cells - 1) * step
+        shift = turns_between(begin + 0.5 * width, 0.5 * (this.low + this.high))
+        within = begin - step <= this.low - shift and this.high - shift <= begin + width + step
+        fits = (is_turn or (within and not this.is_whole)) and abs(
+            this.step - step
+        ) <= CHANGED * step
+        return min((this.high - this.low) / width, 1.0) if fits else 0.0
+
+
+def stated(ping: ImagePing) -> str:
+    """Where and when a message looked, in words."""
+    return f"{ping.azimuth[0]:.3f} rad at {1e-9 * ping.stamp_ns:.3f} s"
+
+
+def turns_between(one: float, other: float) -> float:
+    """The whole turns from an azimuth to the other, rad."""
+    return TURN * round((other - one) / TURN)
+
+
+def increment(ping: ImagePing) -> float:
+    """Step between the bearings of a message, rad; nan of a single one."""
+    number = len(ping.azimuth) - 1
+    return float(ping.azimuth[-1] - ping.azimuth[0]) / number if number else math.nan
+
+
+def is_alike(one: ImagePing, other: ImagePing) -> bool:
+    """Whether two messages of parts have the same frame, ranges and step between bearings."""
+    steps = increment(one), increment(other)
+    return (
+        one.frame_id == other.frame_id
+        and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
+        and not is_all_round(other)
+        and np.array_equal(one.range, other.range)
+    )
+
+
+def is_all_round(ping: ImagePing) -> bool:
+    """Whether the bearings of a message are nearly a turn."""
+    return bool(np.ptp(ping.azimuth) >= WHOLE_VIEW)
+
+
+def azimuths(parts: Sequence[Part]) -> FloatArray:
+    """Azimuths of all bearings along the turn, rad."""
+    return np.concatenate(
+        [np.zeros(0), *[place + ping.azimuth - ping.azimuth[0] for place, ping in parts]]
+    )
+
+
+def are_alike(one: Round, other: Round) -> bool:
+    """Whether two passes are over the same sector, in the same steps."""
+    shift = turns_between(0.5 * (one.low + one.high), 0.5 * (other.low + other.high))
+    ends = abs(other.low - shift - one.low), abs(other.high - shift - one.high)
+    limit = CHANGED * (one.high - one.low)
+    return max(ends) <= limit and abs(one.step - other.step) <= CHANGED * one.step
+
+
+def grid_of(one: Round, other: Round) -> tuple[float, float, int]:
+    """Begin, step (rad) and cells of a grid of two passes."""
+    if other.is_whole:
+        cells = round(TURN / other.step)
+        return -math.pi, TURN / cells, cells
+    shift = turns_between(0.5 * (one.low + one.high), 0.5 * (other.low + other.high))
+    low, high = min(one.low, other.low - shift), max(one.high, other.high - shift)
+    return turned(low), other.step, max(round((high - low) / other.step) + 1, 2)
+
+
+def on_grid(parts: Sequence[Part], grid: tuple[float, float, int]) -> ImagePing:
+    """One image of the bearings of messages, each at its own time, in the nearest cell."""
+    begin, step, cells = grid
+    first, azimuth = parts[0].ping, azimuths(parts)
+    time = np.concatenate(
+        [
+            1e-9 * (ping.stamp_ns - first.stamp_ns)
+            + (0.0 if ping.time_offset is None else ping.time_offset) * np.ones(len(ping.azimuth))
+            for _, ping in parts
+        ]
+    )
+    middle = 0.5 * float(azimuth.min() + azimuth.max())
+    place = (azimuth - turns_between(begin + 0.5 * (cells - 1) * step, middle) - begin) / step
+    shift = float(np.angle(np.exp(2j * math.pi * place).mean())) / (2.0 * math.pi)
+    row = np.rint(place - shift).astype(np.int64)
+    row = row % cells if cells * step >= TURN - 1e-9 else row
+    inside = (row >= 0) & (row < cells)
+    image, at = np.full((cells, len(first.range)), np.nan, np.float32), np.full(cells, np.nan)
+    image[row[inside]] = np.concatenate([ping.intensity for _, ping in parts])[inside]
+    at[row[inside]] = time[inside]
+    known = np.flatnonzero(np.isfinite(at))
+    return replace(
+        first,
+        azimuth=np.asarray(begin + (np.arange(cells) + shift) * step, float),
+        intensity=image,
+        time_offset=np.interp(np.arange(cells), known, at[known]),
+        is_part=False,
+    )
+
+
+class Repeats:
+    """Finds images that are equal to the one before to the bit: these are no new evidence.
+
+    A source without noise, whose images have all been equal so far, goes on.
+    """
+
+    def __init__(self, drop: Drop, say: Callable[[str], None]) -> None:
+        self._drop, self._say = drop, say
+        self.last: ImagePing | None = None
+        self._equal, self._varies = 0, False
+
+    def has(self, ping: ImagePing) -> bool:
+        """Whether an image is not to be used."""
+        before, self.last = self.last, ping
+        if before is None or not is_equal(before, ping):
+            self._equal, self._varies = 0, before is not None
+            return False
+        self._equal += 1
+        if self._varies or self._equal < ODD:
+            self._drop(
+                "image_repeated", f"image left out: {stated(ping)} is that before, to the bit"
+            )
+            return True
+        self._say(NO_NOISE)
+        return False
+
+
+NO_NOISE = (
+    "every image is equal to the one before to the bit: they are used, as those of a source "
+    "without noise; a driver that sends its last image again gives false tracks"
+)
+
+
+def is_equal(one: ImagePing, other: ImagePing) -> bool:
+    """Whether two images are equal to the bit, and show something; turns round their azimuths."""
+    if one.intensity.shape != other.intensity.shape or not np.array_equal(one.range, other.range):
+        return False
+    if np.abs(one.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
+        return False
+    rows = zip(one.intensity, other.intensity, strict=True)
+    if not all(np.array_equal(*row, equal_nan=True) for row in rows):
+        return False
+    values = other.intensity[np.isfinite(other.intensity)]
+    return bool(values.size and values.min() < values.max())
+
+
+class ImageTurns:
+    """Joins the bearings of a turn, or of a pass over a sector, to one image.
+
+    The step and the rate of the beam are learned: those with which the messages so far make a turn,
+    or two passes. Then these are joined too.
+
+    Parameters
+    ----------
+    drop : callable, optional
+        Called with a reason and a sentence for a message that is left out.
+    say : callable, optional
+        Called with a sentence about what is used.
 
     Attributes
     ----------
     unused : int
-        Messages whose bearings are in no ping: of the first turn, or before a change of ranges.
+        Messages that are in no image: before the first turn, or of turns that were cut.
     """
 
-    def __init__(self) -> None:
-        self.unused, self._parts = 0, list[ImagePing]()
-        self._start_over()
+    def __init__(
+        self, drop: Drop = lambda *_: None, say: Callable[[str], None] = lambda _: None
+    ) -> None:
+        self._tell, self._why, self._since = drop, "less than a turn has come", 0
+        self._messages, self._images = Repeats(self._drop, say), Repeats(self._drop, say)
+        self._learning, self._passes = list[ImagePing](), None  # type: list[ImagePing], Rounds | None
+        self.unused, self._next = 0, MIN_PARTS
+
+    @property
+    def _parts(self) -> list[ImagePing]:
+        """Messages that are in no image yet."""
+        return self._learning + (self._passes.waiting if self._passes else [])
+
+    @property
+    def state(self) -> str:
+        """Why bearings make no image; empty where they do, and where there are none."""
+        if self._passes is None and self._since:
+            return f"bearings, but no turn yet, because {self._why}"
+        if self._passes is not None and self._since > TURNS * self._passes.messages:
+            return f"no image of the last {self._since} bearings, over {TURNS} turns: {self._why}"
+        return ""
 
     def add(self, ping: ImagePing) -> list[ImagePing]:
-        """Take a message; returns the pings that are complete by it."""
-        low, high = float(ping.azimuth.min()), float(ping.azimuth.max())
-        if not ping.is_part or high - low >= WHOLE_VIEW:
+        """Take a message; returns the images that are complete by it."""
+        before = self._messages.last
+        self._since += ping.is_part
+        if self._messages.has(ping):
+            return []
+        if ping.is_part and before is not None and ping.stamp_ns == before.stamp_ns == 0:
+            self._drop("stamp_not_set", f"message left out: {stated(ping)}, as that before")
+            return []
+        if not ping.is_part or (is_all_round(ping) and not self._parts):
+            self._since = 0
             return [ping]
-        arc, stamp = Arc(low, high - low, True), 1e-9 * ping.stamp_ns
-        before = self._parts[-1] if self._parts else ping
-        same = before.frame_id == ping.frame_id and np.array_equal(before.range, ping.range)
-        back = self._turn is not None and stamp < self._turn.stamp
-        if not same or back or len(self._parts) >= MOST_PARTS:
-            self._start_over()
-        if self._turn is None:
-            self._learn(ping, stamp, arc)
+        images = self._learn(ping) if self._passes is None else self._follow(self._passes, ping)
+        self._since = 0 if images else self._since
+        return [image for image in images if not self._images.has(image)]
+
+    def _drop(self, reason: str, sentence: str) -> None:
+        self._why = f"messages are left out as {reason}"
+        self._tell(reason, sentence)
+
+    def _follow(self, passes: Rounds, ping: ImagePing) -> list[ImagePing]:
+        """Take a message of a learned turn; learn anew where the beam is followed in vain."""
+        before, images = passes.unused, passes.take(ping)
+        self.unused += passes.unused - before
+        if passes.vain >= VAIN or is_much(passes.parts, ping):
+            self._passes, self._next = None, MIN_PARTS
+            for waiting in passes.waiting:
+                images += self._learn(waiting)
+        return images
+
+    def _learn(self, ping: ImagePing) -> list[ImagePing]:
+        """Take a message of an unknown turn; return the images of all so far that it shows."""
+        waiting = self._learning
+        if waiting and abs(turned(float(ping.azimuth[0] - waiting[-1].azimuth[0]))) < MIN_STEP:
+            self._why, self.unused = "the beam stands", self.unused + 1
             return []
-        closing = self._turn.take(stamp, arc)
-        if closing is None:
-            self._parts.append(ping)
+        waiting.append(ping)
+        if is_much(waiting, ping):
+            self._leave_half()
+        elif len(waiting) < self._next:
             return []
-        if closing is not Closing.FULL:
-            self._turn.begin(stamp, arc)
-        parts, self._parts = self._parts, [ping]
-        if closing is Closing.BACK:  # the bearing where it turned is of both passes
-            self._parts.insert(0, parts[-1])
-        if len(parts) < 2:
-            self.unused += 1
+        self._next, dropped = math.ceil(TRY_AGAIN * len(waiting)), list[tuple[str, str]]()
+        beam = beam_of(waiting)
+        if not isinstance(beam, Beam):
+            self._why = beam
             return []
-        return [self._joined(parts)]
-
-    def _start_over(self) -> None:
-        """Forget the bearings so far: the ranges, or the run, are others."""
-        self.unused += len(self._parts)
-        self._parts = []
-        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
-        self._learner, self._turn = TurnLearner(), None  # type: tuple[TurnLearner, Turn | None]
-
-    def _learn(self, ping: ImagePing, stamp: float, arc: Arc) -> None:
-        self.unused += len(self._parts)
-        self._parts = [ping]
-        learned = self._learner.take(stamp, arc, np.zeros(0))
-        if learned is not None:
-            self._turn = Turn(learned[0])
-            self._turn.begin(stamp, arc)
-
-    def _joined(self, parts: Sequence[ImagePing]) -> ImagePing:
-        """One ping of the bearings of parts, each at its own time."""
-        first = parts[0]
-        azimuth = np.unwrap(np.concatenate([one.azimuth for one in parts]))
-        time = np.concatenate(
-            [
-                1e-9 * (one.stamp_ns - first.stamp_ns)
-                + (0.0 if one.time_offset is None else one.time_offset) * np.ones(len(one.azimuth))
-                for one in parts
-            ]
+        passes = Rounds(beam, lambda *why: dropped.append(why))
+        images = [image for one in waiting for image in passes.take(one)]
+        self._why = (
+            "their azimuths do not advance evenly with their stamps to a turn, or two passes"
         )
-        begin, step, cells = self._grid_of(azimuth)
-        place = (azimuth - begin) / step
-        shift = float(np.angle(np.exp(2j * math.pi * place).mean())) / (2.0 * math.pi)
-        whole = cells * step >= TURN - 1e-9
-        row = np.rint(place - shift).astype(np.int64)
-        row = row % cells if whole else np.clip(row, 0, cells - 1)
-        image = np.full((cells, len(first.range)), np.nan, np.float32)
-        image[row] = np.concatenate([one.intensity for one in parts])
-        at = np.full(cells, np.nan)
-        at[row] = time
-        known = np.flatnonzero(np.isfinite(at))
-        return replace(
-            first,
-            azimuth=np.asarray(begin + (np.arange(cells) + shift) * step, float),
-            intensity=image,
-            time_offset=np.interp(np.arange(cells), known, at[known]),
-            is_part=False,
-        )
+        if len(dropped) > (1.0 - EVEN_RATES) * len(waiting):
+            self._leave_half() if images else None
+            return []
+        if images:
+            self._learning, self._passes, passes.drop = [], passes, self._drop
+            self.unused += passes.unused
+            for why in dropped:
+                self._drop(*why)
+        return images
 
-    def _grid_of(self, azimuth: FloatArray) -> tuple[float, float, int]:
-        """Begin, step (rad) and cells of the grid: those before, where they fit."""
-        low, high = float(azimuth.min()), float(azimuth.max())
-        least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
-        step = max(float(np.median(np.abs(np.diff(azimuth)))), least) or 1e-3
-        whole = high - low >= TURN - WHOLE_GAP * step
-        if self._grid is not None:
-            begin, before, cells = self._grid
-            end, margin = begin + (cells - 1) * before, 0.5 * before
-            within = whole or (low >= begin - margin and high <= end + margin)
-            wide = whole or high - low >= (1.0 - CHANGED) * (end - begin)
-            if abs(step - before) <= CHANGED * before and within and wide:
-                return self._grid
-        cells = round(TURN / step) if whole else round((high - low) / step) + 1
-        self._grid = (
-            (-math.pi, TURN / cells, cells) if whole else (turned(low), step, max(cells, 2))
-        )
-        return self._grid
+    def _leave_half(self) -> None:
+        """Forget the older half of the messages that wait for a turn."""
+        half = len(self._learning) // 2
+        self.unused += half
+        del self._learning[:half]
+
+
+def is_much(waiting: Sequence[Any], ping: ImagePing) -> bool:
+    """Whether too much waits, if all is as large as the last message."""
+    size = ping.intensity.nbytes + ping.range.nbytes
+    return len(waiting) * size > MOST_BYTES or len(waiting) > MOST_PARTS
+
+
+def beam_of(pings: Sequence[ImagePing]) -> Beam | str:
+    """The beam that most messages show, or why they show none."""
+    stamp = 1e-9 * np.array([ping.stamp_ns - pings[0].stamp_ns for ping in pings])
+    azimuth = np.array([ping.azimuth[0] for ping in pings])
+    step = float(np.median(np.abs(wrapped(np.diff(azimuth)))))
+    width = float(np.median([np.ptp(ping.azimuth) for ping in pings]))
+    if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * width:
+        return "the beam stands, or looks at the same sector again"
+    lag = min(
+        max(int(0.5 * math.pi / step), 1), NEWEST, len(pings) - 1
+    )  # stamps may come in groups
+    seconds = stamp[lag:] - stamp[:-lag]
+    if not float(np.median(seconds)) > 0.0:
+        return "their stamps do not rise"
+    rises = seconds > 0.0
+    moved = np.abs(wrapped(azimuth[lag:] - azimuth[:-lag]))
+    rate = float(np.median(moved[rises] / seconds[rises]))
+    off = np.abs(np.abs(wrapped(np.diff(azimuth))) - rate * np.diff(stamp))
+    return Beam(step, rate, float(np.quantile(off, EVEN_RATES)))
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Angles wrapped to a turn, rad."""
+    return np.asarray(np.angle(np.exp(1j * angle)), float)

@@ -112,7 +112,7 @@ def bag_results(
         role = roles[message.topic]
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
-                _follow(session, images.coverage(ping))
+                _follow(session, images.coverage)
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
@@ -128,10 +128,10 @@ def bag_results(
     yield from session.process(last=True)
 
 
-def _follow(session: Session, coverage: ImageCoverage) -> None:
-    """Give the tracker the coverage of an image, as the node `sonar_detector` does."""
+def _follow(session: Session, coverage: ImageCoverage | None) -> None:
+    """Give the tracker the coverage of the images, as the node `sonar_detector` does."""
     sensor = session.settings.sensor
-    if coverage.agrees([getattr(sensor, name) for name in COVERAGE]):
+    if coverage is None or coverage.agrees([getattr(sensor, name) for name in COVERAGE]):
         return
     try:
         session.configure(replace(session.settings, sensor=replace(sensor, **coverage.values)))
