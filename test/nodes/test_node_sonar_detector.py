@@ -244,5 +244,5 @@ def test_of_turns_faster_than_they_are_processed_those_with_a_newer_one_are_pass
     for number in range(24 * 7 + 2):
         node.take_image(bearing(number, interval), waited)
     assert node._input.detector.measured["images"] == processed
-    assert node._dropped["overload"] == 6 - processed
+    assert node.dropped["overload"] == 6 - processed
     world.until(lambda: len(heard) == processed, "their detections")
