@@ -232,12 +232,12 @@ def bearing(number, interval):
 
 
 @pytest.mark.parametrize(
-    ("interval", "waited", "processed"), [(0.001, 5.0, 1), (0.001, 0.0, 6), (0.1, 5.0, 6)]
+    ("interval", "waited", "processed"), [(0.005, 5.0, 1), (0.005, 0.0, 6), (0.1, 5.0, 6)]
 )
 def test_of_turns_faster_than_they_are_processed_those_with_a_newer_one_are_passed_over(
     world, monkeypatch, interval, waited, processed
 ):
-    slowed(monkeypatch, 0.05)
+    slowed(monkeypatch, 0.15)
     heard = world.listen(PointCloud2, "detections")
     node = world.make(SonarDetector)
     world.until_connected()
