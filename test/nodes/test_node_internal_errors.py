@@ -145,7 +145,7 @@ def test_times_on_clock_that_no_clock_gives_are_counted_and_the_next_is_taken(wo
         world.until_logged("a time on /clock is not used")
     clock.publish(Clock(clock=Time(sec=77)))
     world.until(lambda: node.get_clock().now().nanoseconds == 77 * 10**9, "the time")
-    assert node._dropped["clock_invalid"] >= 1
+    assert node.dropped["clock_invalid"] >= 1
 
 
 def test_an_event_of_a_playback_that_fails_costs_that_event(world, monkeypatch):

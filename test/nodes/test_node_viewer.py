@@ -239,7 +239,7 @@ def test_a_grid_that_is_no_plan_is_counted_and_the_next_is_shown(world):
     viewer = world.make(TrackViewer, {"port": 0})
     for number, wrong in enumerate(GRIDS, 1):
         viewer._take_image(grid(*wrong))
-        assert (viewer._state.image, viewer._dropped["image/plan"]) == ("null", number)
+        assert (viewer._state.image, viewer.dropped["image/plan"]) == ("null", number)
     viewer._take_image(grid(1.5, 2, 2, 4))
     assert '"cell":1.5' in viewer._state.image
     world.until_logged("a message on image/plan cannot be shown", "2 x 2, 4 cells, nan m")
@@ -289,7 +289,7 @@ def test_bytes_that_are_no_odometry_and_a_pose_off_the_earth_are_counted(world):
             viewer._take("tracks/current", tracks(100.0 + number, held(7, 10.0, 20.0)))
             world.until(lambda number=number: len(watcher.frames) > number, "the scan")
     assert [bool(frame["own_ship"]) for frame in watcher.frames] == [False, False, False, True]
-    assert viewer._dropped["own_ship/odometry"] == 3
+    assert viewer.dropped["own_ship/odometry"] == 3
 
 
 def test_an_exception_in_the_server_s_thread_is_counted_and_the_next_scan_is_shown(

@@ -88,7 +88,7 @@ class World:
         """Internal errors that the nodes have counted."""
         counts = [
             getattr(getattr(node, "_session", None), "dropped", None)
-            or getattr(node, "_dropped", {})
+            or getattr(node, "dropped", {})
             for node in self._nodes
         ]
         return sum(dropped.get("internal_error", 0) for dropped in counts)

@@ -126,6 +126,8 @@ class ParameterisedNode(Node):
     ----------
     options : mapping of type to options
         The option objects by their class.
+    dropped : Counter
+        What is not used, by reason.
 
     Raises
     ------
@@ -159,7 +161,7 @@ class ParameterisedNode(Node):
         self._groups = with_method(NODES[name], chosen and chosen.value)
         self._rows = {row.name: row for row in full_table(self._groups)}
         self._on_change, self._validate = on_change, validate
-        self._dropped, self._warned = Counter[str](), set[str]()
+        self.dropped, self._warned = Counter[str](), set[str]()
         self._last: dict[str, float] = {}
         self._said: dict[str, int] = {}
         self._refuse_unknown()
@@ -200,22 +202,22 @@ class ParameterisedNode(Node):
                 time_to_ns(message.clock)
                 callback(message)
             except ValueError as error:
-                self._drop("clock_invalid", f"a time on /clock is not used: {error}")
+                self.drop("clock_invalid", f"a time on /clock is not used: {error}")
 
         take = take_clock if msg_type is ClockMessage else callback
         return super().create_subscription(msg_type, topic, take, *given, **options)
 
-    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
+    def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not used, and say why."""
-        self._dropped[reason] += number
-        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
+        self.dropped[reason] += number
+        self.warn(reason, f"{sentence} ({self.dropped[reason]} so far)")
 
     def fail(self, error: Exception) -> None:
         """Count an exception of a callback as internal error: nothing else has caught it.
 
         A node without diagnostics of its own publishes an entry of its drops from then on.
         """
-        self._drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
+        self.drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
         topic = self.resolve_topic_name("/diagnostics")
         if topic not in {one.topic_name for one in self.publishers}:
             errors = self.create_publisher(DiagnosticArray, topic, 10)
@@ -225,7 +227,7 @@ class ParameterisedNode(Node):
                     diagnostics(
                         self.get_clock().now().nanoseconds,
                         self.get_fully_qualified_name(),
-                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self._dropped))],
+                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self.dropped))],
                     )
                 ),
             )

@@ -60,7 +60,7 @@ class SonarDetector(ParameterisedNode):
             **node_options,
         )
         self._pace = Pace()
-        self._input = ImageInput(self.options, self._drop, self.warn_once)
+        self._input = ImageInput(self.options, self.drop, self.warn_once)
         self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
         self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
@@ -93,7 +93,7 @@ class SonarDetector(ParameterisedNode):
             )
             heard = [one.header.stamp for one in (*skipped, message)]
             if number := pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in heard]):
-                self._drop("overload", TOO_FAST, number)
+                self.drop("overload", TOO_FAST, number)
         self.take_image(message, waited)
 
     def take_image(self, message: Any, waited: float = 0.0) -> None:
@@ -110,7 +110,7 @@ class SonarDetector(ParameterisedNode):
         pace.came([1e-9 * turn.stamp_ns])
         late = pace.is_behind and time.monotonic() - pace.arrived > pace.interval
         if late:
-            self._drop("overload", TOO_FAST)
+            self.drop("overload", TOO_FAST)
         return late
 
     def _publish(self, scan: Scan, ping: ImagePing) -> None:
@@ -177,24 +177,24 @@ class SonarDetector(ParameterisedNode):
             "time_per_image_s": pace.time,
             "image_interval_s": pace.interval,
             "image_age_s": pace.age,
-            **{f"dropped.{name}": count for name, count in self._dropped.items()},
+            **{f"dropped.{name}": count for name, count in self.dropped.items()},
         }
         level, message = Level.OK, "detections are made of images"
-        if self._dropped[INTERNAL_ERROR]:
+        if self.dropped[INTERNAL_ERROR]:
             level, message = Level.ERROR, REPORT_IT
         elif pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG):
             level, message = (
                 Level.WARN,
                 f"cannot keep up: an image takes {pace.time:.3g} s, one comes every "
                 f"{pace.interval:.3g} s, the last was finished {pace.age:.3g} s after its arrival; "
-                f"{self._dropped['overload']} were passed over. Reduce the sonar's rate, or the "
+                f"{self.dropped['overload']} were passed over. Reduce the sonar's rate, or the "
                 "cells of its images",
             )
         elif turns.state:
             level, message = Level.WARN, turns.state
         elif not values["images"]:
             level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
-        elif self._dropped:
+        elif self.dropped:
             level, message = Level.WARN, "images were dropped; the log says why"
         status = Status(OVERALL, level, message, values)
         self._health.publish(

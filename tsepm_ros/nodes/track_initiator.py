@@ -216,7 +216,7 @@ class TrackInitiator(ParameterisedNode):
         self._learned.write()
         super().destroy_node()
 
-    def _drop(self, reason: str, sentence: str, number: int = 1) -> None:
+    def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not used among the drops of the session."""
         self._session.drop(reason, sentence, number)
 

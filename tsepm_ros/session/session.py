@@ -31,13 +31,7 @@ from tsepm_ros.session.consistency_checks import (
     SensorFigures,
     findings,
 )
-from tsepm_ros.session.drop_reasons import (
-    INTERNAL_ERROR,
-    Notice,
-    Rejection,
-    Remark,
-    shortened,
-)
+from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark, shortened
 from tsepm_ros.session.inputs import (
     Arrival,
     ExternalTrackerInput,
@@ -432,7 +426,7 @@ class Session:
                     return
                 result = self._result(first)
             except Exception as error:
-                self.drop(INTERNAL_ERROR, f"a scan could not be processed: {error!r}")
+                self.drop("internal_error", f"a scan could not be processed: {error!r}")
             self._queue.remove_first()
             if result is not None:
                 yield result

@@ -52,6 +52,8 @@ MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
 class TrackBridge(ParameterisedNode):
     """Subscribes to the held tracks and publishes them in the messages and sentences of others."""
 
+    _drop = ParameterisedNode.drop
+
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_bridge", **node_options)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]

@@ -213,7 +213,7 @@ class TrackViewer(ParameterisedNode):
             stamp = ns_to_seconds(time_to_ns(grid.header.stamp))
             if not (is_plan and 0.0 < info.resolution <= MAX_MAGNITUDE["range"]):
                 raise MessageError(
-                    "bad_plan",
+                    "bad_geometry",
                     f"it must have equal sides and at most {MAX_IMAGE} cells of a positive "
                     f"resolution; got {info.width} x {info.height}, {cells} cells, "
                     f"{info.resolution} m",
@@ -246,7 +246,7 @@ class TrackViewer(ParameterisedNode):
 
     def _report(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""
-        self._drop(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
+        self.drop(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
 
 
 def main(args: Sequence[str] | None = None) -> int:
