@@ -114,7 +114,7 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_its_assumptions(
     for message in (
         raw(sample_rate=0.0),
         raw(ping_info=foreign.PingInfo()),
-        raw(ping_info=foreign.PingInfo()),
+        raw(TABLE + 1, ping_info=foreign.PingInfo()),
     ):
         list(images.take(message))
     [(reason, sentence)] = drops
@@ -125,6 +125,20 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_its_assumptions(
     assert images.detector is detector, "nothing has changed"
     images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 5.0}))
     assert images.detector is not detector
+
+
+def test_a_coverage_counts_where_it_stays():
+    """One sentence and a count where the ranges alternate from image to image."""
+    said = []
+    images = ImageInput(make_groups(SONAR_DETECTOR, {}), lambda *_: None, said.append)
+    held = []
+    for number, far in enumerate([4.0, 4.0, *[8.0, 4.0] * 10, 8.0, 8.0, 8.0]):
+        message = projected(TABLE.T + number, cells=far / 4.0 * CELLS)
+        assert len(list(images.take(message))) == 1
+        held.append(images.coverage.values["max_range"])
+    assert held == [4.25] * 23 + [8.5] * 2
+    assert images.coverage_changes == 21
+    assert len({*said}) == 1 and "differ from those of the image before" in said[0]
 
 
 def test_an_echo_is_one_bearing_and_spokes_are_a_part_of_a_turn_each_at_its_own_time():

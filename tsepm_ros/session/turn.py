@@ -384,9 +384,8 @@ TRY_AGAIN = 1.1
 """Factor of the messages that wait, between two attempts to learn a turn of them."""
 MOST_BYTES = 2**27
 """Most memory of the messages that wait."""
-CHANGED, HALF = 0.2, 0.5
-"""Relative change of the step, or of a sector's width, from which on the grid is another; least
-part of the grid that an image fills."""
+CHANGED = 0.2
+"""Relative change of the step, or of a sector's width, from which on the grid is another."""
 WHOLE_GAP, SHORTEST = 2.5, 3.0
 """Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
 
@@ -500,18 +499,40 @@ class Part(NamedTuple):
 
 
 class Round(NamedTuple):
-    """The messages of a turn, or of a pass over a sector, and the azimuths between, rad."""
+    """The messages of a turn, or of a pass over a sector, their azimuths and the step, rad."""
 
     parts: list[Part]
     low: float
     high: float
     step: float
-    is_used: bool = False
 
     @property
     def is_whole(self) -> bool:
         """Whether it is a turn."""
         return self.high - self.low >= TURN - WHOLE_GAP * self.step
+
+    def ends(self, other: Round) -> tuple[float, float]:
+        """Where another one begins and ends, at the turn that is nearest to this one."""
+        shift = TURN * round(0.5 * (other.low + other.high - self.low - self.high) / TURN)
+        return other.low - shift, other.high - shift
+
+    def is_like(self, other: Round, beyond: float) -> bool:
+        """Whether another one fills this one, and goes beyond its ends by less than an angle."""
+        least, most = -CHANGED * (self.high - self.low), beyond
+        low, high = self.ends(other)
+        if abs(self.step - other.step) > CHANGED * self.step:
+            return False
+        if self.is_whole or other.is_whole:
+            return self.is_whole and high - low >= (1.0 - CHANGED) * TURN
+        return least <= self.low - low <= most and least <= high - self.high <= most
+
+    def grid(self, before: Round | None) -> Round:
+        """The grid of this turn, or of this pass and the one before."""
+        if self.is_whole or before is None:
+            step = TURN / round(TURN / self.step)
+            return self._replace(parts=[], low=-math.pi, high=math.pi - step, step=step)
+        low, high = self.ends(before)
+        return self._replace(parts=[], low=min(low, self.low), high=max(high, self.high))
 
 
 class Rounds:
@@ -535,14 +556,14 @@ class Rounds:
     def __init__(self, beam: Beam, drop: Drop) -> None:
         self._beam, self.drop, self.parts = beam, drop, list[Part]()
         self._odd, self._first = list[tuple[str, ImagePing]](), 0.0
-        self._grid: tuple[float, float, int] | None = None  # begin and step, rad, and cells
+        self._grid: Round | None = None
         self._narrow: Round | None = None  # the last, where it does not fill the grid
         self.vain = self.messages = self.unused = 0
 
     @property
     def waiting(self) -> list[ImagePing]:
         """Messages that are in no image yet."""
-        narrow = self._narrow.parts if self._narrow and not self._narrow.is_used else []
+        narrow = self._narrow.parts if self._narrow else []
         return [part.ping for part in [*narrow, *self.parts]] + [ping for _, ping in self._odd]
 
     def take(self, ping: ImagePing) -> list[ImagePing]:
@@ -590,41 +611,22 @@ class Rounds:
         least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
         step = max(float(np.median(np.abs(np.diff(azimuth)))), least)
         this, before = Round(parts, low, high, step), self._narrow
-        part, is_second = self._filled(this), before is not None and are_alike(before, this)
-        is_new = part < 1.0 - CHANGED and (this.is_whole or is_second)
-        used = [this] if is_new or part >= HALF else []
-        if is_new:
-            self._grid = grid_of(before if before and is_second else this, this)
-        if before and not before.is_used:
-            used, left = ([before, *used], []) if is_new and is_second else (used, before.parts)
-            self.unused += len(left)
-        is_narrow = part < 1.0 - CHANGED and not is_new
-        self._narrow = this._replace(is_used=bool(used)) if is_narrow else None
+        used, self._narrow = [this], None
+        if self._grid is None or not self._grid.is_like(this, self._grid.step):
+            if before is not None and before.is_like(this, CHANGED * (high - low)):
+                used = [before, this]
+            if this.is_whole or before in used:
+                self._grid = this.grid(before)
+            else:
+                self._narrow, used = this, []
+        self.unused += len(before.parts) if before and before not in used else 0
         self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
-        return [on_grid(one.parts, self._grid) for one in used if self._grid]
-
-    def _filled(self, this: Round) -> float:
-        """Part of the grid that a pass fills; 0 where it does not fit."""
-        if self._grid is None:
-            return 0.0
-        begin, step, cells = self._grid
-        is_turn, width = cells * step >= TURN - 1e-9, (cells - 1) * step
-        shift = turns_between(begin + 0.5 * width, 0.5 * (this.low + this.high))
-        within = begin - step <= this.low - shift and this.high - shift <= begin + width + step
-        fits = (is_turn or (within and not this.is_whole)) and abs(
-            this.step - step
-        ) <= CHANGED * step
-        return min((this.high - this.low) / width, 1.0) if fits else 0.0
+        return [on_grid(one, self._grid) for one in used if self._grid]
 
 
 def stated(ping: ImagePing) -> str:
     """Where and when a message looked, in words."""
     return f"{ping.azimuth[0]:.3f} rad at {1e-9 * ping.stamp_ns:.3f} s"
-
-
-def turns_between(one: float, other: float) -> float:
-    """The whole turns from an azimuth to the other, rad."""
-    return TURN * round((other - one) / TURN)
 
 
 def increment(ping: ImagePing) -> float:
@@ -656,27 +658,9 @@ def azimuths(parts: Sequence[Part]) -> FloatArray:
     )
 
 
-def are_alike(one: Round, other: Round) -> bool:
-    """Whether two passes are over the same sector, in the same steps."""
-    shift = turns_between(0.5 * (one.low + one.high), 0.5 * (other.low + other.high))
-    ends = abs(other.low - shift - one.low), abs(other.high - shift - one.high)
-    limit = CHANGED * (one.high - one.low)
-    return max(ends) <= limit and abs(one.step - other.step) <= CHANGED * one.step
-
-
-def grid_of(one: Round, other: Round) -> tuple[float, float, int]:
-    """Begin, step (rad) and cells of a grid of two passes."""
-    if other.is_whole:
-        cells = round(TURN / other.step)
-        return -math.pi, TURN / cells, cells
-    shift = turns_between(0.5 * (one.low + one.high), 0.5 * (other.low + other.high))
-    low, high = min(one.low, other.low - shift), max(one.high, other.high - shift)
-    return turned(low), other.step, max(round((high - low) / other.step) + 1, 2)
-
-
-def on_grid(parts: Sequence[Part], grid: tuple[float, float, int]) -> ImagePing:
+def on_grid(this: Round, grid: Round) -> ImagePing:
     """One image of the bearings of messages, each at its own time, in the nearest cell."""
-    begin, step, cells = grid
+    parts, cells = this.parts, round((grid.high - grid.low) / grid.step) + 1
     first, azimuth = parts[0].ping, azimuths(parts)
     time = np.concatenate(
         [
@@ -685,11 +669,10 @@ def on_grid(parts: Sequence[Part], grid: tuple[float, float, int]) -> ImagePing:
             for _, ping in parts
         ]
     )
-    middle = 0.5 * float(azimuth.min() + azimuth.max())
-    place = (azimuth - turns_between(begin + 0.5 * (cells - 1) * step, middle) - begin) / step
+    place = (azimuth - this.low + grid.ends(this)[0] - grid.low) / grid.step
     shift = float(np.angle(np.exp(2j * math.pi * place).mean())) / (2.0 * math.pi)
     row = np.rint(place - shift).astype(np.int64)
-    row = row % cells if cells * step >= TURN - 1e-9 else row
+    row = row % cells if grid.is_whole else row
     inside = (row >= 0) & (row < cells)
     image, at = np.full((cells, len(first.range)), np.nan, np.float32), np.full(cells, np.nan)
     image[row[inside]] = np.concatenate([ping.intensity for _, ping in parts])[inside]
@@ -697,7 +680,7 @@ def on_grid(parts: Sequence[Part], grid: tuple[float, float, int]) -> ImagePing:
     known = np.flatnonzero(np.isfinite(at))
     return replace(
         first,
-        azimuth=np.asarray(begin + (np.arange(cells) + shift) * step, float),
+        azimuth=np.asarray(turned(grid.low) + (np.arange(cells) + shift) * grid.step, float),
         intensity=image,
         time_offset=np.interp(np.arange(cells), known, at[known]),
         is_part=False,
