@@ -1,4 +1,4 @@
-"""History of own ship's poses, and the sensor's pose at the transmit and the reception of echoes."""
+"""History of own ship's poses, and the sensor's pose at the transmit and reception of echoes."""
 
 from __future__ import annotations
 
