@@ -59,7 +59,7 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
-from tsepm_ros.tracker.initial_state import ESTIMATORS, Fit, Paths, fit, starting
+from tsepm_ros.tracker.initial_state import ESTIMATORS, MAX_ROWS_TOGETHER, Fit, Paths, fit, starting
 from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
@@ -76,8 +76,6 @@ COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
 """Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
 ROUNDING = 1e-9
 """Difference up to which evaluations of merged tracks are equal: then the shorter path counts."""
-BLOCK = 16_384
-"""Tracks fitted together: bounds memory and keeps the work in the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -378,26 +376,26 @@ class Tsepm(WindowedMethod):
         if not len(tracks):
             return Candidates.none(count)
         order = np.arange(len(tracks))
-        if time_limit.finite and len(tracks) > BLOCK:
+        if time_limit.finite and len(tracks) > MAX_ROWS_TOGETHER:
             order = np.argsort(path_cost(tracks, self.detections), kind="stable")
         begin = time_limit.elapsed
-        blocks = [self.estimated(tracks.hits[order[:BLOCK], :count])]
-        for first in range(BLOCK, len(tracks), BLOCK):
+        blocks = [self.estimated(tracks.hits[order[:MAX_ROWS_TOGETHER], :count])]
+        for first in range(MAX_ROWS_TOGETHER, len(tracks), MAX_ROWS_TOGETHER):
             if time_limit.used(0.5):
                 break
-            rows = order[first : first + BLOCK]
+            rows = order[first : first + MAX_ROWS_TOGETHER]
             blocks.append(self.estimated(tracks.hits[rows, :count]))
         candidates = Candidates.joined(*blocks)
         self._seconds_per_track = (time_limit.elapsed - begin) / len(candidates)
-        in_order = len(tracks) <= BLOCK
+        in_order = len(tracks) <= MAX_ROWS_TOGETHER
         return candidates if in_order else candidates[np.argsort(order[: len(candidates)])]
 
     def _in_time(self, candidates: Candidates, time_limit: TimeLimit) -> Candidates:
         """The best candidates, as many as can be merged in the time that is left."""
-        if not time_limit.finite or len(candidates) <= BLOCK:
+        if not time_limit.finite or len(candidates) <= MAX_ROWS_TOGETHER:
             return candidates
         possible = time_limit.left / (MERGING_COST * self._seconds_per_track)
-        return candidates[keep_best(candidates.evaluation, max(int(possible), BLOCK))]
+        return candidates[keep_best(candidates.evaluation, max(int(possible), MAX_ROWS_TOGETHER))]
 
     def estimated(self, ids: IntArray) -> Candidates:
         """The tracks of hits with some ids (n, m): fitted and evaluated (Steps 4 and 5)."""

@@ -54,7 +54,7 @@ from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
-from tsepm_ros.tracker.tracks import MIN_EXISTENCE, NEW_TRACK_EXISTENCE
+from tsepm_ros.tracker.tracks import MIN_EXISTENCE, NEW_TRACK_EXISTENCE, PROBABLE
 
 MIN_HIT_PROBABILITY = 0.5
 """Posterior probability that every hit of a confirmed track exceeds, but of those by 8 hits."""
@@ -90,8 +90,6 @@ MAX_HELD_SHARE = 0.5
 A false held track takes part of the detections of a target that comes near it. A smaller share
 lets it hide the target; a larger share makes redundant tracks. docs/score.md compares values.
 """
-MAX_HELD_PROBABILITY = 0.5
-"""Probability that a held track caused a detection above which it starts no other by itself."""
 SECOND_TARGET_MARGIN = math.log(1e3)
 """Evidence above the threshold, given held tracks, that a second target needs: a choice.
 
@@ -104,8 +102,6 @@ TARGET_BIRTH_RATE = 500.0
 The existence probability weights the association of detections with a new track. The rate is high:
 the weight falls clearly below 1 only at useless false-track rates.
 """
-MIN_NEW_EXISTENCE = 2.0 * MIN_EXISTENCE
-"""Minimum existence probability of a new track: it is held for a scan at least."""
 
 
 def confirm(
@@ -160,7 +156,7 @@ def confirm(
     merged = 0
     for place in sorted(new, key=lambda place: -decided.evidence[place]):
         members, start = decided.ending_in(place), None
-        is_held = window.held_probability(tree.ids[[place]])[0] > MAX_HELD_PROBABILITY
+        is_held = window.held_probability(tree.ids[[place]])[0] > PROBABLE
         if new[place] and not is_held:
             start = resolved(members, rivals, window, MAX_HELD_SHARE, min_time, fit, purity)
         if start is None:
@@ -181,7 +177,7 @@ def confirm(
 def _strong(tree: Tree, window: DetectionWindow, threshold: float) -> dict[int, bool]:
     """Detections whose evidence may start a track, and whether that may be without a margin."""
     strong = (tree.evidence >= threshold) & _has_hits(tree)
-    held = window.held_probability(tree.ids) > MAX_HELD_PROBABILITY
+    held = window.held_probability(tree.ids) > PROBABLE
     found = {}
     for place in np.flatnonzero(strong).tolist():
         members = tree.ending_in(place)
@@ -204,7 +200,7 @@ def attainable(tree: Tree, window: DetectionWindow) -> FloatArray:
     that a second target needs. -inf where every hypothesis has too few hits.
     """
     evidence, enough = tree.evidence + LOG_GAIN, _has_hits(tree)
-    held = enough & (window.held_probability(tree.ids) > MAX_HELD_PROBABILITY)
+    held = enough & (window.held_probability(tree.ids) > PROBABLE)
     if held.any():
         second = tree.summed(tree.hypotheses.score_given_held) + LOG_GAIN - SECOND_TARGET_MARGIN
         evidence = np.where(held, np.minimum(evidence, second), evidence)
@@ -367,7 +363,7 @@ def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArra
     """
     false = false_tracks_per_hour * np.exp(-evaluation)
     return np.clip(
-        TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), MIN_NEW_EXISTENCE, NEW_TRACK_EXISTENCE
+        TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), 2.0 * MIN_EXISTENCE, NEW_TRACK_EXISTENCE
     )
 
 

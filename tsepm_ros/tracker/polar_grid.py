@@ -20,6 +20,10 @@ INNER_RANGE = 100.0
 """Range within which all rings have one depth, m."""
 INNER_RINGS = 12
 """Their number from the sensor on: twice the depth of the first ring beyond."""
+MEMORY = 50
+"""Scans over which what is learned of clutter fades, or for which it is remembered."""
+RENEWAL = 0.1
+"""Share of what is new from which on an estimate is made anew."""
 BATCH = 0.5
 """Duration of the scans that are learned from together, s: those up to 2 Hz one by one."""
 

@@ -21,8 +21,6 @@ from tsepm_ros.tracker.sensor import SensorModel
 
 MIN_DISTANCE = 1e-3
 """Lower bound of the distance from the sensor in the line of sight's rate of turn, m."""
-FIT_PASSES = 2
-"""Linearisations of a fit."""
 
 
 def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
@@ -302,7 +300,7 @@ def fitted(
     )
     both = rated[:, :, None] & rated[:, None, :]
     current, current_covariance = prior, prior_covariance
-    for _ in range(FIT_PASSES):
+    for _ in range(2):  # linearisations
         velocity = np.broadcast_to(current[:, None, 1::2], (*time_after_state.shape, 2))
         position = current[:, None, 0::2] + time_after_state[..., None] * velocity
         rate, by_position, sight = expected(hits, position, velocity)

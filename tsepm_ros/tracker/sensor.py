@@ -29,12 +29,10 @@ MIN_RANGE_RATE_STD = 1e-3
 """Smallest standard deviation of range rates, m/s: below, fits lose the positions."""
 GRAZING_ANGLE = math.radians(20.0)
 """Least angle between a ray and a surface that is one object."""
-NOISE_DEVIATIONS = 3.0
-"""Standard deviations of a jump within which it may be noise."""
 COARSEST_FAN = math.radians(3.0)
 """Angle between rays from which on neighbours are of different objects."""
-EDGE_DEVIATIONS = 3.0
-"""Standard deviations by which a target's detection may lie beyond the edge of the coverage."""
+DEVIATIONS = 3.0
+"""Standard deviations within which a measurement may be in error."""
 TURNS = 3
 """Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
@@ -267,7 +265,7 @@ def goes_on(
     with np.errstate(invalid="ignore", over="ignore"):
         nearer = np.minimum(before, after)
         variance = 0.0 if sensor is None else sensor.range_variance(nearer)
-        longest = slope * nearer + NOISE_DEVIATIONS * np.sqrt(2.0 * variance)
+        longest = slope * nearer + DEVIATIONS * np.sqrt(2.0 * variance)
         seen = np.isfinite(before) & np.isfinite(after) & (before > 0.0) & (after > 0.0)
         return np.asarray(seen & (np.abs(after - before) <= longest))
 
@@ -281,9 +279,7 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
     if range_std is None:
         range_std = np.sqrt(sensor.range_variance(scan.range))
     azimuth_std = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
-    return sensor.covers(
-        scan.range, scan.azimuth, EDGE_DEVIATIONS * range_std, EDGE_DEVIATIONS * azimuth_std
-    )
+    return sensor.covers(scan.range, scan.azimuth, DEVIATIONS * range_std, DEVIATIONS * azimuth_std)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.polar_grid import MEMORY
 from tsepm_ros.tracker.sensor import SensorModel
 
 SIMULATED_TARGETS = 1500
@@ -49,9 +50,6 @@ MIN_PASSAGES = 30
 MAX_BELOW_VILLE = 2.5
 """The threshold is at most this far below Ville's: true targets may differ from the simulated."""
 ROUNDING_STEP = 0.1
-MAX_SCANS_REMEMBERED = 50
-"""Scans over which the mean of the detections is taken."""
-SECONDS_PER_HOUR = 3600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,7 +383,7 @@ class Threshold:
     """The threshold, from the scan rate and the number of detections so far."""
 
     def __init__(self) -> None:
-        self._counts: deque[int] = deque(maxlen=MAX_SCANS_REMEMBERED)
+        self._counts: deque[int] = deque(maxlen=MEMORY)
         self._last: Observation | None = None
 
     def observe(self, observed: Observation) -> None:
@@ -401,7 +399,7 @@ class Threshold:
         if self._last is None or not self._last.median_interval:
             return None
         detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
-        starts_per_hour = detections * SECONDS_PER_HOUR / self._last.median_interval
+        starts_per_hour = detections * 3600.0 / self._last.median_interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
     def value(

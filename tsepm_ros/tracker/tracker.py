@@ -21,7 +21,7 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     may_repeat_older,
 )
 from tsepm_ros.tracker.clusters.grouping import Clusters
-from tsepm_ros.tracker.clutter.excess import HeldTargets
+from tsepm_ros.tracker.clutter.excess import RECENT, HeldTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
@@ -50,8 +50,6 @@ TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
-REACH_SCANS = 16
-"""Scans within which the detections of one target count as near each other."""
 
 
 class Tracker:
@@ -321,7 +319,7 @@ class Tracker:
             clutter / (clutter + held) if self.method.most_tracks_true else np.ones(len(clutter))
         )
         # In an area within the reach of one target while a hypothesis of it lives.
-        reach = self._reach * REACH_SCANS
+        reach = self._reach * RECENT
         area = math.pi * reach**2
         targets, moving = self._held_targets, self.maintenance.detections_of_moving
         view = View.of(self._scan, self.sensor, self._poses.middle)

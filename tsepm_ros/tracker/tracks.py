@@ -20,6 +20,8 @@ from tsepm_ros.tracker.motion import predict
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, where the method estimates none: a choice."""
+PROBABLE = 0.5
+"""Probability above which something is more probable than not."""
 MIN_EXISTENCE = 0.01
 """Probability of existence below which a track ends."""
 

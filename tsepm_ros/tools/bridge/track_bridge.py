@@ -52,8 +52,6 @@ MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
 class TrackBridge(ParameterisedNode):
     """Subscribes to the held tracks and publishes them in the messages and sentences of others."""
 
-    _drop = ParameterisedNode.drop
-
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_bridge", **node_options)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
@@ -132,11 +130,11 @@ class TrackBridge(ParameterisedNode):
                 return
             tracks = track_arrays(read_track_cloud(cloud), stamp)
         except MessageError as error:
-            self._drop("bad_tracks", f"{TRACKS} is not used: {error}")
+            self.drop("bad_tracks", f"{TRACKS} is not used: {error}")
             return
         usable = bounded(tracks)
         if not usable.all():
-            self._drop(
+            self.drop(
                 "bad_state",
                 "a track whose state or covariance is not finite, or on no place of the earth, is "
                 "not handed on",
@@ -155,19 +153,19 @@ class TrackBridge(ParameterisedNode):
         present = tracks.track_id.tolist()
         without = self._numbers.update(present)
         if without and self._addresses.keys() - {SIGNAL_K}:
-            self._drop("numbers", f"tracks beyond {nmea.NUMBERS} are not sent", without)
+            self.drop("numbers", f"tracks beyond {nmea.NUMBERS} are not sent", without)
         for kind, told in self._told.items():
             reports: Mapping[int, nmea.Report] = {}
             try:
                 reports = self._reports(kind, tracks, stamp) if present else {}
             except ValueError as error:
-                self._drop(getattr(error, "reason", "bad_own_ship"), f"no {kind}: {error}")
+                self.drop(getattr(error, "reason", "bad_own_ship"), f"no {kind}: {error}")
             for text in told.texts(set(present), stamp, reports):
                 try:
                     self._socket.sendto(text.encode("ascii"), self._addresses[kind])
                 except OSError as error:
                     sentence = f"reports cannot be sent to {self._addresses[kind]}: {error}"
-                    self._drop("not_sent", sentence)
+                    self.drop("not_sent", sentence)
 
     def _reports(self, kind: str, tracks: TrackArrays, stamp: float) -> Mapping[int, nmea.Report]:
         """Reports of a kind.
@@ -194,7 +192,7 @@ class TrackBridge(ParameterisedNode):
             else:
                 reports = nmea.tll(talker, tracks, numbers, places)
         if len(reports) < number:
-            self._drop(
+            self.drop(
                 "too_far",
                 f"tracks that are on no place of the earth, or faster than {nmea.MAX_SPEED} knots, "
                 f"are not sent as {kind}",
@@ -263,7 +261,7 @@ class TrackBridge(ParameterisedNode):
             found = GeographicReference(latitude, longitude, *position.tolist())
             self._tie(found, frame, JUMP + 3.0 * float(np.nan_to_num(std)))
         except ValueError as error:
-            self._drop(getattr(error, "reason", "bad_fix"), f"{FIX} is not used: {error}")
+            self.drop(getattr(error, "reason", "bad_fix"), f"{FIX} is not used: {error}")
 
     def _tie(self, found: GeographicReference, frame: str, near: float) -> None:
         """Take a reference, unless it is not near where the one before has own ship.

@@ -48,14 +48,15 @@ from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
-from tsepm_ros.tracker.maintenance.confirmed_tracks import STANDS_STILL, ConfirmedTracks
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.merging import agrees_with_older
 from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.polar_grid import MEMORY
 from tsepm_ros.tracker.scan import Scan, chosen, in_sensor_frame, placed, wrap
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
 SHORT_RANGE = 100.0
 """Range below which every length here is as much shorter, m: a tank or a room is no sea."""
@@ -63,11 +64,8 @@ EXTENTS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Half widths of the boxes, m."""
 BEAMS = (0.0, 0.03, 0.06)
 """What the boxes have across the line of sight beside, rad."""
-WIDEST = 16.0
-"""Limit of what a beam adds that is learned, m."""
-MEMORY = 100.0
-"""Pings that count: older ones fade."""
-_KEPT = 1.0 - 1.0 / MEMORY
+KEPT = 1.0 - 1.0 / 100.0
+"""Part of the counts that is kept from scan to scan."""
 MARGIN = 1.5
 """Factor within which clutter around a track may be denser than it is known: a choice."""
 PRIOR = 0.1
@@ -92,8 +90,6 @@ others beside it, more than clutter explains, if it shows by then whether these 
 target's: a choice."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
-SCATTER_MEMORY = 50.0
-"""Plots of several detections a ping that count: older ones fade."""
 SCATTER_PRIOR = 0.5
 """Degrees of freedom for which the extent counts before anything is seen: v = extent^2 / 12, and
 all error common to the ping."""
@@ -106,8 +102,6 @@ LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
 WHOLE = 2.0
 """Extent of a plot over the half width of the boxes in which its detections were seen."""
-FURTHER_PLOTS = 1.0
-"""Mean number of plots, beside its own, of a target with several detections a ping: a choice."""
 BESIDE = 32.0
 """Distance from a track within which a second start waits, m: shorter for a short range."""
 LONGEST_WAY = 48.0
@@ -141,7 +135,7 @@ def unit_of(sensor: SensorModel) -> float:
 def extents_of(sensor: SensorModel) -> FloatArray:
     """The fields of `ClusterExtent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = unit_of(sensor), sensor.range_resolution, sensor.azimuth_resolution
-    beams = ((beam, math.inf),) if beam else tuple((one, unit * WIDEST) for one in BEAMS)
+    beams = ((beam, math.inf),) if beam else tuple((one, unit * EXTENTS[-1]) for one in BEAMS)
     boxes = [(unit * one + cell, unit * one, *width) for one in EXTENTS for width in beams]
     return np.transpose(boxes)[..., None]
 
@@ -264,10 +258,10 @@ class MultiDetectionTest:
         some = beside.number / (beside.number + 1.0)
         group = (beside.area > 0.0) & (beside.number[-1] > 1.0)
         expected = 0.5 * density * (group * beside.area).sum(axis=1)
-        self._pairs = self._pairs.faded(_KEPT, (group * some).sum(axis=1), expected)
+        self._pairs = self._pairs.faded(KEPT, (group * some).sum(axis=1), expected)
         self._before, groups = self._more, _beyond_two(beside, density)
-        self._more = self._before.faded(_KEPT, groups.counted, groups.expected)
-        self._groups = self._groups.faded(_KEPT, groups.counted, groups.expected)
+        self._more = self._before.faded(KEPT, groups.counted, groups.expected)
+        self._groups = self._groups.faded(KEPT, groups.counted, groups.expected)
 
     def update_tracks(
         self, scan: Scan, density: float, track_id: IntArray, own: IntArray, held: IntArray
@@ -316,7 +310,7 @@ class MultiDetectionTest:
         rest = chosen(scan, np.flatnonzero(~beside.near))
         groups = _beyond_two(self._beside_each_other(rest), density)
         self._more = self._before.faded(
-            _KEPT,
+            KEPT,
             (used * found.T).sum(axis=1) + groups.counted,
             np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)])
             + groups.expected,
@@ -389,7 +383,7 @@ class ClusterDispersion:
         errors = [(size - 1.0) * mean(variance) for variance in error_variances(scan, sensor)]
         plots = np.stack([size - 1.0, np.ones(len(size)), *squares, *errors])
         kinds = np.stack([size == 2.0, size > 2.0], axis=1)
-        return ClusterDispersion((1.0 - 1.0 / SCATTER_MEMORY) * self.sums + plots @ kinds)
+        return ClusterDispersion((1.0 - 1.0 / MEMORY) * self.sums + plots @ kinds)
 
     @property
     def _counted(self) -> FloatArray:
@@ -556,7 +550,7 @@ class ExtendedTargets:
         waits = self.test.waits(held.track_id)
         if self.test.crowded:
             # Echoes in a row that stand still, a quay, look for some hits like a target along it.
-            still = held.stationary_probability > STANDS_STILL
+            still = held.stationary_probability > PROBABLE
             moves = is_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
             moves &= new.hit_count >= MAX_UNRESOLVED_HITS
             near[:, :number] &= waits | (still & ~moves[:, None])
@@ -618,7 +612,7 @@ def further_plots(
 ) -> FloatArray:
     """Density of plots that targets of an extent may have beside their own.
 
-    `FURTHER_PLOTS` of each target that exists, uniform within the extent of where it is.
+    One of each target that exists, uniform within the extent of where it is: a choice.
 
     Parameters
     ----------
@@ -644,7 +638,7 @@ def further_plots(
     # Along the line of sight, and i times across.
     apart = (positions[row] - sensor_position - centre[track]) @ (1.0, 1j) * sight[track]
     inside = (np.abs(apart.real) <= extent.along) & (np.abs(apart.imag) <= across[track])
-    density = inside * (FURTHER_PLOTS * held.existence / area)[track]
+    density = inside * (held.existence / area)[track]
     return np.asarray(np.bincount(row, density, minlength=len(positions)), float)
 
 

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
-from tsepm_ros.tracker.polar_grid import BlockSums, Cells
+from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, BlockSums, Cells
 
 MAX_PINGS = 64
 """Pings in the reference, at most ..."""
@@ -57,8 +57,6 @@ REFERENCE = np.dtype(
 )
 LAGS = 3
 """Pings before whose detections are neighbours too."""
-MEMORY = 50
-"""Time constant, in pings, with which the correlation fades."""
 DEVIATIONS = 2.0
 """Standard deviations of the correlation that do not count."""
 MIN_PAIRS = 20
@@ -77,22 +75,16 @@ RANGE_TARGET_COUNT = 4.0
 """Detections at some range that may be of a target that is not known as likely."""
 MAX_RANGE_CHANGES = 4
 """Changes with range that are looked for."""
-PLACE_MEMORY = 50
-"""Time constant, in pings, with which the levels of places fade."""
 CELLS_TOGETHER = 2
 """Cells of a clutter map along a side of a cell here."""
 RINGS = 4
 """Rings in a cell of a clutter map; a step with range is placed between two rings."""
-RINGS_TOGETHER = CELLS_TOGETHER * RINGS
-"""Rings in a cell here."""
 MAX_TARGET_COUNT = 16.0
 """Detections in a window that may be of a target: at most this, or two and one a ping."""
 TAIL_SAMPLES = 2.0
 """Samples of the tail for which each of its detections stands, in N; see `amplitude_law`."""
 MAX_SAME_SHARE = 0.9
 """Share of one value from which on strengths say nothing: they are constant."""
-RENEWAL = 0.1
-"""Share of new references from which on the law is made anew."""
 TAIL_CHANGE = 4.0
 """New references for which each whose weight changes counts: it may be in the tail."""
 WINSORISED = (0.05, 0.95)
@@ -278,7 +270,7 @@ class PlaceLevels:
     def __post_init__(self) -> None:
         rows, columns = self.shape
         self.shape = -(-rows // CELLS_TOGETHER), max(columns // CELLS_TOGETHER, 1)
-        rings = self.shape[0] * RINGS_TOGETHER
+        rings = self.shape[0] * CELLS_TOGETHER * RINGS
         # Weights, and sums of the weighted values, by ring and column.
         self._learned = np.zeros((2, rings * self.shape[1]))
         self._pings = 0.0
@@ -315,7 +307,7 @@ class PlaceLevels:
         top, deviation : float
             The bound above the level of the place, and the standard deviation around that.
         """
-        keep = 1.0 - 1.0 / PLACE_MEMORY
+        keep = 1.0 - 1.0 / MEMORY
         self._learned *= keep
         self._pings = keep * self._pings + 1.0
         np.add.at(self._learned[0], places, weight)
@@ -330,7 +322,7 @@ class PlaceLevels:
         What has faded since is gone already: without it, a place would keep a sum without a weight,
         and a level without bounds.
         """
-        weight = weight * (1.0 - 1.0 / PLACE_MEMORY) ** age
+        weight = weight * (1.0 - 1.0 / MEMORY) ** age
         np.subtract.at(self._learned[0], places, weight)
         np.subtract.at(self._learned[1], places, weight * values)
         self._learned[0, places] = np.maximum(self._learned[0, places], 0.0)
@@ -340,7 +332,11 @@ class PlaceLevels:
         if not self._pings or not self._deviation or not len(places):
             return np.zeros(len(places))
         rows, columns = self.shape
-        row, column, side = places // (RINGS_TOGETHER * columns), places % columns, self._sides
+        row, column, side = (
+            places // (CELLS_TOGETHER * RINGS * columns),
+            places % columns,
+            self._sides,
+        )
         bottom, left = row - side // 2, column - side // 2
         bottom = np.clip(bottom, 0, np.maximum(rows - side, 0))
         if not self.wraps:
@@ -367,7 +363,7 @@ class PlaceLevels:
         total -= self._centre * count
         self._by_range = level_by_range(count, total, self._top, self._deviation)
         left[1] -= (self._centre + self._by_range)[:, None] * left[0]
-        left = left.reshape(2, -1, RINGS_TOGETHER, self.shape[1]).sum(axis=2)
+        left = left.reshape(2, -1, CELLS_TOGETHER * RINGS, self.shape[1]).sum(axis=2)
         self._sums = [BlockSums(values, self.wraps) for values in left]
 
     def by_range(self, places: IntArray) -> FloatArray:

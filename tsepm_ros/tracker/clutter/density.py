@@ -35,23 +35,20 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, MEMORY, Excess, poisson_bound
-from tsepm_ros.tracker.polar_grid import BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, Excess, poisson_bound
+from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, BlockSums, Cells, PolarGrid
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, in_sensor_frame, wrap
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
+from tsepm_ros.tracker.tracks import PROBABLE
 
 MAX_DETECTIONS = 500
 """Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
-MIN_CLUTTER_PROBABILITY = 0.5
-"""A detection less probably clutter does not count."""
 DATA_SHEET_COUNT = 0.5
 """Weight of the data sheet's density, as a number of detections: it may be anybody's guess."""
 MIN_SEEN_SHARE = 0.1
 """Share of a window that counts as seen at least."""
 MAX_TARGET_COUNT = 8.0
 """Detections in a window attributed to new targets: at most this, or two and one a scan."""
-RENEWAL = 0.1
-"""Share of new scans, or of new detections, from which on the density is estimated anew."""
 MIN_WINDOW_CELLS = 4
 """Cells along a side of the smallest window; each larger window is twice as wide."""
 PER_SIDE, MIN_STEP = 8, 2
@@ -173,7 +170,7 @@ class SeenExtent:
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Update with a scan's detections; see `ClutterMap.update`."""
-        clutter = np.flatnonzero(weight > MIN_CLUTTER_PROBABILITY)
+        clutter = np.flatnonzero(weight > PROBABLE)
         if not len(clutter):
             return
         # In an order of their own, and evenly from all of a large scan: the order in the message

@@ -57,12 +57,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.polar_grid import Batch, BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.polar_grid import MEMORY, Batch, BlockSums, Cells, PolarGrid
 
 MAX_DEVIATIONS = 1.25
 """Standard deviations c of a count within which the density stays unchanged."""
-MEMORY = 50.0
-"""Time constant, in scans, with which older scans fade."""
 RECENT = 16.0
 """Time constant, in scans, of the detections that others follow: about the length of a path."""
 MAX_VARIANCE = 1.0

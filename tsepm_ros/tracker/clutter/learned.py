@@ -29,7 +29,6 @@ from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterMap, Extent, SeenExtent
 from tsepm_ros.tracker.clutter.excess import (
-    MEMORY,
     HeldTargets,
     Overdispersion,
     PredictiveDensity,
@@ -42,7 +41,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     MeasurementErrors,
 )
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import Batch
+from tsepm_ros.tracker.polar_grid import MEMORY, Batch
 from tsepm_ros.tracker.range_rates import measured, over_ground
 from tsepm_ros.tracker.sensor import SensorModel, View
 
@@ -50,10 +49,6 @@ MIN_RATE_COUNT = 20
 """Smallest number of range rates for an estimate: below, the given width is used."""
 MAX_CLUTTER_RANGE_RATE = 1e4
 """Largest estimate of the median magnitude of clutter's range rates, m/s."""
-RANGE_RATE_MEMORY = 50
-"""Number of latest scans in the estimate."""
-MAX_INTERVALS = 50
-"""Intervals of which the median is taken."""
 ERRORS = "range_std", "range_std_fraction", "azimuth_std"
 """Fields of a sensor that innovations are compared with."""
 COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
@@ -73,7 +68,7 @@ class ClutterRangeRates:
     """Estimates the median magnitude of clutter's range rates: most detections are clutter."""
 
     def __init__(self) -> None:
-        self._rates: deque[FloatArray] = deque(maxlen=RANGE_RATE_MEMORY)
+        self._rates: deque[FloatArray] = deque(maxlen=MEMORY)
 
     def update(self, detections: NDArray[np.void]) -> None:
         """Update the estimate with the range rates of a scan's detections."""
@@ -103,7 +98,7 @@ class ScanInterval:
     """
 
     def __init__(self) -> None:
-        self._intervals: deque[float] = deque(maxlen=MAX_INTERVALS)
+        self._intervals: deque[float] = deque(maxlen=MEMORY)
         self.median = 0.0
 
     def update(self, interval: float) -> None:

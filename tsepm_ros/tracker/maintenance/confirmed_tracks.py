@@ -31,7 +31,7 @@ from tsepm_ros.tracker.maintenance.stationary import (
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
 LISTED = -math.inf
 """Value of the time since which a track is unlisted, for a listed track."""
@@ -45,15 +45,8 @@ false start say nothing of targets, whatever their number. A choice.
 
 PROVING = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
-DETECTED = 0.5
-"""Probability of a detection from which a target counts as detected in a scan."""
 STRENGTH_MEMORY = 30
 """Detections over which the strength of a track is averaged."""
-EXISTS = 0.5
-"""Probability of existence below which a track is withheld, until it exists with `SURE`."""
-STANDS_STILL = 0.5
-"""Probability to stand still above which a start is no track; and of a fixed echo, that it exists
-too."""
 SURE = 0.9
 """Probability to stand still above which a published track becomes a fixed echo."""
 RECOGNISED = 4.5
@@ -302,7 +295,7 @@ class ConfirmedTracks(Rows):
             proven=proven,
             visible=1.0 - (1.0 - self.visible) / ratio,
             covered_scans=scans * (1.0 - detected),
-            last_detected=np.where(detected >= DETECTED, self.tracks.stamp, self.last_detected),
+            last_detected=np.where(detected >= PROBABLE, self.tracks.stamp, self.last_detected),
         )
         return held, (of_target * proven)[covered], scans[covered]
 
@@ -419,7 +412,7 @@ class ConfirmedTracks(Rows):
         """
         if not options.min_speed:
             return np.zeros_like(self.announced)
-        limit = np.where(self.announced, SURE, STANDS_STILL)
+        limit = np.where(self.announced, SURE, PROBABLE)
         return np.asarray(self.tracks.stationary_probability > limit)
 
     def statuses(self, options: CommonOptions, max_range: float) -> IntArray:
@@ -432,14 +425,14 @@ class ConfirmedTracks(Rows):
         sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
         limit = np.maximum(RECOGNISED * self.hit_sigma, options.target_extent)
         located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
-        exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, EXISTS)
+        exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, PROBABLE)
         status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)
         return np.where(self.stands_still(options), Status.FIXED, status)
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Fixed echoes that exist and stand still with more than 0.5, at their places."""
-        still = self.existence * self.tracks.stationary_probability > STANDS_STILL
+        still = self.existence * self.tracks.stationary_probability > PROBABLE
         rows = np.flatnonzero(still & (self.status == Status.FIXED))
         state, covariance = self.fits[rows].places()
         return changed(self.tracks.where(rows), state=state, covariance=covariance)

@@ -27,11 +27,17 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.maintenance import data_association
-from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, ConfirmedTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, SURE, ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, GatedDetections
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
-from tsepm_ros.tracker.tracks import MIN_EXISTENCE, NO_TRACKS, TrackArrays
+from tsepm_ros.tracker.tracks import (
+    MIN_EXISTENCE,
+    NEW_TRACK_EXISTENCE,
+    NO_TRACKS,
+    PROBABLE,
+    TrackArrays,
+)
 
 REMEMBERED_SCANS = 16
 """Scans whose detections of held tracks are remembered, for starts by these."""
@@ -39,12 +45,6 @@ HOLD_SCANS = 50
 """Scans after whose time without a detection a track ends, where `hold_time` is 0: a choice."""
 MOST_PLACES = 500
 """Fixed echoes outside the coverage whose places are remembered: the last ones."""
-TRACKED_EXISTENCE = 0.99
-"""Existence probability of a target that a downstream tracker lists: a choice."""
-ALMOST_CERTAIN = 0.9
-"""Probability from which on a detection is almost certainly a track's."""
-PROBABLE = 0.5
-"""Probability above which a detection is more probably a track's than not."""
 
 
 ENDS = {
@@ -263,7 +263,7 @@ class TrackMaintenance:
         Returns the error of the detection nearest to each, (n,), m.
         """
         possible, probable, certain = (
-            (of_target > least).nonzero() for least in (0.0, PROBABLE, ALMOST_CERTAIN)
+            (of_target > least).nonzero() for least in (0.0, PROBABLE, SURE)
         )
         self.held_association = row[possible], of_target[possible]
         self.own_detections, self.probable_detections = (
@@ -425,8 +425,8 @@ class TrackMaintenance:
         over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
         self.held = changed(held, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
-        self.add(tracks[~np.isin(tracks.track_id, ids)], TRACKED_EXISTENCE)
-        self.held = self.held.listed(tracks, TRACKED_EXISTENCE)
+        self.add(tracks[~np.isin(tracks.track_id, ids)], NEW_TRACK_EXISTENCE)
+        self.held = self.held.listed(tracks, NEW_TRACK_EXISTENCE)
 
     def _listen(self, stamp: float) -> None:
         """A tracker whose last report is too far from a time (s) is silent."""
