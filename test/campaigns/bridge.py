@@ -148,8 +148,8 @@ def case(number: int, rng: np.random.Generator) -> Tried:
         before = receiver.tried.copy()
         held = [ConfirmedTrack(7, 0.0, np.array([50.0, 1.0, 60.0, 0.0]), np.eye(4), (), 0.0)]
         node._take(track_cloud(make_header(START_NS + 60 * 10**9, "odom"), held))
-        require(receiver.tried["TLL"] > before["TLL"], f"no TLL of a good track: {node._dropped}")
-        tried["drops"] = sum(node._dropped.values())
+        require(receiver.tried["TLL"] > before["TLL"], f"no TLL of a good track: {node.dropped}")
+        tried["drops"] = sum(node.dropped.values())
         world.end(node)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     require(memory < MAX_MEMORY, f"{memory:.0f} MB of memory")

@@ -294,7 +294,7 @@ class Bench:
 
     @property
     def dropped(self):
-        return self.bridge._dropped
+        return self.bridge.dropped
 
 
 GOOD = [(pytest.approx(59.65, abs=1e-5), pytest.approx(10.63, abs=1e-5))]
