@@ -1,15 +1,18 @@
-"""The three estimators of 2014."""
+"""The improved sequential method on scenes by hand, and its three estimators."""
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
-from support.builders import detections, fit_matrix, whitened
+from support.builders import FIXED_RANGE_ERROR, detections, fit_matrix, scan_at, whitened
 
-from tsepm_ros import SensorModel
+from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.studies.sequential import ESTIMATORS, estimate, kalman, line
+from tsepm_ros.tracker.measurement import convert
 
 TIMES = np.array([-60.0, -48.0, -24.0, -12.0, -5.0])
+
 VELOCITY = np.array([3.0, -4.0])
+
 COVARIANCES = np.array([np.array([[4.0, c], [c, 2.0]]) for c in (0.5, -1.0, 0.0, 1.0, 0.2)])
 
 
@@ -82,3 +85,79 @@ def test_as_in_table_1_least_squares_is_best_and_the_line_loses_speed():
         )
     assert error["least_squares"][0] < error["linear_fitting"][0]
     assert error["least_squares"][0] < error["kalman_filter"][0] * 1.05
+
+
+def initiator(**options):
+    return make_initiator("sequential", sensor=FIXED_RANGE_ERROR, **options)
+
+
+def confirmed_at(seen: str, **options) -> list[int]:
+    """Scans, from 1 on, that confirm a target seen where `seen` has a 1."""
+    made = initiator(**options)
+    found = []
+    for k, one in enumerate(seen):
+        where = [(3000.0, 5.0 * 12.0 * k)] if one == "1" else []
+        found += [k + 1] * len(made.process(scan_at(12.0 * k, where)))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("seen", "confirmed"),
+    [("1111011", [7]), ("1110010101", [10]), ("1010010101", []), ("10100101011", [])],
+    ids=["figure 3", "figure 4", "figure 5", "a sixth hit too late"],
+)
+def test_six_of_ten_as_in_the_figures(seen, confirmed):
+    assert confirmed_at(seen) == confirmed
+
+
+@pytest.mark.parametrize(
+    ("ranges", "hits"),
+    [
+        ([3000, 3000, 3000, 3000, 3200, 3150, 3150], [1, 2, 3, 4, 6, 7]),
+        ([3000, 3000, 3000, 3200, 3310, 3250, 3450, 3400, 3600, 3550], [1, 2, 3, 6, 8, 10]),
+    ],
+    ids=["figure 3", "figure 4"],
+)
+def test_points_outside_the_gate_leave_the_track_its_later_ones(ranges, hits):
+    found = {}
+    for matching in ("oldest", "nearest"):
+        made = initiator(matching=matching)
+        tracks = []
+        for k, x in enumerate(ranges):
+            tracks += made.process(scan_at(12.0 * k, [(float(x), 0.0)]))
+        found[matching] = [[scan + 1 for scan, _ in track.hits] for track in tracks]
+    assert found["oldest"] == [hits]
+    assert hits not in found["nearest"], "the points outside must contend for the later ones"
+
+
+@pytest.mark.parametrize("gap", [1, 2, 3, 5])
+@pytest.mark.parametrize("inside", [True, False])
+@pytest.mark.parametrize("gate_error", ["range", "major_axis"])
+def test_the_gate_is_that_of_equation_7(gap, inside, gate_error):
+    # Hits along the line of sight: distances are differences of the unbiased ranges.
+    made = initiator(min_hits=2, gate_error=gate_error)
+    first = scan_at(0.0, [(3000.0, 0.0)])
+    made.process(first)
+    for k in range(1, gap):
+        made.process(scan_at(12.0 * k, []))
+    major = convert(first, FIXED_RANGE_ERROR, 0)["major_sigma"][0]
+    reach = 10.0 * gap * 12.0 + 2.0 * (30.0 if gate_error == "range" else major)
+    unbiased = np.exp(0.5 * FIXED_RANGE_ERROR.azimuth_std**2)
+    step = (reach + (-0.01 if inside else 0.01)) / unbiased
+    assert len(made.process(scan_at(12.0 * gap, [(3000.0 + step, 0.0)]))) == inside
+
+
+@pytest.mark.parametrize(
+    ("matching", "first_scans"), [("oldest", {0}), ("nearest", {1}), ("shared", {0, 1})]
+)
+def test_of_two_tracks_in_whose_gates_a_detection_lies_the_reading_chooses(matching, first_scans):
+    scans = [scan_at(12.0 * k, [(x, 0.0)]) for k, x in enumerate((3000.0, 3450.0, 3290.0))]
+    made = initiator(matching=matching)
+    for scan in scans:
+        made.process(scan)
+    assert {track.hits for track in made.potential_tracks()} == {
+        ((first, 0), (2, 0)) for first in first_scans
+    }
+    made = initiator(matching=matching, min_hits=2, window=3)
+    (track,) = [track for scan in scans for track in made.process(scan)]
+    assert track.hits[0][0] in first_scans, "of those that share a hit one is published"

@@ -1,29 +1,34 @@
-"""Figures of runs and their intervals, by hand, by SciPy and by every assignment that there is."""
+"""Summaries of runs and their figures, by hand and by every assignment that there is."""
 
+import json
 import math
 
 import numpy as np
 import pytest
-from scipy import stats
 from support.builders import fit_matrix
 from support.run_summaries import run_of, start
 
-from tsepm_ros import SensorModel
+from tsepm_ros import ConfirmedTrack, SensorModel
+from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.tools.evaluation.intervals import (
-    Estimate,
-    mean,
     mean_count,
     proportion,
-    quantile,
-    rms_ratio,
-    root_mean_square,
 )
-from tsepm_ros.tools.evaluation.measures import cramer_rao, measures_of
-from tsepm_ros.tools.evaluation.simulated_run import Outcome
-from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tools.evaluation.measures import (
+    RunSummary,
+    cramer_rao,
+    measures_of,
+    start_bound,
+    summarise,
+)
+from tsepm_ros.tools.evaluation.performance import run
+from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
+from tsepm_ros.tools.simulation import Scenario, load_scenario
 
 TRUE, REDUNDANT, MISPLACED = Outcome.TRUE, Outcome.REDUNDANT, Outcome.MISPLACED
+
 SCENE = Scenario("hand", scans=4, period=12.0, clutter_box=(0.0, 1000.0, 0.0, 2000.0))
+
 RUNS = [
     run_of(start(0), start(3), false=(3, 0, 0, 0), targets=2),
     run_of(start(1), start(2, MISPLACED), *[start(3, REDUNDANT)] * 4, targets=2),
@@ -72,75 +77,8 @@ def test_what_is_not_known_has_no_figure():
         assert figures.text(name) == "-"
 
 
-@pytest.mark.parametrize(
-    ("successes", "trials"), [(0, 10), (1, 10), (5, 10), (10, 10), (458, 500), (1999, 2000)]
-)
-def test_a_share_has_wilson_s_interval(successes, trials):
-    found = proportion(successes, trials)
-    expected = stats.binomtest(successes, trials).proportion_ci(0.95, method="wilson")
-    assert found.value == successes / trials
-    assert found.low == pytest.approx(expected.low, abs=1e-12)
-    assert found.high == pytest.approx(expected.high, abs=1e-12)
-
-
-def test_of_nothing_no_value_is_known_and_of_one_no_interval():
-    found = proportion(0, 0)
-    assert math.isnan(found.value)
-    assert (found.low, found.high) == (0.0, 1.0)
-    assert mean([3.0]).value == 3.0
-    assert math.isnan(mean([3.0]).low)
-    assert math.isnan(mean([3.0]).high)
-    for figure in (mean, mean_count, root_mean_square):
-        assert math.isnan(figure([]).value)
-    assert math.isnan(quantile([], 0.5).value)
-    assert math.isnan(rms_ratio([], []).value)
-
-
-def test_a_mean_has_the_normal_interval():
-    values = np.random.default_rng(1).exponential(3.0, 200)
-    found = mean(values)
-    expected = stats.norm.interval(0.95, values.mean(), stats.sem(values))
-    assert (found.low, found.high) == pytest.approx(expected)
-    assert found.value == values.mean()
-
-
-def test_an_estimate_is_written_with_its_interval():
-    assert f"{Estimate(0.9157, 0.8881, 0.937):.3f}" == "0.916 (0.888 to 0.937)"
-
-
-@pytest.mark.parametrize("counts", [[0] * 40, [1] + [0] * 9, [3, 4, 5, 4, 3, 5]])
-def test_counts_that_spread_no_more_than_poisson_s_have_the_exact_interval(counts):
-    found, total, runs = mean_count(counts), sum(counts), len(counts)
-    low = stats.chi2.ppf(0.025, 2 * total) / 2 if total else 0.0
-    assert found.value == total / runs
-    assert found.low == pytest.approx(low / runs)
-    assert found.high == pytest.approx(stats.chi2.ppf(0.975, 2 * total + 2) / 2 / runs)
-
-
-def test_intervals_of_counts_ratios_and_quantiles_cover_the_truth_as_often_as_they_say():
-    # Within 3 standard errors of the share covered; Poisson's is never too short.
-    rng = np.random.default_rng(5)
-    bounds = rng.uniform(1.0, 3.0, (500, 200))
-    errors = 1.2 * bounds * np.sqrt(rng.exponential(1.0, bounds.shape))  # of a position in a plane
-    cases = [
-        (0.1, 0.05, [mean_count(values) for values in rng.poisson(0.1, (500, 50))]),
-        (1.2, 0.03, [rms_ratio(*pair) for pair in zip(errors, bounds, strict=True)]),
-        (math.log(2), 0.05, [quantile(rng.exponential(1.0, 100), 0.5) for _ in range(200)]),
-    ]
-    for truth, tolerance, estimates in cases:
-        covered = np.mean([one.low <= truth <= one.high for one in estimates])
-        assert covered == pytest.approx(0.95, abs=tolerance)
-
-
-@pytest.mark.parametrize(
-    ("errors", "bounds", "ratio"), [([2.0], [4.0], 0.5), ([0.0, 0.0], [1.0, 3.0], 0.0)]
-)
-def test_a_ratio_of_one_pair_or_of_0_has_no_interval(errors, bounds, ratio):
-    found = rms_ratio(errors, bounds)
-    assert found.value == ratio and math.isnan(found.low) and math.isnan(found.high)
-
-
 GROWING = SensorModel(range_std=20.0, range_std_fraction=0.1, azimuth_std=math.radians(3.0))
+
 TIMES = np.array([0.0, 12.0, 24.0, 48.0, 60.0])
 
 
@@ -198,3 +136,123 @@ def test_the_information_is_the_curvature_of_the_divergence(seed):
 def test_hits_at_one_time_bound_no_velocity(times):
     with pytest.raises(ValueError, match="times"):
         cramer_rao(np.ones((len(times), 2)), times, (0.0, 0.0), GROWING, 5.0)
+
+
+MANY = {
+    "tsepm": {"min_hits": 3, "window": 4},
+    "score": {"false_tracks_per_hour": 300.0},
+    "sequential": {"min_hits": 3, "window": 4},
+    "heuristic": {"gate_sigmas": 2.0, "max_acceleration": 2.0},
+    "modified_hough": {"min_hits": 3, "window": 4, "gate_sigmas": 2.0},
+}
+
+MOVING = load_scenario(
+    "box", {"scans": 8, "sound_speed": 1500.0, "own_ship.speed": 8.0, "own_ship.turn_rate": 0.01}
+)
+
+
+def point(method: str) -> OperatingPoint:
+    return OperatingPoint(method, options=MANY.get(method, {}))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", available_methods())
+def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
+    started = np.zeros(2)
+    for seed in range(3):
+        long = run((load_scenario("box", {"scans": 12}), [3, seed], point(method)))
+        short = run((load_scenario("box", {"scans": 7}), [3, seed], point(method)))
+        assert long.first(7).as_json() == short.as_json()
+        assert short.count(*Outcome) > 0
+        started += long.count(*Outcome), short.count(*Outcome)
+    assert started[0] > started[1]
+
+
+def test_a_record_comes_back_from_json_to_the_bit():
+    kept = run((MOVING, [3, 1], point("tsepm")))
+    assert any(not one.pure for one in kept.starts)  # these have nan
+    text = json.dumps(kept.as_json(), allow_nan=False)
+    again = RunSummary.from_json(json.loads(text))
+    assert repr(again) == repr(kept)
+
+
+class Seer:
+    """Starts a track at the target from all its echoes so far, and holds what it is told to."""
+
+    def __init__(self, scenario: Scenario, held: list) -> None:
+        self.scenario = scenario
+        self.maintenance = self
+        self.current = self
+        self.state = np.array(held, float).reshape(-1, 4)
+
+    def process(self, scan):
+        return []
+
+
+def held_at(*held) -> RunSummary:
+    sensor = {"sensor.clutter_density": 1e-20, "scans": 1}
+    scene = load_scenario("box", sensor)
+    seen = OperatingPoint("seer", options={}, factory=lambda one, *_: Seer(one, list(held)))
+    return run((scene, [1, 1], seen))
+
+
+def test_what_is_held_is_compared_with_the_truth():
+    # The target is 7071 m away: 3 sigma of 1 degree are 370 m.
+    assert held_at().scans[0].held == 0
+    assert held_at([5000.0, 0.0, 5300.0, 0.0], [0.0, 0.0, 0.0, 0.0]).scans[0].held == 1
+    assert held_at([5000.0, 0.0, 5400.0, 0.0]).scans[0].held == 0
+
+
+def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
+    made = simulate(MOVING, [3, 2], point("tsepm"))
+    mixed = next(one for one in made.judged() if one.target == 0 and not one.pure)
+    assert np.isnan(start_bound(made, mixed)).all()
+    scan, row = next(
+        (scan, list(origin).index(0)) for scan, origin in enumerate(made.origins) if 0 in origin
+    )
+    truth = made.simulator.truth(made.scans[scan].stamp)[0]
+    start = ConfirmedTrack(0, made.scans[scan].stamp, truth, np.eye(4), ((scan, row),), 0.0)
+    made.starts = [(scan, start)]
+    (alone,) = SimulatedRun.judged(made)
+    assert alone.pure
+    assert np.isnan(start_bound(made, alone)).all()
+
+
+class Corrector:
+    """Starts on clutter at the target's place, and corrects the start two scans later."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.revised: list[ConfirmedTrack] = []
+        self.count = 0
+
+    def process(self, scan):
+        self.count += 1
+        self.revised = [self.track(revision=1)] if self.count == 7 else []
+        return [self.track()] if self.count in (2, 5) else []
+
+    def track(self, revision: int = 0) -> ConfirmedTrack:
+        state = np.array([5000.0, 5.0, 5000.0, 0.0])
+        hits = ((self.count - 1, 0),) if revision else ((0, 0),)
+        stamp = 12.0 * (self.count - 1)
+        return ConfirmedTrack(0, stamp, state, 1e4 * np.eye(4), hits, 0.0, revision=revision)
+
+
+def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
+    changes = {"sensor.detection_probability": 1.0, "scans": 4, "warm_up": 3}
+    made = simulate(
+        load_scenario("box", {**changes, "sensor.clutter_density": 1e-6}),
+        [3, 1],
+        OperatingPoint("corrector", options={}, factory=lambda one, *_: Corrector(one)),
+    )
+    # The correction's hit is the target's.
+    made.origins[6][0] = 0
+    kept = summarise(made)
+    assert [scan.false for scan in kept.scans] == [0, 1, 0, 0]
+    assert [scan.at for scan in kept.scans] == [0, 1, 1, 1]
+    assert [scan.corrections for scan in kept.scans] == [0, 0, 0, 1]
+    assert [scan.right for scan in kept.scans] == [0, 0, 0, 1]
+    assert kept.starts == ()
+    measures = measures_of(made.scenario, [kept])
+    assert (measures.detection.value, measures.detection_by_position.value) == (0.0, 1.0)
+    assert (measures.detection_corrected.value, measures.corrections_per_run.value) == (1.0, 1.0)
+    assert measures_of(made.scenario, [kept], 1).detection_by_position.value == 0.0

@@ -7,18 +7,24 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack, SensorModel
+from tsepm_ros.methods.registry import available_methods, method_class
 from tsepm_ros.tools.evaluation.simulated_run import (
     NO_TARGET,
     Outcome,
     judge_starts,
     measurement_sigma,
+    operating_points,
     origins_of,
 )
+from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
+
 MISPLACED, FALSE = Outcome.MISPLACED, Outcome.FALSE
+
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.02)
+
 TARGETS = np.array([[3000.0, 5.0, 0.0, 0.0], [0.0, 0.0, -5000.0, 4.0]])
 
 # Per scan: detection 0 comes from target 0, 1 from target 1, 2 and 3 are clutter.
@@ -111,3 +117,29 @@ def test_origins_are_those_of_the_scans_that_were_processed():
     assert [int(one[0]) for one in found] == [0, 2, 3]
     assert origins_of([], [], []) == []
     assert origins_of([5.0], [5.0], origins[:1]) == origins[:1]
+
+
+BOX = load_scenario("box")
+
+
+@pytest.mark.parametrize("method", available_methods())
+def test_every_method_takes_the_options_of_its_points(method):
+    points = operating_points([method])
+    assert len(points) == len(method_class(method).operating_points) > 0
+    for point in points:
+        made = point.make(BOX).method
+        assert type(made) is method_class(method)
+        for name, value in point.options.items():
+            assert getattr(made.options, name) == value
+
+
+def test_an_option_goes_to_the_methods_that_have_it_and_replaces_what_their_sweep_varies():
+    points = operating_points(["tsepm", "score"], {"miss_probability": 0.01, "max_speed": 5.0})
+    for point in points:
+        assert point.options["max_speed"] == 5.0
+        assert ("miss_probability" in point.options) == (point.method == "score")
+    assert len(points) == len(operating_points(["tsepm", "score"]))
+    points = operating_points(["tsepm", "score"], {"min_hits": 4})
+    given = [point for point in points if point.method == "tsepm"]
+    assert [dict(point.options) for point in given] == [{"min_hits": 4}]
+    assert len(points) == 1 + len(method_class("score").operating_points)
