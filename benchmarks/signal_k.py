@@ -23,6 +23,7 @@ import numpy as np
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.whole_files import write_text
 
 PACKAGES = ("@signalk/signalk-schema", "@signalk/streams")
 LONGITUDES = (10.63, 179.99, -179.99)
@@ -96,7 +97,7 @@ def main() -> int:
     for name in PACKAGES:
         package = json.loads((folder / "node_modules" / name / "package.json").read_text())
         print(name, package["version"])
-    (folder / "reader.js").write_text(READER)
+    write_text(folder / "reader.js", READER)
     scenes = [scene(longitude) for longitude in LONGITUDES]
     lines = [line for lines, _ in scenes for line in lines]
     truth = np.concatenate([truth for _, truth in scenes])

@@ -15,7 +15,10 @@ from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [
-    path for package in ("tsepm_ros", "msg_adapters") for path in ROOT.glob(f"{package}/**/*.py")
+    path
+    for package in ("tsepm_ros", "msg_adapters")
+    for path in ROOT.glob(f"{package}/**/*.py")
+    if path.parent.name != "bridge"  # what a bridge does not send, its log alone says
 ]
 NOT_COUNTED = {"not_finite", "zero_quaternion", "undefined_heading", "bad_id"}
 """Of odometry and of what is tracked: counted as own_ship_invalid and as tracked_bad_id."""

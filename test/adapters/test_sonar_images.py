@@ -27,7 +27,7 @@ from tsepm_ros.detector.detector import Stages
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage, SensorModel
 
 HEADER = make_header(1_700_000_000_123_456_789, "sonar")
 SECTOR = SensorModel(min_range=2.0, max_range=12.0, azimuth_min=-0.6, azimuth_max=0.6)
@@ -241,7 +241,7 @@ def test_the_blanking_distance_is_no_range_of_a_row_and_without_ranges_this_is_s
             read(picture(TABLE.T), **some)
         assert refused.value.reason == "no_geometry"
     with pytest.raises(MessageError, match="states no geometry"):
-        read(picture(TABLE.T), SensorModel(min_range=0.5))
+        read(picture(TABLE.T), Coverage(min_range=0.5))
 
 
 @pytest.mark.parametrize("near_first", [False, True])

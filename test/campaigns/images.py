@@ -1,9 +1,9 @@
 """Mutated sonar images in process: every type, every layout, whole and as single bearings.
 
-Those without a geometry are of windows of any size and distance, too. Each is drawn as a plan.
-
-In every other case mutated images are only such as are refused when they are read; then the good
-images must give the detections of the stream alone, to the bit.
+In a third of the cases mutated images are only such as are refused when they are read; then the
+good images must give the detections of the stream alone, to the bit. In another third one bearing
+in twenty is odd, or the ranges of whole images alternate. Images without a geometry are of windows
+of any size and distance, too. Each is drawn as a plan.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ BEAMS, CELLS, START = 16, 40, 1000.0
 AZIMUTH, RANGE = np.linspace(-0.6, 0.6, BEAMS), np.linspace(1.0, 40.0, CELLS)
 PINGS, TURN, PER_PING = 12, 24, 12
 """Images of a stream, bearings of a turn, and most mutated images between two."""
+TURNS, ODD = 12, 0.05
+"""Turns of a stream with odd bearings, and their share."""
 MAX_MEMORY = 1500.0
 """Resident memory of the process that is too much, MB."""
 TYPES = ("projected", "raw", "mono8", "mono16", "32FC1", "fan", "column", "echo", "spokes")
@@ -119,8 +121,8 @@ class Fed:
     """An input of images, what it gave and what it counted."""
 
     def __init__(self, options: dict[type[Any], Any]) -> None:
-        self.dropped, self.found = Counter[str](), list[bytes]()
-        self.input = ImageInput(options, self._drop, lambda sentence: None)
+        self.dropped, self.found, self.said = Counter[str](), list[bytes](), Counter[str]()
+        self.input = ImageInput(options, self._drop, lambda sentence: self.said.update([sentence]))
         self.options, self.sent = options, 0
 
     def _drop(self, reason: str, sentence: str) -> None:
@@ -183,10 +185,60 @@ def is_refused(message: Any, options: dict[type[Any], Any]) -> bool:
     return False
 
 
+def odd(kind: str, place: int, rng: np.random.Generator) -> list[Any]:
+    """What comes in place of a bearing: another stamp, frame or angle, two, or nothing."""
+    message, time = good(kind, place), time_of(kind, place)
+    which = rng.integers(8)
+    later = rng.choice([-1e3, -2.4, -0.3, -0.12, 0.12, 0.3, 2.4, 1e5])
+    if which == 0:
+        message.header.stamp = stamp_of(time + later)
+    elif which == 1:
+        message.header.stamp = stamp_of(0.0)
+    elif which == 2:
+        message.header.frame_id = "another"
+    elif which == 3:
+        message.header = good(kind, place + int(rng.integers(2, TURN))).header
+    elif which == 4:
+        at, message = message.header, good(kind, place + int(rng.integers(2, TURN)))
+        message.header = at
+    elif which == 5:
+        return [message, message]
+    elif which == 6:
+        return [good(kind, place + 1), message]
+    else:
+        return []
+    return [message]
+
+
+def case_of_odd(kind: str, rng: np.random.Generator) -> Tried:
+    """Odd bearings, which cost at most a fifth of the images; or ranges that alternate."""
+    options, tried, is_whole = options_of(kind), Counter[str](), length(kind) == PINGS
+    fed, clean = Fed(options), Fed(options)
+    for place in range(PINGS if is_whole else TURNS * TURN):
+        message = good(kind, place)
+        messages = [message]
+        if is_whole and rng.random() < 0.5 and hasattr(message, "height"):
+            message.height, message.data = CELLS // 2, bytes(message.data)[: len(message.data) // 2]
+        elif not is_whole and rng.random() < ODD:
+            messages = odd(kind, place, rng)
+            tried["odd bearings"] += 1
+        clean.feed(good(kind, place))
+        for one in messages:
+            fed.feed(copy.copy(one))
+            tried["messages"] += 1
+    check_reasons(fed.dropped)
+    require(len(fed.found) >= 0.8 * len(clean.found), f"{len(fed.found)} of {len(clean.found)}")
+    require(len(fed.said) <= 3, f"sentences: {[*fed.said]}")
+    tried["images beside odd ones"] += len(fed.found)
+    return tried
+
+
 def case(number: int, rng: np.random.Generator) -> Tried:
     """A stream with mutated images between its own."""
     kind = TYPES[number % len(TYPES)]
-    refused_only = number // len(TYPES) % 2 == 0
+    refused_only = number // len(TYPES) % 3 == 0
+    if number // len(TYPES) % 3 == 2:
+        return case_of_odd(kind, rng)
     window = WINDOWS[0] if refused_only else WINDOWS[rng.integers(len(WINDOWS))]
     options = options_of(kind, window)
     fed, tried = Fed(options), Counter[str]()

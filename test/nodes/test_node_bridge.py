@@ -197,7 +197,7 @@ def test_of_tracks_those_on_earth_are_handed_on_in_all_sentences(world, plotter)
     beyond = [track(k, *state) for k, state in enumerate(np.vstack([np.eye(4), -np.eye(4)]) * 1e30)]
     said(
         world,
-        "is not handed on, nor one beyond 1e+09 m (9 so far)",
+        "on no place of the earth, is not handed on (9 so far)",
         lambda: boat.hold(*beyond, wide),
     )
     both = sentences(world, plotter, 2, lambda: boat.hold(*beyond, near))

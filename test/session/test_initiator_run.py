@@ -84,6 +84,7 @@ def test_a_rehearsal_changes_nothing(method):
     assert len(held.current) == 1
 
 
+@pytest.mark.internal_error
 def test_figures_count_on_through_restarts_failures_and_another_method():
     one = NotedSession(failing_at(36.0, settings()))
     play(one, [1000, 1012, 1024])

@@ -279,6 +279,16 @@ def test_before_a_turn_is_known_the_state_says_why():
     assert turns.state == ""
 
 
+def test_a_beam_that_trembles_is_no_turn_and_one_that_turns_later_is():
+    turns, head, images = ImageTurns(), Head(2.0 * math.pi), []
+    for number in range(2 * STEPS):
+        assert turns.add(head.message(number % 2, later=number - number % 2)) == []
+    assert turns.state.startswith("bearings, but no turn yet, because ")
+    for number in range(2 * STEPS, 9 * STEPS):
+        images += turns.add(head.message(number))
+    assert len(images) >= 3
+
+
 @pytest.mark.parametrize("is_new", [True, False])
 def test_what_waits_is_bounded_where_the_beam_or_its_stamps_stand(is_new):
     """A learned beam that stands, and one whose stamps stand: all is counted or waits."""

@@ -860,11 +860,12 @@ def beam_of(pings: Sequence[ImagePing]) -> Beam | str:
         max(int(0.5 * math.pi / step), 1), NEWEST, len(pings) - 1
     )  # stamps may come in groups
     seconds = stamp[lag:] - stamp[:-lag]
-    if not float(np.median(seconds)) > 0.0:
+    rises, moved = seconds > 0.0, np.abs(wrapped(azimuth[lag:] - azimuth[:-lag]))
+    if 2 * int(rises.sum()) <= len(rises):
         return "their stamps do not rise"
-    rises = seconds > 0.0
-    moved = np.abs(wrapped(azimuth[lag:] - azimuth[:-lag]))
     rate = float(np.median(moved[rises] / seconds[rises]))
+    if not rate > 0.0:
+        return "the beam trembles"
     off = np.abs(np.abs(wrapped(np.diff(azimuth))) - rate * np.diff(stamp))
     return Beam(step, rate, float(np.quantile(off, EVEN_RATES)))
 

@@ -23,7 +23,7 @@ from tsepm_ros.tools.commands.init_command import (
     completed,
     parameters,
 )
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage, SensorModel
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
 
@@ -185,7 +185,7 @@ def test_an_image_has_the_ranges_of_its_own_rows_and_a_picture_to_compare(
     given += ["--first-column", "starboard"]
     assert main(["init", str(path), "--yes", *given]) == 0
     groups = make_groups(SONAR_DETECTOR, values_for(path, "/sonar_detector"))
-    layout, limits = groups[ImageLayout], groups[SensorModel]
+    layout, limits = groups[ImageLayout], groups[Coverage]
     assert (layout.near_range, layout.far_range, limits.min_range) == (0.05, 29.95, 0.5)
     sector = (limits.azimuth_min, limits.azimuth_max)
     shown = np.zeros((300, 60))

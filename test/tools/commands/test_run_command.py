@@ -67,7 +67,7 @@ def test_an_error_of_many_lines_is_said_in_one(capsys, tmp_path, content):
     (tmp_path / "metadata.yaml").write_text(content)
     assert main(["run", str(tmp_path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("refused: the bag ") and "metadata.yaml" in line
+    assert line.startswith("refused: ") and "metadata.yaml is no metadata of a bag" in line
     assert len(line) < 900
 
 
