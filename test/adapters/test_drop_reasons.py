@@ -20,8 +20,9 @@ SOURCES = [
     for path in ROOT.glob(f"{package}/**/*.py")
     if path.parent.name != "bridge"  # what a bridge does not send, its log alone says
 ]
-NOT_COUNTED = {"not_finite", "zero_quaternion", "undefined_heading", "bad_id"}
-"""Of odometry and of what is tracked: counted as own_ship_invalid and as tracked_bad_id."""
+NOT_COUNTED = {"not_finite", "zero_quaternion", "undefined_heading", "bad_id", "no_own_ship"}
+"""Of odometry and of what is tracked: counted as own_ship_invalid and as tracked_bad_id; and of a
+bridge."""
 
 
 def literals(path: Path) -> Iterator[str]:
@@ -39,7 +40,7 @@ def literals(path: Path) -> Iterator[str]:
 def of_call(node: ast.Call, path: Path) -> Iterator[str]:
     """Those in a call that drops or refuses."""
     name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-    refuses = name in ("refusing", "_drop") and path.parent.name == "msg_adapters"
+    refuses = name in ("refusing", "_drop") and path.parent.name in ("msg_adapters", "session")
     if (refuses or name in ("drop", "MessageError", "Rejection")) and node.args:
         yield from texts(node.args[0])  # of a choice between two, both
     if name == "_refuse":  # rows of reason, whether it applies, and sentence
@@ -81,7 +82,8 @@ def counted() -> set[str]:
     layouts = {name for name in found if f"tracked_{name}" in DROP_REASONS}
     of_layouts = {f"tracked_{name}" for name in layouts}
     of_stamps = {"scan_late", "scan_same_stamp", "scan_far_back"}
-    return (found - NOT_COUNTED) | of_layouts | of_stamps | faults_of_numbers()
+    of_bearings = {"bearing_stamp", "bearing_azimuth", "bearing_geometry"}
+    return (found - NOT_COUNTED) | of_layouts | of_stamps | of_bearings | faults_of_numbers()
 
 
 def test_every_reason_of_the_code_is_described_and_no_other():
