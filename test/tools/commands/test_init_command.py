@@ -23,7 +23,7 @@ from tsepm_ros.tools.commands.init_command import (
     completed,
     parameters,
 )
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Coverage, SensorModel
 
 GIVEN = ["--max-range", "200", "--sector", "120", "--beam-width", "1.5", "--max-speed", "3 m/s"]
 
@@ -168,6 +168,8 @@ def test_for_images_one_file_has_both_nodes_with_one_coverage(capsys, tmp_path):
     make_groups(SONAR_DETECTOR, detector)
     make_groups(TRACK_INITIATOR, tracker)
     assert {name: tracker[name] for name in SHARED} == {name: detector[name] for name in SHARED}
+    assert tracker["sensor.max_range"] == 40.0
+    assert "sensor.max_range" not in detector, "images reach as far as the driver's range setting"
     assert detector["false_detections_per_ping"] == 20.0
     assert tracker["sensor.clutter_density"] == pytest.approx(20.0 / (0.5 * 40.0**2 * 2.2689), 0.01)
     assert main(["init", str(out), "--yes", *given, "--false-detections", "1e5"]) == 2
@@ -185,7 +187,7 @@ def test_an_image_has_the_ranges_of_its_own_rows_and_a_picture_to_compare(
     given += ["--first-column", "starboard"]
     assert main(["init", str(path), "--yes", *given]) == 0
     groups = make_groups(SONAR_DETECTOR, values_for(path, "/sonar_detector"))
-    layout, limits = groups[ImageLayout], groups[SensorModel]
+    layout, limits = groups[ImageLayout], groups[Coverage]
     assert (layout.near_range, layout.far_range, limits.min_range) == (0.05, 29.95, 0.5)
     sector = (limits.azimuth_min, limits.azimuth_max)
     shown = np.zeros((300, 60))
