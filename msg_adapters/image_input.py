@@ -172,14 +172,8 @@ class ImageInput:
             if ping.is_part and is_late(whole):
                 continue
             try:
-                image = SonarImage(
-                    1e-9 * whole.stamp_ns,
-                    whole.range,
-                    whole.azimuth,
-                    whole.intensity,
-                    time_offset=whole.time_offset,
-                )
-                scan = self.detector.process(image)
+                axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
+                scan = self.detector.process(SonarImage(1e-9 * whole.stamp_ns, *axes))
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
@@ -217,5 +211,7 @@ def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
     travel = 2.0 * scan.range / (ping.sound_speed or np.inf)
     sent = 0.0 if scan.time_offset is None else scan.time_offset
     times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
-    names = ("range", "azimuth", "range_std", "azimuth_std")
-    return {name: getattr(scan, name) for name in names} | times | dict(scan.features)
+    fields = {
+        name: getattr(scan, name) for name in ("range", "azimuth", "range_std", "azimuth_std")
+    }
+    return fields | times | dict(scan.features)

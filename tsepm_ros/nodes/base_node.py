@@ -68,8 +68,11 @@ FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restar
 """Reasons that are no fault."""
 ERRORS_PERIOD = 1.0
 """Time between messages on /diagnostics of a node that has none but its internal errors, s."""
-LIMITS = {float: sys.float_info.max, int: 2**63 - 1}
-"""Largest values of the types of parameters with bounds."""
+RANGES: dict[type, tuple[str, type[Any], float]] = {
+    float: ("floating_point_range", FloatingPointRange, sys.float_info.max),
+    int: ("integer_range", IntegerRange, 2**63 - 1),
+}
+"""Field and message of the bounds of a parameter's type, and their largest value."""
 OVERRIDES = "qos_overrides."
 OVERRIDABLE = QoSOverridingOptions(
     (
@@ -162,8 +165,7 @@ class ParameterisedNode(Node):
         self._rows = {row.name: row for row in full_table(self._groups)}
         self._on_change, self._validate = on_change, validate
         self.dropped, self._warned = Counter[str](), set[str]()
-        self._last: dict[str, float] = {}
-        self._said: dict[str, int] = {}
+        self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
         self._refuse_unknown()
         for row in self._rows.values():
             self._declare(row)
@@ -243,24 +245,20 @@ class ParameterisedNode(Node):
             return
         if (
             reason == INTERNAL_ERROR
-            and (place := "".join(traceback.format_tb(sys.exc_info()[2])[-1:])) not in self._warned
+            and (line := "".join(traceback.format_tb(sys.exc_info()[2])[-1:])) not in self._warned
         ):
-            self._warned.add(place)
+            self._warned.add(line)
             self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
-        now = time.monotonic()
-        if now - self._last.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
+        now, (last, before) = time.monotonic(), self._said.get(reason, (-WARNING_PERIOD, 0))
+        is_little = total < MORE_DETECTIONS * before and reason_of(reason).lost == "detection"
+        if now - last < WARNING_PERIOD or (total and is_little):
             return
-        if total and reason_of(reason).lost == "detection":
-            if total < MORE_DETECTIONS * self._said.get(reason, 0):
-                return
-            self._said[reason] = total
-        self._last[reason] = now
+        self._said[reason] = now, total
         counted = f"{sentence} ({total} so far: {reason})" if total else sentence
-        logger = self.get_logger()
         if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
-            logger.info(counted)
+            self.get_logger().info(counted)
         else:
-            logger.warning(counted)
+            self.get_logger().warning(counted)
 
     def warn_once(self, sentence: str) -> None:
         """Log a warning, unless it was logged before."""
@@ -386,13 +384,10 @@ def _refuse_override(name: str, value: Any, publishers: Collection[str] | None =
 
 def _descriptor(row: Parameter) -> ParameterDescriptor:
     ranges: dict[str, list[Any]] = {}
-    if row.bounds and row.type in LIMITS:
-        limit = LIMITS[row.type]
+    if row.bounds and row.type in RANGES:
+        field, make, limit = RANGES[row.type]
         low, high = max(0.0 if row.positive else row.minimum, -limit), min(row.maximum, limit)
-        ranges = {
-            float: {"floating_point_range": [FloatingPointRange(from_value=low, to_value=high)]},
-            int: {"integer_range": [IntegerRange(from_value=int(low), to_value=int(high))]},
-        }[row.type]
+        ranges[field] = [make(from_value=row.type(low), to_value=row.type(high))]
     return ParameterDescriptor(
         description=row.description + (f" [{row.unit}]" if row.unit else ""),
         additional_constraints=row.bounds,
@@ -495,11 +490,8 @@ def _stray_argument(arguments: Sequence[str]) -> str:
 def _run(make_node: Callable[[], Node]) -> int:
     try:
         # Before the node, which takes longer: a signal during its construction prints a traceback.
-        executor = SingleThreadedExecutor()
-        try:
+        with SingleThreadedExecutor() as executor:
             _spin(executor, _made(make_node))
-        finally:
-            executor.shutdown()
     except ParameterError as error:
         print(f"refused: {error}", file=sys.stderr)
         return EXIT_BAD_PARAMETER

@@ -170,7 +170,7 @@ class SonarDetector(ParameterisedNode):
             "cells of its images"
         )
         is_late = pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG)
-        states = (
+        states: tuple[tuple[Any, Level, str], ...] = (
             (self.dropped[INTERNAL_ERROR], Level.ERROR, REPORT_IT),
             (is_late, Level.WARN, cannot_keep_up),
             (turns.state, Level.WARN, turns.state),
@@ -178,7 +178,7 @@ class SonarDetector(ParameterisedNode):
             (self.dropped.total(), Level.WARN, "images were dropped; the log says why"),
             (True, Level.OK, "detections are made of images"),
         )
-        level, message = next(state for holds, *state in states if holds)
+        _, level, message = next(state for state in states if state[0])
         status = Status(OVERALL, level, message, values)
         self._health.publish(
             diagnostics(

@@ -23,7 +23,7 @@ import numpy as np
 from msg_adapters.sonar_images import in_words, located, to_side
 from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, method_class
-from tsepm_ros.parameters import Value
+from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
 from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml, section, yaml_text
 from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
@@ -47,6 +47,8 @@ UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
 CELL_TO_STD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
 ALL_ROUND = 360.0
+MOST = 1e8
+"""Largest answer of a question that states none."""
 FALSE_DETECTIONS = (10.0, 50.0, 250.0)
 """False detections per ping for which the performance is estimated: they are not known before."""
 MIN_STALE, STALE_PINGS = 5.0, 5.0
@@ -62,6 +64,8 @@ MOUNTING = (
 """Name, wording, unit and bound of the parts of the mounting that are asked for."""
 ROWS = ("auto", "ranges", "beams", "fan")
 ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
+SENSOR, COMMON = SensorModel(), CommonOptions()
+"""The defaults of the node."""
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -94,7 +98,7 @@ class Question:
     explanation: str
     default_answer: float | Callable[[Answers], float]
     minimum: float = 0.0
-    maximum: float = math.inf
+    maximum: float = MOST
     positive: bool = False
     choices: tuple[str, ...] = ()
 
@@ -134,16 +138,12 @@ class Question:
 
     def checked(self, value: float) -> float:
         """The answer, if it is within the bounds; else ValueError."""
-        inside = self.minimum <= value <= self.maximum and not (self.positive and value <= 0.0)
-        if not inside or not math.isfinite(value):
-            low = "above 0" if self.positive else f"at least {self.minimum:g}"
-            high = f" and at most {self.maximum:g}" if self.maximum < math.inf else ""
-            raise ValueError(f"{self.argument} must be {low}{high}; got {value:g}")
-        return value
+        bounds = self.minimum, self.maximum, self.positive
+        return float(Parameter(self.argument, 0.0, self.text, self.unit, *bounds).check(value))
 
 
 def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
-    return lambda answers: _rounded(answers[name] * CELL_TO_STD) or unknown
+    return lambda answers: float(f"{answers[name] * CELL_TO_STD:.3g}") or unknown
 
 
 def _ping_interval(answers: Answers) -> float:
@@ -155,19 +155,13 @@ def _ping_interval(answers: Answers) -> float:
     return float(f"{math.ceil(travel / step - 1e-9) * step:.2g}")
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.3g}")
-
-
-_SENSOR, _COMMON = SensorModel(), CommonOptions()
-
 QUESTIONS = (
     Question(
         "max_range",
         "Range setting, the farthest range",
         "m",
         "Detections far beyond it are not used.",
-        _SENSOR.max_range,
+        SENSOR.max_range,
         positive=True,
     ),
     Question(
@@ -175,7 +169,7 @@ QUESTIONS = (
         "Blanking distance, the nearest range",
         "m",
         "Nearer targets cannot be detected; an image may begin at another range.",
-        _SENSOR.min_range,
+        SENSOR.min_range,
     ),
     Question(
         "sector",
@@ -233,7 +227,7 @@ QUESTIONS = (
         "Range error that grows with range, one standard deviation",
         "%",
         "Mostly of the sound speed: 1.5 where it is assumed, 0.5 where it is measured.",
-        100.0 * _SENSOR.range_std_fraction,
+        100.0 * SENSOR.range_std_fraction,
         maximum=100.0,
     ),
     Question(
@@ -257,7 +251,7 @@ QUESTIONS = (
         "Maximum speed of targets",
         "m/s",
         "Swimmer 2, underwater vehicle 5, ship 15; faster targets are not found.",
-        _COMMON.max_speed,
+        COMMON.max_speed,
         maximum=1e4,
         positive=True,
     ),
@@ -266,7 +260,7 @@ QUESTIONS = (
         "Extent of targets, their length",
         "m",
         "Echoes so near to each other become one. 0: learned from the detections.",
-        _COMMON.target_extent,
+        COMMON.target_extent,
         maximum=1e3,
     ),
     Question(
@@ -292,7 +286,6 @@ QUESTIONS = (
         "Of sensor_msgs/Image, not the blanking distance; of a fan 0. -1: the messages state it.",
         -1.0,
         minimum=-1.0,
-        maximum=1e8,
     ),
     Question(
         "far_range",
@@ -301,7 +294,6 @@ QUESTIONS = (
         "As for the nearest row.",
         -1.0,
         minimum=-1.0,
-        maximum=1e8,
     ),
     Question(
         "near_row",
@@ -600,8 +592,7 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     figure = Figure(figsize=(13, 7), layout="constrained")
     words = in_words(rows, layout, range_, azimuth).partition(": ")[2]
     figure.suptitle(textwrap.fill(words, 110))
-    b, m = down.shape
-    to_port = np.argsort(azimuth)
+    (b, m), to_port = down.shape, np.argsort(azimuth)
     beam, cell, arcs = to_port[b * 3 // 4], m * 3 // 4, np.linspace(0, m - 1, 5).round().astype(int)
     target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
     for axes, x, y, title in zip(
