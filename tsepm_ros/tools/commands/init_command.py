@@ -436,8 +436,10 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     }
     if answers["sector"] < ALL_ROUND:
         half = 0.5 * answers["sector"]
-        values["sensor.azimuth_min"] = math.radians(answers["sector_centre"] - half)
-        values["sensor.azimuth_max"] = math.radians(answers["sector_centre"] + half)
+        values |= {
+            "sensor.azimuth_min": math.radians(answers["sector_centre"] - half),
+            "sensor.azimuth_max": math.radians(answers["sector_centre"] + half),
+        }
     if answers["extent"]:
         values["plots"] = "on"
     if answers["false_detections"]:
@@ -447,8 +449,10 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
         if answer := answers[f"mounting_{name}"]:
             values[f"mounting.{name}"] = math.radians(answer) if unit == "degrees" else answer
     if known_interval:
-        values["diagnostics.scan_period"] = answers["interval"]
-        values["diagnostics.stale_time"] = max(MIN_STALE, STALE_PINGS * answers["interval"])
+        values |= {
+            "diagnostics.scan_period": answers["interval"],
+            "diagnostics.stale_time": max(MIN_STALE, STALE_PINGS * answers["interval"]),
+        }
     values = {
         name: float(f"{value:.6g}") if isinstance(value, float) else value
         for name, value in values.items()
