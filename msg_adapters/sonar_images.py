@@ -1,4 +1,4 @@
-"""Sonar images in messages: intensities over bearing and range, of whole pings or single bearings.
+"""Sonar images in messages, read and written: intensities over bearing and range.
 
 =============================================== ================================================
 message                                         content
@@ -10,14 +10,16 @@ message                                         content
 `sensor_msgs/msg/Image`                         a ping, whose geometry parameters state
 =============================================== ================================================
 
-Which axis the rows are differs between drivers of one message: `ImageLayout.rows` tells it.
+A ping, or some of its bearings, is an `ImagePing`. Which axis the rows are differs between drivers
+of the same message: `ImageLayout.rows` tells it. Displays take a `Plan`.
 """
 
 from __future__ import annotations
 
 import array
+import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,12 +30,11 @@ from scipy.ndimage import map_coordinates, maximum_filter1d
 from msg_adapters import messages
 from msg_adapters.ping import fitted, read_by, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
-from tsepm_ros.detector.detector import Detector, Stages
-from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.detector.detector import Stages
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.session.turn import ImagePing, ImageTurns
-from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.session.turn import ImagePing
+from tsepm_ros.settings.node_options import ImageLayout
+from tsepm_ros.tracker.scan import wrap
 from tsepm_ros.tracker.sensor import Coverage
 
 DTYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
@@ -45,33 +46,16 @@ ENCODINGS = {
     **{"rgb8": ("u1", 3), "bgr8": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4)},
 }
 """Types and channels of sensor_msgs/Image by its encoding in small letters."""
-PLAN_SIDE = 128
-"""Cells along a side of a plan."""
-PLAN_PERIOD = 0.5
-"""Least time between two plans, s."""
-MOST_PLANS = 500
-"""Most plans of an offline run."""
-MOST_NAMED = 8
-"""Most bearings, or ranges, of a sentence."""
-ALL_ROUND = 6.0
-"""Bearings from which on more of them than ranges are nothing strange, rad."""
+BEARINGS = "marine_sensor_msgs/msg/RadarSector", "ping360_sonar_msgs/msg/SonarEcho"
+"""Types whose messages are always parts of a turn."""
 MOST = 1e4
 """Largest angle of a bearing, rad, and largest time of one after the stamp, s."""
 LEVEL = 0.1
 """Elevation of beams from which on an assumption is stated, rad."""
 NO_Z = 1e-6
 """Largest z of unit vectors that is 0 but for rounding."""
-LOOKS = 10
-"""Images of one shape that are looked at before a question is asked."""
-BRIGHT = 0.95
-"""Share of an image's cells below a level that most cells of a bright line are above."""
-
-
-ALTERNATES = (
-    "the ranges or the bearings of an image differ from those of the image before: the detector "
-    "learns anew at each change, and the coverage follows where the next image has it too"
-)
-
+PLAN_SIDE = 128
+"""Cells along a side of a plan."""
 
 Reader = Callable[[Any, ImageLayout, Coverage, float], ImagePing]
 
@@ -102,9 +86,9 @@ def read_image(
         geometry is impossible; the sentence says what to change.
     """
     ping = read_by(IMAGES, message, layout, sensor, sound_speed)
-    first, delays = int((ping.range <= 0.0).sum()), ping.time_offset
-    of_bearings = ping.azimuth if delays is None else np.concatenate([ping.azimuth, delays])
-    if not (np.abs(of_bearings) < MOST).all():
+    first = int((ping.range <= 0.0).sum())
+    delays = 0.0 if ping.time_offset is None else ping.time_offset
+    if not (np.maximum(np.abs(ping.azimuth), np.abs(delays)) < MOST).all():
         raise MessageError("bad_geometry", "bearings and their times must be finite")
     if first == len(ping.range):
         raise MessageError("bad_geometry", "no cell has a range above 0")
@@ -113,7 +97,7 @@ def read_image(
 
 def _projected(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """ProjectedSonarImage: z ahead, x up, y to starboard; or, with z = 0, x ahead, y to port."""
-    beams = np.array([(one.x, one.y, one.z) for one in message.beam_directions]).reshape(-1, 3)
+    beams = np.array([(beam.x, beam.y, beam.z) for beam in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
     speed, assumptions = stated_sound_speed(message, sound_speed)
     largest = np.abs(beams).max(axis=0, initial=0.0)
@@ -161,7 +145,7 @@ def _raw(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> 
 
 def _spokes(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RadarSector: rays to port, each at its own time."""
-    rays = [np.asarray(one.echoes, np.float32) for one in message.intensities]
+    rays = [np.asarray(ray.echoes, np.float32) for ray in message.intensities]
     lengths = sorted({len(ray) for ray in rays})
     if len(lengths) != 1 or not lengths[0]:
         raise MessageError("wrong_length", f"rays must have equal numbers of echoes; got {lengths}")
@@ -199,11 +183,7 @@ def _echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) ->
 def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
     """Image: of ranges and beams over the sensor's sector, or a fan in x and y."""
     picture = _pixels(message)
-    sector, near, far = (
-        (sensor.azimuth_min, sensor.azimuth_max),
-        layout.near_range,
-        layout.far_range,
-    )
+    near, far = layout.near_range, layout.far_range
     assumptions: tuple[str, ...] = ()
     if near < 0.0 and far < 0.0 and sensor.max_range != Coverage.max_range:
         half = 0.5 * (sensor.max_range - sensor.min_range) / picture.shape[layout.rows == "beams"]
@@ -219,6 +199,7 @@ def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> I
             "the message states no geometry: give image.near_range and, above it, image.far_range, "
             "sensor.azimuth_min and sensor.azimuth_max, as in the file of tsepm init --images yes",
         )
+    sector = sensor.azimuth_min, sensor.azimuth_max
     range_, azimuth, intensity = located(picture, layout, (near, far), sector)
     return ImagePing(
         time_to_ns(message.header.stamp),
@@ -318,24 +299,18 @@ def in_words(
     height, width = picture.shape
     text = f"the image has {height} rows and {width} columns: "
     if layout.rows == "fan":
-        far, apex = ("lowest", "highest") if layout.near_first else ("highest", "lowest")
         whole, side = np.ptp(azimuth) > math.pi, "port" if layout.port_first else "starboard"
+        apex, far = ("highest", "lowest") if layout.near_first else ("lowest", "highest")
         return (
             f"{text}the sonar is in the middle of {'it' if whole else f'its {apex} row'}, its "
             f"{'highest' if whole else far} row is {range_[-1]:.4g} m ahead, and {side} is at the "
             "left"
         )
-    ranges, sides = range_[:: 1 if layout.near_first else -1][[0, -1]], azimuth[[0, -1]]
-    of_beams = layout.rows == "beams"
-    corners = (
-        ((r, a) for r in ranges for a in sides)
-        if not of_beams
-        else ((r, a) for a in sides for r in ranges)
-    )
-    names = ("top left", "top right", "bottom left", "bottom right")
-    return text + ", ".join(
-        f"{name} is {r:.4g} m at {to_side(a)}" for name, (r, a) in zip(names, corners, strict=True)
-    )
+    ranges = range_[:: 1 if layout.near_first else -1][[0, -1]]
+    by_range = ("top left", "top right", "bottom left", "bottom right")
+    names = [by_range[k] for k in (0, 2, 1, 3)] if layout.rows == "beams" else by_range
+    corners = zip(names, itertools.product(ranges, azimuth[[0, -1]]), strict=True)
+    return text + ", ".join(f"{name} is {r:.4g} m at {to_side(a)}" for name, (r, a) in corners)
 
 
 def to_side(azimuth: float) -> str:
@@ -361,19 +336,17 @@ def _unwarped(
     than half a turn.
     """
     height, width = picture.shape
-    span = sector[1] - sector[0]
-    whole = span > math.pi + 1e-3
+    whole = sector[1] - sector[0] > math.pi + 1e-3
     cells = (min(height, width) + 1) // 2 if whole else height
     pixel = ends[1] / (cells - 0.5)
     range_ = (np.arange(max(math.ceil(ends[0] / pixel - 0.5), 0), cells) + 0.5) * pixel
-    azimuth = _bearings(sector, min(max(round(span * cells / 2.0), 2), 2 * width + 2))
-    ahead = np.cos(azimuth)[:, None] * range_ / pixel
-    port = np.sin(azimuth)[:, None] * range_ / pixel
-    apex = 0.5 * height if whole else float(height)
-    row = apex - ahead if not layout.near_first or whole else ahead
-    column = 0.5 * width - port if layout.port_first else 0.5 * width + port
-    places = np.stack([row - 0.5, column - 0.5])
-    return range_, azimuth, map_coordinates(picture.astype(float), places, order=1, cval=np.nan)
+    beams = round((sector[1] - sector[0]) * cells / 2.0)
+    azimuth = _bearings(sector, min(max(beams, 2), 2 * width + 2))
+    down = picture[:: -1 if layout.near_first and not whole else 1]
+    displayed = down[:, :: 1 if layout.port_first else -1].astype(float)
+    ahead, port = (turn(azimuth)[:, None] * range_ / pixel for turn in (np.cos, np.sin))
+    cell = (0.5 * height if whole else height) - ahead - 0.5, 0.5 * width - port - 0.5
+    return range_, azimuth, map_coordinates(displayed, cell, order=1, cval=np.nan)
 
 
 def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
@@ -390,192 +363,6 @@ def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
         )
     values = np.frombuffer(data, form).astype(form.newbyteorder("="))
     return values.reshape(beams, cells) if beam_rows else values.reshape(cells, beams).T
-
-
-class FirstLook:
-    """What the first images of a shape show that is no echo, or that another layout explains.
-
-    Parameters
-    ----------
-    looks : int, optional
-        Images in each of which it must be.
-    """
-
-    def __init__(self, looks: int = LOOKS) -> None:
-        self._looks, self._left, self._always = looks, 0, np.zeros(0, bool)
-
-    def add(self, ping: Any, rows: str = "") -> list[str]:
-        """Take an image; the sentences, with the last of the first images.
-
-        Parameters
-        ----------
-        ping : ImagePing or SonarImage
-        rows : str, optional
-            Of the layout by which a picture was read; empty: the message states its geometry.
-        """
-        b, m = ping.intensity.shape
-        if len(self._always) != b + m + 2:
-            self._left, self._always = self._looks, np.ones(b + m + 2, bool)
-        if self._left <= 0:
-            return []
-        there = np.isfinite(ping.intensity)
-        low = np.where(there, ping.intensity, ping.intensity.min(initial=0.0, where=there))
-        middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
-        levels = [np.quantile(low, 0.5, axis=axis, method="lower") for axis in (1, 0)]
-        spread = [float(np.ptp(np.quantile(one, [0.1, 0.9]))) for one in levels]
-        varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
-        swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)
-        fan, asked = _is_fan(low) or _is_fan(low.T), rows not in ("", "fan")
-        self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
-        self._left -= 1
-        beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
-        named = ", ".join(f"{k} ({to_side(ping.azimuth[k])})" for k in beams[:MOST_NAMED])
-        span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
-        always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
-        other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")
-        sentences = {
-            f"{len(beams)} of {b} bearings are {always}; numbers, from 0: {named}. Bytes of gain "
-            "before each row, and lines of a display, count as bearings and shift the others: cut "
-            "them off the image": len(beams),
-            f"{len(cells)} of {m} ranges are {always}, from {span[0]:.4g} to {span[1]:.4g} m. If "
-            "that is the ring of the transmission, give sensor.min_range beyond it": len(cells),
-            f"{b} bearings of {m} ranges look transposed: if the rows of the image are {other[0]}, "
-            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[-2],
-            "the corners of the image are blank as around a fan, and it is read as bearings and "
-            "ranges: if it is a picture in x and y, give fan for rows (image.rows)": asked
-            and self._always[-1],
-        }
-        return [one for one, holds in sentences.items() if holds and not self._left]
-
-
-def _is_fan(values: NDArray[Any]) -> bool:
-    """Whether (b, m) values are blank at both sides, the less so the farther from an end."""
-    b, m = values.shape
-    filled = values != values[0, -1]
-    run = np.where(filled.any(axis=0), [filled.argmax(axis=0), filled[::-1].argmax(axis=0)], b)
-    ends = run[:, [m // 20, m // 10]], run[:, [-1 - m // 20, -1 - m // 10]]
-    return any(
-        0.5 * b > one[:, 0].min() > one[:, 1].max() >= one[:, 1].min() > 0.02 * b
-        and np.ptp(one, axis=0).max() <= 0.02 * b + 2.0
-        for one in ends
-    )
-
-
-class ImageInput:
-    """From arriving messages of images to detections, for the node and offline runs.
-
-    Parameters
-    ----------
-    options : mapping of type to options
-        Of the groups of SONAR_DETECTOR.
-    drop : callable
-        Called with a reason and a sentence for an image that is not used.
-    say : callable
-        Called with each sentence about what a message does not state.
-
-    Attributes
-    ----------
-    detector : Detector
-    turns : ImageTurns
-    in_parts : bool
-        Whether the last message was of some bearings of a turn.
-    coverage : ImageCoverage or None
-        Of the images, within the detector's: of the first, then of two in a row.
-    coverage_changes : int
-        Images with another coverage than the one before.
-    plans : list of Plan or None
-        Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
-    """
-
-    def __init__(
-        self,
-        options: Mapping[type[Any], Any],
-        drop: Callable[[str, str], None],
-        say: Callable[[str], None],
-    ) -> None:
-        self._options, self._drop, self._say = options, drop, say
-        self.plans: list[Plan] | None = None
-        self.in_parts, self._look = False, FirstLook()
-        self.turns = ImageTurns(drop, say)
-        self.detector = Detector(options[DetectorOptions], options[Coverage])
-        self.coverage: ImageCoverage | None = None
-        self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
-
-    def configure(self, options: Mapping[type[Any], Any]) -> None:
-        """Take changed options; what the detector learned stays unless its own changed."""
-        if any(options[one] != self._options[one] for one in (DetectorOptions, Coverage)):
-            self.detector = Detector(options[DetectorOptions], options[Coverage])
-        self._options, self._look = options, FirstLook()
-
-    def take(
-        self, message: Any, is_late: Callable[[ImagePing], bool] = lambda turn: False
-    ) -> Iterator[tuple[ImagePing, Scan]]:
-        """Take a message; the pings that it completes and the detections of each.
-
-        Turns of bearings that are late are passed over.
-        """
-        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
-        layout: ImageLayout = self._options[ImageLayout]
-        try:
-            ping = read_image(message, layout, self._options[Coverage], given.sound_speed)
-        except MessageError as error:
-            self._drop(error.reason, f"image dropped: {error}")
-            return
-        for assumption in ping.assumptions:
-            self._say(assumption)
-        self.in_parts = ping.is_part
-        for whole in self.turns.add(ping):
-            if ping.is_part and is_late(whole):
-                continue
-            try:
-                image = SonarImage(
-                    1e-9 * whole.stamp_ns,
-                    whole.range,
-                    whole.azimuth,
-                    whole.intensity,
-                    time_offset=whole.time_offset,
-                )
-                scan = self.detector.process(image)
-            except ValueError as error:
-                self._drop("bad_image", f"image dropped: {error}")
-                continue
-            for sentence in self._look.add(whole, layout.rows if whole.corners else ""):
-                self._say(sentence)
-            self._cover(whole)
-            self._draw(whole)
-            yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
-
-    def _cover(self, ping: ImagePing) -> None:
-        """Note the coverage of an image; another one counts where the next image has it too."""
-        now = ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
-        before, self._other = self._other, now
-        values = list(now.values.values())
-        is_same = before is None or before.agrees(values)
-        self.coverage_changes += not is_same
-        if not is_same:
-            self._say(ALTERNATES)
-        elif self.coverage is None or not self.coverage.agrees(values):
-            self.coverage = now
-
-    def _draw(self, ping: ImagePing) -> None:
-        """Keep the plan of an image, where these are kept."""
-        stages, plans = self.detector.stages, self.plans
-        if stages is None or plans is None or len(plans) >= MOST_PLANS:
-            return
-        if not plans or abs(ping.stamp_ns - plans[-1].stamp_ns) >= 1e9 * PLAN_PERIOD:
-            plans.append(plan_of(ping, stages))
-
-
-def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
-    """What a message of a ping's detections has: fields of `detections_cloud`, (n,) each.
-
-    Each echo has the time of its bearing and that of its travel, 0 where no sound speed is known.
-    """
-    sent = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
-    travel = 2.0 * scan.range / (ping.sound_speed or np.inf)
-    times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
-    names = ("range", "azimuth", "range_std", "azimuth_std")
-    return {name: getattr(scan, name) for name in names} | times | dict(scan.features)
 
 
 @dataclass(frozen=True, eq=False)
@@ -602,18 +389,18 @@ def plan_of(ping: ImagePing, stages: Stages) -> Plan:
     cell = 2.0 * float(ping.range[-1]) / PLAN_SIDE
     along = (np.arange(PLAN_SIDE) + 0.5 - 0.5 * PLAN_SIDE) * cell
     distance, angle = np.hypot(along, along[:, None]), np.arctan2(along[:, None], along)
-    wrapped = np.angle(np.exp(1j * ping.azimuth))
-    order = np.argsort(wrapped)
-    row = order[np.searchsorted(0.5 * (wrapped[order][1:] + wrapped[order][:-1]), angle)]
+    azimuth = wrap(ping.azimuth)
+    order = np.argsort(azimuth)
+    row = order[np.searchsorted(0.5 * (azimuth[order][1:] + azimuth[order][:-1]), angle)]
     column = np.searchsorted(0.5 * (ping.range[1:] + ping.range[:-1]), distance)
-    width = max(round(cell / float(np.diff(ping.range).mean())), 1)
-    width = min(width, 2 * len(ping.range))  # from any cell all are near then
+    width = round(cell / float(np.diff(ping.range).mean()))
+    width = min(max(width, 1), 2 * len(ping.range))  # from any cell all are near then
     largest = maximum_filter1d(stages.smoothed, width, axis=1)[row, column]
-    step = np.ptp(ping.azimuth) / max(len(ping.azimuth) - 1, 1)
-    aside = np.abs(np.angle(np.exp(1j * (angle - wrapped[row]))))
-    seen = (aside <= step) & (distance <= ping.range[-1]) & np.isfinite(largest)
+    step = np.ptp(ping.azimuth) / max(len(azimuth) - 1, 1)
+    seen = (np.abs(wrap(angle - azimuth[row])) <= step) & (distance <= ping.range[-1])
     levels = np.clip(largest * (50.0 / max(stages.threshold, 1e-3)), 0.0, 100.0)
-    return Plan(ping.stamp_ns, cell, np.where(seen, np.nan_to_num(levels), -1).astype(np.int8))
+    levels = np.where(seen & np.isfinite(largest), levels, -1.0)
+    return Plan(ping.stamp_ns, cell, levels.astype(np.int8))
 
 
 def plan_message(header: messages.Header, plan: Plan) -> messages.OccupancyGrid:
@@ -624,18 +411,6 @@ def plan_message(header: messages.Header, plan: Plan) -> messages.OccupancyGrid:
     message.info.origin.position.x = message.info.origin.position.y = -0.5 * PLAN_SIDE * plan.cell
     message.info.origin.orientation.w = 1.0
     return message
-
-
-IMAGES: dict[str, Reader] = {
-    "marine_acoustic_msgs/msg/ProjectedSonarImage": _projected,
-    "marine_acoustic_msgs/msg/RawSonarImage": _raw,
-    "marine_sensor_msgs/msg/RadarSector": _spokes,
-    "ping360_sonar_msgs/msg/SonarEcho": _echo,
-    "sensor_msgs/msg/Image": _picture,
-}
-"""Readers by the message type."""
-BEARINGS = "marine_sensor_msgs/msg/RadarSector", "ping360_sonar_msgs/msg/SonarEcho"
-"""Types whose messages are always parts of a turn."""
 
 
 def normalised_image(header: messages.Header, image: NDArray[Any]) -> messages.Image:
@@ -649,3 +424,13 @@ def normalised_image(header: messages.Header, image: NDArray[Any]) -> messages.I
         step=4 * width,
         data=array.array("B", image.astype("<f4").tobytes()),
     )
+
+
+IMAGES: dict[str, Reader] = {
+    "marine_acoustic_msgs/msg/ProjectedSonarImage": _projected,
+    "marine_acoustic_msgs/msg/RawSonarImage": _raw,
+    "marine_sensor_msgs/msg/RadarSector": _spokes,
+    "ping360_sonar_msgs/msg/SonarEcho": _echo,
+    "sensor_msgs/msg/Image": _picture,
+}
+"""Readers by the message type."""

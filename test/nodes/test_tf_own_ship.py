@@ -13,7 +13,7 @@ from support.sonar_driver import START_NS, Ping, cloud, points
 from support.transforms import Transforms
 
 from msg_adapters import make_header, read_detections
-from tsepm_ros.nodes.subscriptions import tf_look_up
+from tsepm_ros.nodes.tf_own_ship import tf_look_up
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings

@@ -68,8 +68,11 @@ FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restar
 """Reasons that are no fault."""
 ERRORS_PERIOD = 1.0
 """Time between messages on /diagnostics of a node that has none but its internal errors, s."""
-_INT64 = 2**63 - 1
-
+RANGES: dict[type, tuple[str, type[Any], float]] = {
+    float: ("floating_point_range", FloatingPointRange, sys.float_info.max),
+    int: ("integer_range", IntegerRange, 2**63 - 1),
+}
+"""Field and message of the bounds of a parameter's type, and their largest value."""
 OVERRIDES = "qos_overrides."
 OVERRIDABLE = QoSOverridingOptions(
     (
@@ -162,8 +165,7 @@ class ParameterisedNode(Node):
         self._rows = {row.name: row for row in full_table(self._groups)}
         self._on_change, self._validate = on_change, validate
         self.dropped, self._warned = Counter[str](), set[str]()
-        self._last: dict[str, float] = {}
-        self._said: dict[str, int] = {}
+        self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
         self._refuse_unknown()
         for row in self._rows.values():
             self._declare(row)
@@ -181,9 +183,9 @@ class ParameterisedNode(Node):
         """
 
         def answer(request: Any, response: Any) -> Any:
-            for one in getattr(request, "parameters", ()):
-                if one.value.type > ParameterType.PARAMETER_STRING_ARRAY:
-                    one.value.type = ParameterType.PARAMETER_NOT_SET
+            for given in getattr(request, "parameters", ()):
+                if given.value.type > ParameterType.PARAMETER_STRING_ARRAY:
+                    given.value.type = ParameterType.PARAMETER_NOT_SET
             try:
                 return callback(request, response)
             except Exception as error:
@@ -219,7 +221,7 @@ class ParameterisedNode(Node):
         """
         self.drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
         topic = self.resolve_topic_name("/diagnostics")
-        if topic not in {one.topic_name for one in self.publishers}:
+        if topic not in {publisher.topic_name for publisher in self.publishers}:
             errors = self.create_publisher(DiagnosticArray, topic, 10)
             self.steady_timer(
                 ERRORS_PERIOD,
@@ -243,24 +245,20 @@ class ParameterisedNode(Node):
             return
         if (
             reason == INTERNAL_ERROR
-            and (place := "".join(traceback.format_tb(sys.exc_info()[2])[-1:])) not in self._warned
+            and (line := "".join(traceback.format_tb(sys.exc_info()[2])[-1:])) not in self._warned
         ):
-            self._warned.add(place)
+            self._warned.add(line)
             self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
-        now = time.monotonic()
-        if now - self._last.get(reason, -WARNING_PERIOD) < WARNING_PERIOD:
+        now, (last, before) = time.monotonic(), self._said.get(reason, (-WARNING_PERIOD, 0))
+        is_little = total < MORE_DETECTIONS * before and reason_of(reason).lost == "detection"
+        if now - last < WARNING_PERIOD or (total and is_little):
             return
-        if total and reason_of(reason).lost == "detection":
-            if total < MORE_DETECTIONS * self._said.get(reason, 0):
-                return
-            self._said[reason] = total
-        self._last[reason] = now
+        self._said[reason] = now, total
         counted = f"{sentence} ({total} so far: {reason})" if total else sentence
-        logger = self.get_logger()
         if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
-            logger.info(counted)
+            self.get_logger().info(counted)
         else:
-            logger.warning(counted)
+            self.get_logger().warning(counted)
 
     def warn_once(self, sentence: str) -> None:
         """Log a warning, unless it was logged before."""
@@ -281,14 +279,14 @@ class ParameterisedNode(Node):
         """
         publishers = {publisher.topic_name for publisher in self.publishers}
         given = self.get_parameters_by_prefix(OVERRIDES.removesuffix("."))
-        for name, one in sorted(given.items()):
-            _refuse_override(f"{OVERRIDES}{name}", one.value, publishers)
+        for name, override in sorted(given.items()):
+            _refuse_override(f"{OVERRIDES}{name}", override.value, publishers)
 
     def _refuse_unknown(self) -> None:
         unused: dict[str, list[str]] = {}
-        for name, one in self.get_parameters_by_prefix("").items():
+        for name, given in self.get_parameters_by_prefix("").items():
             if name.startswith(OVERRIDES):
-                _refuse_override(name, one.value)
+                _refuse_override(name, given.value)
             if name in self._rows or name.startswith(OF_ROS):
                 continue
             if not (why := why_unused(name, self._rows)):
@@ -319,26 +317,26 @@ class ParameterisedNode(Node):
         All others stay as they are: rclpy cannot make a parameter of an empty array alone.
         """
         return [
-            RosParameter(one.name, value=meant)
-            if one.name in self._rows
-            and (meant := self._rows[one.name].meant(one.value)) is not one.value
-            else one
-            for one in parameters
+            RosParameter(given.name, value=meant)
+            if given.name in self._rows
+            and (meant := self._rows[given.name].meant(given.value)) is not given.value
+            else given
+            for given in parameters
         ]
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
-        if not all(one.name for one in parameters):  # rclpy would declare it
-            return SetParametersResult(successful=False, reason="a parameter has no name")
         # Types were checked by rclpy; another part of the node has declared what is in no row.
-        changes = {one.name: one.value for one in parameters if one.name in self._rows}
+        changes = {given.name: given.value for given in parameters if given.name in self._rows}
+        reason = ""
         try:
             self._validate(self._make_options(changes))
         except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            reason = str(error)
         except Exception as error:
             reason = f"{', '.join(changes)} cannot be used: {error!r}"
-            return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
+        if not all(given.name for given in parameters):  # rclpy would declare it
+            reason = "a parameter has no name"
+        return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply_changes(self, parameters: list[RosParameter]) -> None:
         if not any(parameter.name in self._rows for parameter in parameters):
@@ -363,49 +361,39 @@ def _refuse_override(name: str, value: Any, publishers: Collection[str] | None =
     ParameterError
     """
     topic, _, policy = name.removeprefix(OVERRIDES).rpartition(".publisher.")
-    if not topic:
-        raise ParameterError(
-            f"{name} cannot be used: only publishers take overrides; the reliability of a "
-            "subscription follows its publisher (detections_reliability and detections_depth are "
-            "parameters)"
-        )
-    if publishers is not None and topic not in publishers:
-        raise ParameterError(
-            f"{name} cannot be used: the node publishes {', '.join(sorted(publishers))}"
-        )
-    if policy not in ("depth", *_POLICIES):
-        raise ParameterError(
-            f"{name} cannot be used: the policy must be depth, {', '.join(_POLICIES)}"
-        )
     choices = _POLICIES.get(policy, ())
     is_allowed = value in choices if choices else type(value) is int and 1 <= value < 2**31
     words = " or ".join(choices) or "an integer of at least 1, below 2**31"
-    if not is_allowed:
-        raise ParameterError(f"{name} must be {words}; got {shown(value)}")
+    unknown = publishers is not None and topic not in publishers
+    for wrong, sentence in (
+        (
+            not topic,
+            "cannot be used: only publishers take overrides; the reliability of a subscription "
+            "follows its publisher (detections_reliability and detections_depth are parameters)",
+        ),
+        (unknown, f"cannot be used: the node publishes {', '.join(sorted(publishers or ()))}"),
+        (
+            policy not in ("depth", *_POLICIES),
+            f"cannot be used: the policy must be depth, {', '.join(_POLICIES)}",
+        ),
+        (not is_allowed, f"must be {words}; got {shown(value)}"),
+    ):
+        if wrong:
+            raise ParameterError(f"{name} {sentence}")
 
 
 def _descriptor(row: Parameter) -> ParameterDescriptor:
-    unit = f" [{row.unit}]" if row.unit else ""
-    descriptor = ParameterDescriptor(
-        description=row.description + unit,
+    ranges: dict[str, list[Any]] = {}
+    if row.bounds and row.type in RANGES:
+        field, make, limit = RANGES[row.type]
+        low, high = max(0.0 if row.positive else row.minimum, -limit), min(row.maximum, limit)
+        ranges[field] = [make(from_value=row.type(low), to_value=row.type(high))]
+    return ParameterDescriptor(
+        description=row.description + (f" [{row.unit}]" if row.unit else ""),
         additional_constraints=row.bounds,
         read_only=row.read_only,
+        **ranges,
     )
-    if row.type is float and row.bounds:
-        max_float = sys.float_info.max
-        descriptor.floating_point_range = [
-            FloatingPointRange(
-                from_value=max(0.0 if row.positive else row.minimum, -max_float),
-                to_value=min(row.maximum, max_float),
-            )
-        ]
-    elif row.type is int and row.bounds:
-        descriptor.integer_range = [
-            IntegerRange(
-                from_value=int(max(row.minimum, -_INT64)), to_value=int(min(row.maximum, _INT64))
-            )
-        ]
-    return descriptor
 
 
 class NodeClocks:
@@ -462,8 +450,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage:
     if "--help" in given or "-h" in given:
         print(usage)
         return 0
-    stray = _stray_argument(given)
-    if stray:
+    if stray := _stray_argument(given):
         print(
             f"refused: {stray!r} is not an argument of this program; parameters and remappings "
             "follow --ros-args, such as --ros-args -p max_speed:=5.0 (--help explains)",
@@ -503,11 +490,8 @@ def _stray_argument(arguments: Sequence[str]) -> str:
 def _run(make_node: Callable[[], Node]) -> int:
     try:
         # Before the node, which takes longer: a signal during its construction prints a traceback.
-        executor = SingleThreadedExecutor()
-        try:
+        with SingleThreadedExecutor() as executor:
             _spin(executor, _made(make_node))
-        finally:
-            executor.shutdown()
     except ParameterError as error:
         print(f"refused: {error}", file=sys.stderr)
         return EXIT_BAD_PARAMETER

@@ -15,28 +15,14 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections_cloud, diagnostics, make_header
-from msg_adapters.sonar_images import (
-    BEARINGS,
-    IMAGES,
-    PLAN_PERIOD,
-    ImageInput,
-    detection_fields,
-    normalised_image,
-    plan_message,
-    plan_of,
-)
+from msg_adapters.image_input import PLAN_PERIOD, ImageInput, detection_fields
+from msg_adapters.sonar_images import BEARINGS, IMAGES, normalised_image, plan_message, plan_of
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.nodes.base_node import ParameterisedNode, run
-from tsepm_ros.nodes.subscriptions import (
-    MAX_BACKLOG,
-    DetectionsSubscription,
-    Pace,
-    QosWatch,
-    newest,
-    seconds_in_queue,
-)
+from tsepm_ros.nodes.pace import MAX_BACKLOG, Pace, newest, seconds_in_queue
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
 from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
@@ -91,8 +77,8 @@ class SonarDetector(ParameterisedNode):
             message, waited, skipped = newest(
                 message, information, pace.interval, self._images.take_waiting, pace.is_behind
             )
-            heard = [one.header.stamp for one in (*skipped, message)]
-            if number := pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in heard]):
+            stamps = [image.header.stamp for image in (*skipped, message)]
+            if number := pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps]):
                 self.drop("overload", TOO_FAST, number)
         self.take_image(message, waited)
 
@@ -128,10 +114,11 @@ class SonarDetector(ParameterisedNode):
 
     def _follow(self, ping: ImagePing) -> None:
         """Note the coverage of the images where it has changed."""
-        if self._input.coverage is None or self._input.coverage is self._coverage:
+        coverage = self._input.coverage
+        if coverage is None or coverage is self._coverage:
             return
-        self._coverage = self._input.coverage
-        near, far, low, high = self._coverage.values.values()
+        self._coverage = coverage
+        near, far, low, high = coverage.values.values()
         self.get_logger().info(
             f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
             + f"; {ping.corners}; compare this with the driver's own display" * bool(ping.corners)
@@ -140,13 +127,10 @@ class SonarDetector(ParameterisedNode):
 
     def _ask(self) -> None:
         """Ask the tracker for its coverage: it may have started, or started again, since."""
-        if (
-            self._tracker is not None
-            and self._coverage is not None
-            and self._tracker.services_are_ready()
-        ):
+        tracker = self._tracker
+        if tracker is not None and self._coverage is not None and tracker.services_are_ready():
             self._asked.cancel()  # without an answer until now: that tracker is no more
-            self._asked = self._tracker.get_parameters(
+            self._asked = tracker.get_parameters(
                 [f"sensor.{name}" for name in COVERAGE], self._tell
             )
 
@@ -154,7 +138,7 @@ class SonarDetector(ParameterisedNode):
         """Tell the tracker the coverage of the images where its own is another."""
         if self._tracker is None or self._coverage is None or future.cancelled():
             return
-        known = [one.double_value for one in future.result().values]
+        known = [parameter.double_value for parameter in future.result().values]
         if len(known) != len(COVERAGE) or not self._coverage.agrees(known):
             values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
@@ -179,23 +163,22 @@ class SonarDetector(ParameterisedNode):
             "image_age_s": pace.age,
             **{f"dropped.{name}": count for name, count in self.dropped.items()},
         }
-        level, message = Level.OK, "detections are made of images"
-        if self.dropped[INTERNAL_ERROR]:
-            level, message = Level.ERROR, REPORT_IT
-        elif pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG):
-            level, message = (
-                Level.WARN,
-                f"cannot keep up: an image takes {pace.time:.3g} s, one comes every "
-                f"{pace.interval:.3g} s, the last was finished {pace.age:.3g} s after its arrival; "
-                f"{self.dropped['overload']} were passed over. Reduce the sonar's rate, or the "
-                "cells of its images",
-            )
-        elif turns.state:
-            level, message = Level.WARN, turns.state
-        elif not values["images"]:
-            level, message = Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"
-        elif self.dropped:
-            level, message = Level.WARN, "images were dropped; the log says why"
+        cannot_keep_up = (
+            f"cannot keep up: an image takes {pace.time:.3g} s, one comes every "
+            f"{pace.interval:.3g} s, the last was finished {pace.age:.3g} s after its arrival; "
+            f"{self.dropped['overload']} were passed over. Reduce the sonar's rate, or the "
+            "cells of its images"
+        )
+        is_late = pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG)
+        states: tuple[tuple[Any, Level, str], ...] = (
+            (self.dropped[INTERNAL_ERROR], Level.ERROR, REPORT_IT),
+            (is_late, Level.WARN, cannot_keep_up),
+            (turns.state, Level.WARN, turns.state),
+            (not values["images"], Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"),
+            (self.dropped.total(), Level.WARN, "images were dropped; the log says why"),
+            (True, Level.OK, "detections are made of images"),
+        )
+        _, level, message = next(state for state in states if state[0])
         status = Status(OVERALL, level, message, values)
         self._health.publish(
             diagnostics(

@@ -1,29 +1,17 @@
-"""Subscriptions: types and reliability as offered, queues, and own ship from tf.
+"""Subscriptions with the message type and the reliability that the publishers offer.
 
-Topics on which the quality of service of publisher and subscriber is incompatible.
-
-How long messages waited in the middleware's queue, and which of them are skipped.
-
-A subscription with the reliability that the publishers offer.
-
-Subscription to the detections with the message type and reliability of the driver.
-
-Own-ship poses from tf, if tf2_ros is installed.
+Publishers and subscribers whose qualities of service do not fit are counted.
 """
 
 from __future__ import annotations
 
-import math
-import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
+from itertools import islice
 from typing import Any
 
-import numpy as np
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import (
@@ -34,120 +22,20 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_check_compatible,
 )
-from rclpy.time import Time
 
 from msg_adapters import MessageError, message_class, supported_types
-from tsepm_ros.nodes.base_node import ParameterError, refusing
-from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of
-from tsepm_ros.session.session import Session
+from tsepm_ros.nodes.base_node import refusing
 
-MAX_BACKLOG = 2.0
-"""Time in the queue from which on the newest message is taken, s."""
-BACKLOG_INTERVALS = 5.0
-"""The same in scan intervals: a burst of a slow sonar is processed whole."""
-LAST_IMAGES = 9
-"""Images of which the interval and the time are the medians."""
-LONGEST = 600.0
-"""Time in the queue above which the clocks of publisher and subscriber differ, s."""
-
-
-def seconds_in_queue(information: Any) -> float:
-    """Time that a message waited in the middleware, s, by the information that came with it.
-
-    From its arrival here, where the middleware notes that, else from its publication. 0 where
-    neither is known, or where the clocks of the two computers differ.
-
-    Parameters
-    ----------
-    information : mapping or rmw_message_info_t
-        `received_timestamp` and `source_timestamp`, ns of the system clock.
-    """
-    stamp = information["received_timestamp"] or information["source_timestamp"]
-    if stamp <= 0:
-        return 0.0
-    waited = 1e-9 * (time.time_ns() - stamp)
-    return waited if 0.0 <= waited <= LONGEST else 0.0
-
-
-def newest(
-    message: Any,
-    information: Any,
-    interval: float,
-    take_waiting: Callable[[], list[tuple[Any, Any]]],
-    is_behind: bool = False,
-) -> tuple[Any, float, list[Any]]:
-    """The message to be processed: the newest, where the oldest waited too long in the queue.
-
-    Parameters
-    ----------
-    message, information
-        The oldest in the queue.
-    interval : float
-        Between scans, s; 0 while it is unknown.
-    take_waiting : callable
-        Takes all others from the queue, oldest first.
-    is_behind : bool, optional
-        Whether messages come faster than they are processed: then the newest in any case.
-
-    Returns
-    -------
-    message : Any
-    waited : float
-        s.
-    skipped : list
-        Older messages that are not processed, oldest first.
-    """
-    waited = seconds_in_queue(information)
-    is_late = interval and waited > max(MAX_BACKLOG, BACKLOG_INTERVALS * interval)
-    heard = [(message, information)]
-    if is_late or is_behind:
-        heard += take_waiting()
-    *skipped, (message, information) = heard
-    return message, seconds_in_queue(information), [one for one, _ in skipped]
-
-
-class Pace:
-    """How fast images come, and how fast they are processed.
-
-    Attributes
-    ----------
-    interval, time : float
-        Medians of the last `LAST_IMAGES`: between stamps, and that an image takes, s; 0: unknown.
-    arrived : float
-        When the message in work arrived, s of the monotonic clock.
-    age : float
-        Of the last image, from its arrival to the end of publishing, s.
-    """
-
-    def __init__(self) -> None:
-        self._stamps = deque[float](maxlen=LAST_IMAGES)
-        self._times = deque[float](maxlen=LAST_IMAGES)
-        self._free = self.arrived = time.monotonic()
-        self.age = self.interval = self.time = 0.0
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether images come faster than they are processed."""
-        return 0.0 < self.interval < self.time
-
-    def came(self, stamps: Sequence[float]) -> int:
-        """Note images by their stamps, s, all but the last passed over; the number of these.
-
-        By the interval it includes those that the middleware has overwritten.
-        """
-        last, passed = (self._stamps or stamps)[-1], len(stamps) - 1
-        self._stamps.extend(stamps)
-        steps = [step for step in np.diff(self._stamps).tolist() if step > 0.0]
-        self.interval = float(np.median(steps or [0.0]))
-        gap = round((stamps[-1] - last) / (self.interval or math.inf))
-        return max(passed, gap - 1) if passed else 0
-
-    def done(self) -> None:
-        """Note the end of an image: it took what has passed since its arrival, or the last end."""
-        now = time.monotonic()
-        self._times.append(now - max(self._free, self.arrived))
-        self._free, self.age, self.time = now, now - self.arrived, float(np.median(self._times))
+DEFAULT_TYPE = "sensor_msgs/msg/PointCloud2"
+"""Type that is subscribed to while there is no publisher."""
+POLL_PERIOD = 0.2
+"""Period of the graph queries while no driver is known, s."""
+CONNECTED_POLL_PERIOD = 2.0
+"""Period of the graph queries once a driver is known, s."""
+NOT_RELIABLE = (
+    "reliable delivery, so its messages are not received; set detections_reliability to auto or "
+    "best_effort"
+)
 
 
 class QosWatch:
@@ -201,7 +89,7 @@ class QosWatch:
             == QoSCompatibility.ERROR
             for offer in publishers
             for request in subscriptions
-            if own in [(one.node_name, one.node_namespace) for one in (offer, request)]
+            if own in [(end.node_name, end.node_namespace) for end in (offer, request)]
         )
 
 
@@ -265,19 +153,13 @@ class OfferedSubscription:
 
     def take_waiting(self) -> list[tuple[Any, Any]]:
         """Take all messages that wait in the middleware, oldest first, with their information."""
-        taken: list[tuple[Any, Any]] = []
-        while len(taken) < self._depth and (entry := self.take()) is not None:
-            taken.append(entry)
-        return taken
+        return list(islice(iter(self.take, None), self._depth))
 
-    def take(self) -> tuple[Any, Any] | None:
+    def take(self) -> Any:
         """Take the oldest message that waits in the middleware with its information, or None."""
         subscription = self._subscription
         with subscription.handle:
-            entry: tuple[Any, Any] | None = subscription.handle.take_message(
-                subscription.msg_type, subscription.raw
-            )
-        return entry
+            return subscription.handle.take_message(subscription.msg_type, subscription.raw)
 
     def end(self) -> None:
         """End the subscription."""
@@ -306,19 +188,6 @@ class OfferedSubscription:
             )
         self.end()
         self._subscribe(reliability)
-
-
-DEFAULT_TYPE = "sensor_msgs/msg/PointCloud2"
-"""Type that is subscribed to while there is no publisher."""
-POLL_PERIOD = 0.2
-"""Period of the graph queries while no driver is known, s."""
-CONNECTED_POLL_PERIOD = 2.0
-"""Period of the graph queries once a driver is known, s."""
-
-NOT_RELIABLE = (
-    "reliable delivery, so its messages are not received; set detections_reliability to auto or "
-    "best_effort"
-)
 
 
 class DetectionsSubscription:
@@ -400,8 +269,9 @@ class DetectionsSubscription:
             node.get_logger().info(
                 f"waiting for a publisher of {node.resolve_topic_name(self._topic)}"
             )
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._poll_timer = node.create_timer(POLL_PERIOD, self._query_publishers, clock=steady)
+        self._poll_timer = node.create_timer(
+            POLL_PERIOD, self._query_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         self._query_publishers(at_start=True)
 
     def take_waiting(self) -> list[tuple[Any, Any]]:
@@ -424,8 +294,9 @@ class DetectionsSubscription:
         readable = [publisher for publisher in publishers if not self._fault(publisher.topic_type)]
         if readable and not self.subscribed:
             kind = readable[0].topic_type
-            offers = {one.qos_profile.reliability for one in readable if one.topic_type == kind}
-            less = ReliabilityPolicy.BEST_EFFORT in offers
+            less = (kind, ReliabilityPolicy.BEST_EFFORT) in [
+                (publisher.topic_type, publisher.qos_profile.reliability) for publisher in readable
+            ]
             if self._subscription is not None and (less or self._subscription.provisional != kind):
                 self._subscription.end()
                 self._subscription = None
@@ -436,24 +307,22 @@ class DetectionsSubscription:
             asked = self._asked or ReliabilityPolicy.RELIABLE
             self._subscription = self._make(self._expected, asked)
             self._subscription.provisional = self._expected
-        for name in self._published_types:
-            if name != self.subscribed and name not in self._refused_types:
-                self._refused_types.add(name)
-                self._log_unread(name)
+        for name in sorted({*self.unread} - self._refused_types):
+            self._log_unread(name)
+        self._refused_types.update(self.unread)
         if readable:
             self._poll_timer.timer_period_ns = int(CONNECTED_POLL_PERIOD * 1e9)
 
     def _log_unread(self, type_name: str) -> None:
         """Log why messages of a published type are not read."""
         published = f"{self._node.resolve_topic_name(self._topic)} is published as {type_name}"
-        fault = self._fault(type_name)
-        if fault:
+        if fault := self._fault(type_name):
             self._node.get_logger().error(f"{published}, {fault}")
-            return
-        self._node.get_logger().warning(
-            f"{published}, but this node has subscribed to it as {self.subscribed}; messages of "
-            "the other type are not read; restart the node to use that type"
-        )
+        else:
+            self._node.get_logger().warning(
+                f"{published}, but this node has subscribed to it as {self.subscribed}; messages "
+                "of the other type are not read; restart the node to use that type"
+            )
 
     def _fault(self, type_name: str) -> str:
         """Why a type is not read; empty if it is."""
@@ -477,121 +346,3 @@ class DetectionsSubscription:
             f"subscribed to {self._node.resolve_topic_name(self._topic)} as {type_name}, "
             f"{reliability.name.lower()}"
         )
-
-
-CACHE_TIME = 120.0
-"""Time for which transforms are kept, s: a ping arrives many seconds after its stamp."""
-VELOCITY_SPAN = 1.0
-"""Time between two poses of tf whose difference is a velocity, s."""
-SAMPLE_PERIOD = 0.2
-"""Interval of the poses over a scan's echoes, s: short compared to a small boat's roll period."""
-
-
-def tf_look_up(
-    node: Node, session: Session, buffer: Any = None
-) -> Callable[[str, float, float, str], str]:
-    """Return a function that gives a session the sensor's poses from tf.
-
-    Its arguments are the sensor's frame, the first and the last stamp (s) for which poses are
-    needed, and the frame's axes that point ahead, to port and up, by a name of
-    `tsepm_ros.own_ship.registration.AXES`. It returns what tf does not have, in words; an empty
-    text if tf has all.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    session : Session
-        Takes the poses.
-    buffer : tf2_ros.Buffer, optional
-        By default a new buffer with a listener.
-
-    Raises
-    ------
-    ParameterError
-        If tf2_ros is not installed, or no fixed frame is given.
-    """
-    fixed_frame = session.fixed_frame
-    if not fixed_frame:
-        raise ParameterError("fixed_frame must be given where own_ship_source is tf")
-    buffer = tf_buffer(node) if buffer is None else buffer
-
-    def look_up(frame: str, first: float, last: float, axes: str) -> str:
-        intervals = max(1, math.ceil((last - first) / SAMPLE_PERIOD))
-        for stamp in np.linspace(first, last, intervals + 1).tolist():
-            newest = session.own_ship.poses.last_stamp
-            if stamp < 0 or (newest is not None and stamp <= newest):
-                continue
-            at = Time(nanoseconds=round(stamp * 1e9))
-            if not buffer.can_transform(fixed_frame, frame, at):
-                return f"tf has no transform from {frame!r} to {fixed_frame!r} at {stamp:.3f} s"
-            transform = buffer.lookup_transform(fixed_frame, frame, at).transform
-            session.add_own_ship(_sample(stamp, transform, axes, fixed_frame))
-        return ""
-
-    return look_up
-
-
-def tf_buffer(node: Node) -> Any:
-    """Return a tf2_ros.Buffer with a listener.
-
-    Raises
-    ------
-    ParameterError
-        If tf2_ros is not installed.
-    """
-    try:
-        import tf2_ros
-    except ImportError:
-        raise ParameterError(
-            "own_ship_source is tf, but the package tf2_ros is not installed"
-        ) from None
-    buffer = tf2_ros.Buffer(cache_time=Duration(seconds=CACHE_TIME), node=node)
-    tf2_ros.TransformListener(buffer, node)  # the node's subscriptions keep it
-    return buffer
-
-
-def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> PoseSample:
-    """Pose and velocity of a vessel at a stamp, or the newest before, as tf has them.
-
-    Parameters
-    ----------
-    buffer : tf2_ros.Buffer
-    fixed_frame, frame : str
-        Of the result, and of the vessel.
-    stamp : float
-        s.
-
-    Returns
-    -------
-    PoseSample
-        Without a velocity if tf has no pose `VELOCITY_SPAN` before.
-
-    Raises
-    ------
-    MessageError
-        If tf has no pose: ``no_own_ship``.
-    """
-    at = Time(nanoseconds=max(0, round(stamp * 1e9)))
-    at = at if buffer.can_transform(fixed_frame, frame, at) else Time()  # the newest
-    if not (fixed_frame and buffer.can_transform(fixed_frame, frame, at)):
-        raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
-    found = buffer.lookup_transform(fixed_frame, frame, at)
-    stamp = Time.from_msg(found.header.stamp).nanoseconds * 1e-9
-    sample = _sample(stamp, found.transform, "body", fixed_frame)
-    before = Time(nanoseconds=max(1, round((stamp - VELOCITY_SPAN) * 1e9)))
-    if not buffer.can_transform(fixed_frame, frame, before):
-        return sample
-    earlier = buffer.lookup_transform(fixed_frame, frame, before).transform
-    start = _sample(stamp, earlier, "body", fixed_frame)
-    vx, vy = (sample.x - start.x) / VELOCITY_SPAN, (sample.y - start.y) / VELOCITY_SPAN
-    return replace(sample, rates=(vx, vy, math.nan))
-
-
-def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
-    q, world = transform.rotation, east_north_up(frame_id)
-    x, y = (world[:2, :2] @ [transform.translation.x, transform.translation.y]).tolist()
-    try:
-        yaw, pitch, roll = angles_of(world @ rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
-    except ValueError:  # no heading: the session refuses and counts nan
-        yaw = pitch = roll = math.nan
-    return PoseSample(stamp, x, y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)

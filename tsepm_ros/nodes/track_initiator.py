@@ -18,17 +18,13 @@ from msg_adapters.message_input import MessageInput
 from tsepm_ros.diagnostics.health import Health, unused_own_ship_on
 from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.nodes.base_node import OVERRIDABLE, NodeClocks, ParameterisedNode, run
+from tsepm_ros.nodes.pace import newest
 from tsepm_ros.nodes.publishers import (
     TrackAnnouncements,
     TrackOutputs,
 )
-from tsepm_ros.nodes.subscriptions import (
-    DetectionsSubscription,
-    OfferedSubscription,
-    QosWatch,
-    newest,
-    tf_look_up,
-)
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, OfferedSubscription, QosWatch
+from tsepm_ros.nodes.tf_own_ship import tf_look_up
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.session.drop_reasons import DETECTIONS, INTERNAL_ERROR, OWN_SHIP, shortened

@@ -21,7 +21,8 @@ from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
 from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch, tf_buffer, tf_own_ship
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
+from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged

@@ -23,7 +23,7 @@ import numpy as np
 from msg_adapters.sonar_images import in_words, located, to_side
 from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, method_class
-from tsepm_ros.parameters import Value
+from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
 from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml, section, yaml_text
 from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
@@ -36,10 +36,19 @@ from tsepm_ros.whole_files import write_text, written_whole
 Answers = Mapping[str, float]
 Sections = dict[str, dict[str, Value]]
 """Values of parameters by the key of their section."""
-
+LEARNED = """the node learns the clutter density by place, the detection probability, and whether
+targets have several detections in a ping"""
+OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column")
+"""Questions that are asked where the driver publishes images."""
+SHARED = ("sensor.min_range", "sensor.azimuth_min", "sensor.azimuth_max", "sound_speed")
+"""Parameters that both nodes have. The farthest range of the detector is that of the images, which
+grows with the driver's range setting."""
+UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
 CELL_TO_STD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
 ALL_ROUND = 360.0
+MOST = 1e8
+"""Largest answer of a question that states none."""
 FALSE_DETECTIONS = (10.0, 50.0, 250.0)
 """False detections per ping for which the performance is estimated: they are not known before."""
 MIN_STALE, STALE_PINGS = 5.0, 5.0
@@ -55,6 +64,8 @@ MOUNTING = (
 """Name, wording, unit and bound of the parts of the mounting that are asked for."""
 ROWS = ("auto", "ranges", "beams", "fan")
 ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
+SENSOR, COMMON = SensorModel(), CommonOptions()
+"""The defaults of the node."""
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -87,7 +98,7 @@ class Question:
     explanation: str
     default_answer: float | Callable[[Answers], float]
     minimum: float = 0.0
-    maximum: float = math.inf
+    maximum: float = MOST
     positive: bool = False
     choices: tuple[str, ...] = ()
 
@@ -127,19 +138,12 @@ class Question:
 
     def checked(self, value: float) -> float:
         """The answer, if it is within the bounds; else ValueError."""
-        inside = self.minimum <= value <= self.maximum and not (self.positive and value <= 0.0)
-        if not inside or not math.isfinite(value):
-            low = "above 0" if self.positive else f"at least {self.minimum:g}"
-            high = f" and at most {self.maximum:g}" if self.maximum < math.inf else ""
-            raise ValueError(f"{self.argument} must be {low}{high}; got {value:g}")
-        return value
-
-
-UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
+        bounds = self.minimum, self.maximum, self.positive
+        return float(Parameter(self.argument, 0.0, self.text, self.unit, *bounds).check(value))
 
 
 def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
-    return lambda answers: _rounded(answers[name] * CELL_TO_STD) or unknown
+    return lambda answers: float(f"{answers[name] * CELL_TO_STD:.3g}") or unknown
 
 
 def _ping_interval(answers: Answers) -> float:
@@ -151,19 +155,13 @@ def _ping_interval(answers: Answers) -> float:
     return float(f"{math.ceil(travel / step - 1e-9) * step:.2g}")
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.3g}")
-
-
-_SENSOR, _COMMON = SensorModel(), CommonOptions()
-
 QUESTIONS = (
     Question(
         "max_range",
         "Range setting, the farthest range",
         "m",
         "Detections far beyond it are not used.",
-        _SENSOR.max_range,
+        SENSOR.max_range,
         positive=True,
     ),
     Question(
@@ -171,7 +169,7 @@ QUESTIONS = (
         "Blanking distance, the nearest range",
         "m",
         "Nearer targets cannot be detected; an image may begin at another range.",
-        _SENSOR.min_range,
+        SENSOR.min_range,
     ),
     Question(
         "sector",
@@ -229,7 +227,7 @@ QUESTIONS = (
         "Range error that grows with range, one standard deviation",
         "%",
         "Mostly of the sound speed: 1.5 where it is assumed, 0.5 where it is measured.",
-        100.0 * _SENSOR.range_std_fraction,
+        100.0 * SENSOR.range_std_fraction,
         maximum=100.0,
     ),
     Question(
@@ -253,7 +251,7 @@ QUESTIONS = (
         "Maximum speed of targets",
         "m/s",
         "Swimmer 2, underwater vehicle 5, ship 15; faster targets are not found.",
-        _COMMON.max_speed,
+        COMMON.max_speed,
         maximum=1e4,
         positive=True,
     ),
@@ -262,7 +260,7 @@ QUESTIONS = (
         "Extent of targets, their length",
         "m",
         "Echoes so near to each other become one. 0: learned from the detections.",
-        _COMMON.target_extent,
+        COMMON.target_extent,
         maximum=1e3,
     ),
     Question(
@@ -288,7 +286,6 @@ QUESTIONS = (
         "Of sensor_msgs/Image, not the blanking distance; of a fan 0. -1: the messages state it.",
         -1.0,
         minimum=-1.0,
-        maximum=1e8,
     ),
     Question(
         "far_range",
@@ -297,7 +294,6 @@ QUESTIONS = (
         "As for the nearest row.",
         -1.0,
         minimum=-1.0,
-        maximum=1e8,
     ),
     Question(
         "near_row",
@@ -354,13 +350,11 @@ QUESTIONS = (
     ),
 )
 """In the order in which they are asked; a default depends on earlier answers only."""
-OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column")
-"""Questions that are asked where the driver publishes images."""
 
 
 def _meant(answers: Answers) -> list[Question]:
     """The questions that are not of images where there are none."""
-    return [one for one in QUESTIONS if one.name not in OF_IMAGES or answers["images"]]
+    return [each for each in QUESTIONS if each.name not in OF_IMAGES or answers["images"]]
 
 
 def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[str, float]:
@@ -380,22 +374,23 @@ def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[s
     answers: dict[str, float] = {}
     for question in QUESTIONS:
         name, default = question.name, question.default(answers)
-        if name in given:
-            answers[name] = question.checked(given[name])
-        elif (
+        if (
             ask is None
+            or name in given
             or (name.startswith("mounting") and answers["own_ship"] != ODOMETRY)
             or (name in OF_IMAGES and not answers["images"])
         ):
-            answers[name] = question.checked(default)
+            answers[name] = question.checked(given.get(name, default))
         else:
             answers[name] = _asked(question, default, ask)
     return answers
 
 
 def _asked(question: Question, default: float, ask: Callable[[str], str]) -> float:
-    shown = question.shown(default)
-    prompt = f"{question.text} ({question.unit})\n  {question.explanation}\n  [{shown}]: "
+    prompt = (
+        f"{question.text} ({question.unit})\n  {question.explanation}\n"
+        f"  [{question.shown(default)}]: "
+    )
     while True:
         try:
             text = ask(prompt).strip()
@@ -417,15 +412,20 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     ValueError
         If the answers contradict each other; the message has the parameter's name.
     """
+    beam, cell = answers["beam_width"], answers["range_cell"]
+    if answers["extent"]:
+        # The echoes of one target also lie apart by their errors: by a cell of such errors.
+        beam = beam or min(answers["bearing_accuracy"] / CELL_TO_STD, math.degrees(1.0))
+        cell = cell or min(answers["range_accuracy"] / CELL_TO_STD, 1e4)
     values: dict[str, Value] = {
         "method": "score",
         "sensor.max_range": answers["max_range"],
         "sensor.min_range": answers["min_range"],
         "sensor.azimuth_std": math.radians(answers["bearing_accuracy"]),
-        "sensor.azimuth_resolution": math.radians(answers["beam_width"]),
+        "sensor.azimuth_resolution": math.radians(beam),
         "sensor.range_std": answers["range_accuracy"],
         "sensor.range_std_fraction": answers["range_error"] / 100.0,
-        "sensor.range_resolution": answers["range_cell"],
+        "sensor.range_resolution": cell,
         "sound_speed": answers["sound_speed"],
         "max_speed": answers["max_speed"],
         "target_extent": answers["extent"],
@@ -436,15 +436,12 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     }
     if answers["sector"] < ALL_ROUND:
         half = 0.5 * answers["sector"]
-        values["sensor.azimuth_min"] = math.radians(answers["sector_centre"] - half)
-        values["sensor.azimuth_max"] = math.radians(answers["sector_centre"] + half)
+        values |= {
+            "sensor.azimuth_min": math.radians(answers["sector_centre"] - half),
+            "sensor.azimuth_max": math.radians(answers["sector_centre"] + half),
+        }
     if answers["extent"]:
         values["plots"] = "on"
-        # The echoes of one target also lie apart by their errors: by a cell of such errors.
-        beam = min(answers["bearing_accuracy"] / CELL_TO_STD, math.degrees(1.0))
-        values["sensor.azimuth_resolution"] = math.radians(answers["beam_width"] or beam)
-        cell = min(answers["range_accuracy"] / CELL_TO_STD, 1e4)
-        values["sensor.range_resolution"] = answers["range_cell"] or cell
     if answers["false_detections"]:
         sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
         values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
@@ -452,8 +449,10 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
         if answer := answers[f"mounting_{name}"]:
             values[f"mounting.{name}"] = math.radians(answer) if unit == "degrees" else answer
     if known_interval:
-        values["diagnostics.scan_period"] = answers["interval"]
-        values["diagnostics.stale_time"] = max(MIN_STALE, STALE_PINGS * answers["interval"])
+        values |= {
+            "diagnostics.scan_period": answers["interval"],
+            "diagnostics.stale_time": max(MIN_STALE, STALE_PINGS * answers["interval"]),
+        }
     values = {
         name: float(f"{value:.6g}") if isinstance(value, float) else value
         for name, value in values.items()
@@ -462,39 +461,28 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     return values
 
 
-SHARED = (
-    *(f"sensor.{name}" for name in ("min_range", "max_range", "azimuth_min", "azimuth_max")),
-    "sound_speed",
-)
-"""Parameters that both nodes have."""
-
-
 def sections(answers: Answers, values: dict[str, Value]) -> Sections:
     """Sections of the parameter file: values of the tracker, and with images of the detector."""
     if not answers["images"]:
         return {ANY_NODE: values}
-    number = answers["false_detections"] or DetectorOptions().false_detections_per_ping
     near, far = answers["near_range"], answers["far_range"]
     if max(near, far) >= 0.0 and not 0.0 <= near < far:
         raise ValueError(
             f"--near-range and, above it, --far-range must both be given; got {near:g} and {far:g}"
         )
-    layout: dict[str, Value] = {
+    number = answers["false_detections"] or DetectorOptions().false_detections_per_ping
+    detector: dict[str, Value] = {
+        "false_detections_per_ping": number,
         "image.rows": ROWS[int(answers["rows"])],
         "image.near_range": near,
         "image.far_range": far,
         "image.near_first": bool(answers["near_row"]),
         "image.port_first": not answers["first_column"],
         "image.clockwise": False,
+        **{name: values[name] for name in SHARED if name in values},
     }
-    shared = {name: values[name] for name in SHARED if name in values}
-    detector = {"false_detections_per_ping": number} | layout | shared
     make_groups(SONAR_DETECTOR, detector)
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
-
-
-LEARNED = """the node learns the clutter density by place, the detection probability, and whether
-targets have several detections in a ping"""
 
 
 def print_methods(options: argparse.Namespace) -> None:
@@ -550,8 +538,10 @@ def run_init(options: argparse.Namespace) -> None:
         If an answer is not allowed, or the file exists.
     """
     path = Path(options.file)
-    if path.exists() and not options.force:
-        raise ValueError(f"{path} exists; give another name, or --force to overwrite it")
+    picture = path.with_name(f"{path.stem}_image.png")
+    for file in (path, picture):
+        if file.exists() and not options.force:
+            raise ValueError(f"{file} exists; give another name, or --force to overwrite it")
     if not path.absolute().parent.is_dir():
         raise ValueError(f"there is no folder for {path}")
     given = {
@@ -565,27 +555,24 @@ def run_init(options: argparse.Namespace) -> None:
     answers = completed(given)
     values = parameters(answers, known_interval="interval" in given)
     content = sections(answers, values)
-    picture = path.with_name(f"{path.stem}_image.png")
-    drawn = bool(answers["images"]) and answers["far_range"] > 0.0
-    if drawn and picture.exists() and not options.force:
-        raise ValueError(f"{picture} exists; give another name, or --force to overwrite it")
     write_text(path, file_text(content, _line(path, answers, given)))
-    missing = [question for question in _meant(answers) if question.name not in given]
+    missing = [
+        f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
+        for question in _meant(answers)
+        if question.name not in given
+    ]
     if missing:
-        print("not given, defaults taken:")
-        for question in missing:
-            print(
-                f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
-            )
+        print("not given, defaults taken:", *missing, sep="\n")
     print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
-    if drawn:
+    if answers["images"] and answers["far_range"] > 0.0:
         _draw_layout(picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"]))
-    source = values["own_ship_source"]
+    source = str(values["own_ship_source"])
     more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
-    runs = {"sonar_detector": "image", "track_initiator": ""}
-    runs = runs if answers["images"] else {"track_initiator": "detections"}
-    lines = "".join(f"\n  {_run_line(path, *one)}" for one in runs.items())
-    print(f"written: {path}; run it with{lines}{more.get(str(source), '')}")
+    of_images = {"sonar_detector": " -r image:=YOUR_TOPIC", "track_initiator": ""}
+    runs = of_images if answers["images"] else {"track_initiator": " -r detections:=YOUR_TOPIC"}
+    arguments = f"--ros-args --params-file {shlex.quote(str(path))}"
+    lines = [f"ros2 run tsepm_ros {node} {arguments}{topic}" for node, topic in runs.items()]
+    print(f"written: {path}; run it with", *lines, sep="\n  ", end=f"{more.get(source, '')}\n")
     if source == "none":
         print("on a moving vessel give --own-ship odometry, or tf")
 
@@ -598,19 +585,20 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
         print("no picture of the image: it needs matplotlib, see the extra plot")
         return
     layout, sensor = groups[ImageLayout], groups[Coverage]
-    span = sensor.azimuth_max - sensor.azimuth_min
-    wide = 2.0 * math.sin(min(0.5 * span, 0.5 * math.pi)) if layout.rows == "fan" else 1.5
-    shape = (400, 400) if span > math.pi and layout.rows == "fan" else (300, round(300 * wide))
     ends, sector = (layout.near_range, layout.far_range), (sensor.azimuth_min, sensor.azimuth_max)
-    rows, columns = np.indices(shape).astype(float)
+    half = 0.5 * (sector[1] - sector[0])
+    of_fan = 1.0 if half > 0.5 * math.pi else 2.0 * math.sin(half)
+    shape = 300, round(300 * (of_fan if layout.rows == "fan" else 1.5))
+    rows, columns = np.indices(shape, float)
     range_, azimuth, down = located(rows, layout, ends, sector)
     across = located(columns, layout, ends, sector)[2]
     ahead, port = (range_ * turn(azimuth)[:, None] for turn in (np.cos, np.sin))
     figure = Figure(figsize=(13, 7), layout="constrained")
-    words = textwrap.wrap(in_words(rows, layout, range_, azimuth).partition(": ")[2], 110)
-    figure.suptitle("\n".join(words))
-    sides, (b, m) = sorted([0, -1], key=lambda place: float(azimuth[place])), down.shape
-    beam, cell = b // 2 + (b // 4) * (1 if sides[1] else -1), m * 3 // 4
+    words = in_words(rows, layout, range_, azimuth).partition(": ")[2]
+    figure.suptitle(textwrap.fill(words, 110))
+    (b, m), to_port = down.shape, np.argsort(azimuth)
+    beam, cell, arcs = to_port[b * 3 // 4], m * 3 // 4, np.linspace(0, m - 1, 5).round().astype(int)
+    target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
     for axes, x, y, title in zip(
         figure.subplots(1, 2),
         (across, -port),
@@ -618,12 +606,11 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
         ("the image as the driver sends it\n", "from above, m: ahead is up, port is at the left\n"),
         strict=True,
     ):
-        for k in np.linspace(0, m - 1, 5).round().astype(int):
-            axes.plot(x[:, k], y[:, k], color="grey", lw=1)
+        axes.plot(x[:, arcs], y[:, arcs], color="grey", lw=1)
+        for k in arcs:
             axes.text(x[b // 2, k], y[b // 2, k], f"{range_[k]:.3g} m", ha="center", va="bottom")
-        for place, colour in zip(sides, ("green", "red"), strict=True):
-            axes.plot(x[place], y[place], color=colour, lw=4, label=to_side(azimuth[place]))
-        target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
+        for side, colour in zip(to_port[[0, -1]], ("green", "red"), strict=True):
+            axes.plot(x[side], y[side], color=colour, lw=4, label=to_side(azimuth[side]))
         axes.plot(x[beam, cell], y[beam, cell], "*", color="black", ms=14, label=target)
         axes.set(title=title, aspect="equal")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06))
@@ -647,7 +634,9 @@ def file_text(content: Sections, line: str) -> str:
         "# Clutter density and detection probability are learned; a density here is the start.",
     ]
     for key, values in content.items():
-        lines += section(key) + [f"    {name}: {yaml_text(one)}" for name, one in values.items()]
+        lines += section(key) + [
+            f"    {name}: {yaml_text(value)}" for name, value in values.items()
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -698,8 +687,3 @@ def _line(path: Path, answers: Answers, given: Answers) -> str:
         if question.name != "interval" or question.name in given:
             words += [question.argument, question.shown(answers[question.name])]
     return shlex.join(words)
-
-
-def _run_line(path: Path, node: str, topic: str) -> str:
-    remap = f" -r {topic}:=YOUR_TOPIC" if topic else ""
-    return f"ros2 run tsepm_ros {node} --ros-args --params-file {shlex.quote(str(path))}{remap}"

@@ -1,0 +1,217 @@
+"""From arriving messages of images to detections, for the node and offline runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.sonar_images import Plan, plan_of, read_image, to_side
+from msg_adapters.stamps import MessageError
+from tsepm_ros.detector.detector import Detector
+from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.session.turn import ImagePing, ImageTurns
+from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import Coverage
+
+PLAN_PERIOD = 0.5
+"""Least time between two plans, s."""
+MOST_PLANS = 500
+"""Most plans of an offline run."""
+MOST_NAMED = 8
+"""Most bearings, or ranges, of a sentence."""
+ALL_ROUND = 6.0
+"""Bearings from which on more of them than ranges are nothing strange, rad."""
+LOOKS = 10
+"""Images of one shape that are looked at before a question is asked."""
+BRIGHT = 0.95
+"""Share of an image's cells below a level that most cells of a bright line are above."""
+ALTERNATES = (
+    "the ranges or the bearings of an image differ from those of the image before: the detector "
+    "learns anew at each change, and the coverage follows where the next image has it too"
+)
+
+
+class FirstLook:
+    """What the first images of a shape show that is no echo, or that another layout explains.
+
+    Parameters
+    ----------
+    looks : int, optional
+        Images in each of which it must be.
+    """
+
+    def __init__(self, looks: int = LOOKS) -> None:
+        self._looks, self._left, self._always = looks, 0, np.zeros(0, bool)
+
+    def add(self, ping: Any, rows: str = "") -> list[str]:
+        """Take an image; the sentences, with the last of the first images.
+
+        Parameters
+        ----------
+        ping : ImagePing or SonarImage
+        rows : str, optional
+            Of the layout by which a picture was read; empty: the message states its geometry.
+        """
+        b, m = ping.intensity.shape
+        if len(self._always) != b + m + 2:
+            self._left, self._always = self._looks, np.ones(b + m + 2, bool)
+        if self._left <= 0:
+            return []
+        finite = np.isfinite(ping.intensity)
+        low = np.where(finite, ping.intensity, ping.intensity.min(initial=0.0, where=finite))
+        middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
+        levels = [np.quantile(low, 0.5, axis=axis, method="lower") for axis in (1, 0)]
+        spread = [float(np.ptp(np.quantile(level, [0.1, 0.9]))) for level in levels]
+        varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
+        swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)
+        fan, asked = _is_fan(low) or _is_fan(low.T), rows not in ("", "fan")
+        self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
+        self._left -= 1
+        beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
+        named = ", ".join(f"{k} ({to_side(ping.azimuth[k])})" for k in beams[:MOST_NAMED])
+        span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
+        always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
+        other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")
+        sentences = {
+            f"{len(beams)} of {b} bearings are {always}; numbers, from 0: {named}. Bytes of gain "
+            "before each row, and lines of a display, count as bearings and shift the others: cut "
+            "them off the image": len(beams),
+            f"{len(cells)} of {m} ranges are {always}, from {span[0]:.4g} to {span[1]:.4g} m. If "
+            "that is the ring of the transmission, give sensor.min_range beyond it": len(cells),
+            f"{b} bearings of {m} ranges look transposed: if the rows of the image are {other[0]}, "
+            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[-2],
+            "the corners of the image are blank as around a fan, and it is read as bearings and "
+            "ranges: if it is a picture in x and y, give fan for rows (image.rows)": asked
+            and self._always[-1],
+        }
+        return [words for words, holds in sentences.items() if holds and not self._left]
+
+
+def _is_fan(values: NDArray[Any]) -> bool:
+    """Whether (b, m) values are blank at both sides, the less so the farther from an end."""
+    b, m = values.shape
+    filled = values != values[0, -1]
+    run = np.where(filled.any(axis=0), [filled.argmax(axis=0), filled[::-1].argmax(axis=0)], b)
+    ends = run[:, [m // 20, m // 10]], run[:, [-1 - m // 20, -1 - m // 10]]
+    return any(
+        0.5 * b > end[:, 0].min() > end[:, 1].max() >= end[:, 1].min() > 0.02 * b
+        and np.ptp(end, axis=0).max() <= 0.02 * b + 2.0
+        for end in ends
+    )
+
+
+class ImageInput:
+    """From arriving messages of images to detections, for the node and offline runs.
+
+    Parameters
+    ----------
+    options : mapping of type to options
+        Of the groups of SONAR_DETECTOR.
+    drop : callable
+        Called with a reason and a sentence for an image that is not used.
+    say : callable
+        Called with each sentence about what a message does not state.
+
+    Attributes
+    ----------
+    detector : Detector
+    turns : ImageTurns
+    in_parts : bool
+        Whether the last message was of some bearings of a turn.
+    coverage : ImageCoverage or None
+        Of the images, within the detector's: of the first, then of two in a row.
+    coverage_changes : int
+        Images with another coverage than the one before.
+    plans : list of Plan or None
+        Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
+    """
+
+    def __init__(
+        self,
+        options: Mapping[type[Any], Any],
+        drop: Callable[[str, str], None],
+        say: Callable[[str], None],
+    ) -> None:
+        self._options, self._drop, self._say = options, drop, say
+        self.plans: list[Plan] | None = None
+        self.in_parts, self._look = False, FirstLook()
+        self.turns = ImageTurns(drop, say)
+        self.detector = Detector(options[DetectorOptions], options[Coverage])
+        self.coverage: ImageCoverage | None = None
+        self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
+
+    def configure(self, options: Mapping[type[Any], Any]) -> None:
+        """Take changed options; what the detector learned stays unless its own changed."""
+        if any(options[kind] != self._options[kind] for kind in (DetectorOptions, Coverage)):
+            self.detector = Detector(options[DetectorOptions], options[Coverage])
+        self._options, self._look = options, FirstLook()
+
+    def take(
+        self, message: Any, is_late: Callable[[ImagePing], bool] = lambda turn: False
+    ) -> Iterator[tuple[ImagePing, Scan]]:
+        """Take a message; the pings that it completes and the detections of each.
+
+        Turns of bearings that are late are passed over.
+        """
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        layout: ImageLayout = self._options[ImageLayout]
+        try:
+            ping = read_image(message, layout, self._options[Coverage], given.sound_speed)
+        except MessageError as error:
+            self._drop(error.reason, f"image dropped: {error}")
+            return
+        for assumption in ping.assumptions:
+            self._say(assumption)
+        self.in_parts = ping.is_part
+        for whole in self.turns.add(ping):
+            if ping.is_part and is_late(whole):
+                continue
+            try:
+                axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
+                scan = self.detector.process(SonarImage(1e-9 * whole.stamp_ns, *axes))
+            except ValueError as error:
+                self._drop("bad_image", f"image dropped: {error}")
+                continue
+            for sentence in self._look.add(whole, layout.rows if whole.corners else ""):
+                self._say(sentence)
+            self._cover(whole)
+            self._draw(whole)
+            yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
+
+    def _cover(self, ping: ImagePing) -> None:
+        """Note the coverage of an image; another one counts where the next image has it too."""
+        now = ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
+        before, self._other = self._other, now
+        values = list(now.values.values())
+        if before is not None and not before.agrees(values):
+            self.coverage_changes += 1
+            self._say(ALTERNATES)
+        elif self.coverage is None or not self.coverage.agrees(values):
+            self.coverage = now
+
+    def _draw(self, ping: ImagePing) -> None:
+        """Keep the plan of an image, where these are kept."""
+        stages, plans = self.detector.stages, self.plans
+        if stages is None or plans is None or len(plans) >= MOST_PLANS:
+            return
+        if not plans or abs(ping.stamp_ns - plans[-1].stamp_ns) >= 1e9 * PLAN_PERIOD:
+            plans.append(plan_of(ping, stages))
+
+
+def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
+    """What a message of a ping's detections has: fields of `detections_cloud`, (n,) each.
+
+    Each echo has the time of its bearing and that of its travel, 0 where no sound speed is known.
+    """
+    travel = 2.0 * scan.range / (ping.sound_speed or np.inf)
+    sent = 0.0 if scan.time_offset is None else scan.time_offset
+    times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
+    fields = {
+        name: getattr(scan, name) for name in ("range", "azimuth", "range_std", "azimuth_std")
+    }
+    return fields | times | dict(scan.features)
