@@ -240,13 +240,9 @@ def odometry_message(sample: PoseSample) -> messages.Odometry:
     rotation = Rotation.from_euler("ZYX", [sample.yaw, sample.pitch, sample.roll])
     orientation.x, orientation.y, orientation.z, orientation.w = rotation.as_quat().tolist()
     vx, vy, yaw_rate = (0.0 if math.isnan(rate) else rate for rate in sample.rates or (0.0,) * 3)
-    linear = rotation.inv().apply([vx, vy, 0.0])
-    twist.linear.x, twist.linear.y, twist.linear.z = linear.tolist()
-    # Angular velocity, in the child frame, of a yaw rate at constant roll and pitch.
-    roll, pitch = sample.roll, sample.pitch
-    twist.angular.x = -yaw_rate * math.sin(pitch)
-    twist.angular.y = yaw_rate * math.cos(pitch) * math.sin(roll)
-    twist.angular.z = yaw_rate * math.cos(pitch) * math.cos(roll)
+    # In the child frame, at constant roll and pitch.
+    for vector, rates in ((twist.linear, [vx, vy, 0.0]), (twist.angular, [0.0, 0.0, yaw_rate])):
+        vector.x, vector.y, vector.z = rotation.inv().apply(rates).tolist()
     if sample.covariance is not None:
         message.pose.covariance = odometry_covariance(sample.covariance, (X, Y, YAW))
     return message

@@ -63,8 +63,8 @@ class BagMessage:
     data: bytes
 
 
-class Bag:
-    """A bag that is open for reading; closed at the end of its `with` block.
+class Bag(ExitStack):
+    """A bag that is open for reading; closed at the end of its `with` block, or by `close`.
 
     Where ROS is sourced, rosbag2_py reads it; else, and where that cannot, such as message types
     that are not installed, the library rosbags. The definitions of the messages that are read are
@@ -91,14 +91,14 @@ class Bag:
     """
 
     def __init__(self, path: Path | str) -> None:
+        super().__init__()
         self._path = Path(path)
-        self._open = ExitStack()
         self._files, self.notes = bag_files(self._path)
         with self._reading():
             try:
                 self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
             except Exception:  # rosbags reads more, with errors of its own
-                self._storage = _RosbagsStorage(self._files, self._open, self.notes)
+                self._storage = _RosbagsStorage(self._files, self, self.notes)
         self.topics = {name: present_name(kind) for name, (kind, _) in self._storage.topics.items()}
         self.start_ns, self.end_ns = self._storage.span_ns
         self._fitting: set[str] = set()
@@ -108,18 +108,6 @@ class Bag:
             for name in sorted(self._storage.undefined)
             if present_name(name) in LAYOUTS
         ]
-
-    def __enter__(self) -> Bag:
-        """Return the bag itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the bag; no more messages can be read."""
-        self._open.close()
 
     @property
     def duration(self) -> float:
@@ -146,11 +134,10 @@ class Bag:
         ValueError
             If the bag is damaged.
         """
-        known = [topic for topic in topics if topic in self.topics]
-        if not known:  # the libraries would return all topics
-            return
-        with self._reading():
-            yield from self._storage.messages(known, start_ns)
+        # Of no topics the libraries would return all.
+        if known := [topic for topic in topics if topic in self.topics]:
+            with self._reading():
+                yield from self._storage.messages(known, start_ns)
 
     def read(self, message: BagMessage) -> Any:
         """Return the content of a message, with the fields of its type as attributes.
@@ -403,7 +390,13 @@ class BagWriter:
         with suppress(ImportError):
             self._ros = import_module("rosbag2_py")
         try:
-            self._writer = self._opened(path)
+            if self._ros:
+                self._writer = self._ros.SequentialWriter()
+                options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
+                self._writer.open(options, self._ros.ConverterOptions("", ""))
+            else:
+                self._writer = mcap_writer(path)
+                self._writer.open()
         except ImportError:
             raise ValueError(
                 "to write a bag needs rosbag2_py of a sourced ROS, or the library rosbags: "
@@ -433,16 +426,6 @@ class BagWriter:
     def close(self) -> None:
         """Write what is left, and close the bag."""
         self._writer.close()
-
-    def _opened(self, path: Path) -> Any:
-        if self._ros:
-            writer = self._ros.SequentialWriter()
-            options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
-            writer.open(options, self._ros.ConverterOptions("", ""))
-            return writer
-        writer = mcap_writer(path)
-        writer.open()
-        return writer
 
 
 def mcap_writer(path: Path) -> Any:
@@ -531,22 +514,21 @@ def _find(topics: Mapping[str, str], role: str, given: str) -> str:
             )
         return topic
     named = _candidates(topics, role, types)
-    if role == DETECTIONS and not named:  # first detections: images may be a camera's
-        named = _candidates(topics, role, tuple(IMAGES))
+    # First detections: images may be a camera's.
+    named = named or _candidates(topics, role, IMAGES if role == DETECTIONS else ())
     if len(named) > 1:
         raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
     return named[0] if named else ""
 
 
-def _candidates(topics: Mapping[str, str], role: str, types: tuple[str, ...]) -> list[str]:
+def _candidates(topics: Mapping[str, str], role: str, types: Collection[str]) -> list[str]:
     """Topics of some types with the role's name; of detections and own ship else all inputs."""
     candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
     named = [topic for topic in candidates if _is_called(topic, role)]
-    if role in (DETECTIONS, OWN_SHIP) and not named:
-        return [
-            topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
-        ]
-    return named
+    inputs = candidates if role in (DETECTIONS, OWN_SHIP) else []
+    return named or [
+        topic for topic in inputs if not any(_is_called(topic, name) for name in _OUTPUTS)
+    ]
 
 
 def _is_called(topic: str, name: str) -> bool:

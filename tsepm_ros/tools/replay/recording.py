@@ -67,11 +67,6 @@ EXPECTED = (
     f"with {METADATA}, or its {MCAP} or {SQLITE} file"
 )
 
-_ROS_1 = "is a ROS 1 bag: convert it by rosbags-convert --src {path} --dst {path.stem}"
-_PACKED = (
-    "is compressed: unpack it ({tool}), or name the folder of a compressed bag, if it has "
-    f"{METADATA}"
-)
 _EMPTY, _OTHER, _LFS, _ANNEX = "empty", "other", "git LFS", "git-annex"
 _STARTS = (
     (b"\x89MCAP0\r\n", MCAP),
@@ -92,8 +87,12 @@ _TOOLS = {
     **{".bz2": "bunzip2", ".xz": "unxz", ".zip": "unzip"},
 }
 _REMEDIES = {
-    ".bag": _ROS_1,
-    **dict.fromkeys(_TOOLS, _PACKED),
+    ".bag": "is a ROS 1 bag: convert it by rosbags-convert --src {path} --dst {path.stem}",
+    **dict.fromkeys(
+        _TOOLS,
+        "is compressed: unpack it ({tool}), or name the folder of a compressed bag, if it has "
+        + METADATA,
+    ),
     _EMPTY: "is empty: the recording, or a copy, was interrupted; copy it again",
     _OTHER: "is no bag, whatever its name says: its first bytes are those of another file; "
     + EXPECTED,
@@ -213,8 +212,7 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
     if len(whole) == 1:
         return (folder, True) if whole == [METADATA] else _file(folder / DETECTIONS_FILE)
-    paths = [folder / name for name in names]
-    kinds = {path: kind_of(path) for path in paths if path.is_file()}
+    kinds = {path: kind_of(path) for path in map(folder.joinpath, names) if path.is_file()}
     recorded = {CSV, MCAP, SQLITE, ".bag", *_TOOLS}
     candidates = [path for path in kinds if {kinds[path], path.suffix.lower()} & recorded]
     if len(candidates) == 1 and CSV not in kinds.values():
@@ -365,22 +363,20 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
     if missing:
         raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {shown(names)}")
     lines = [line for line, _ in filled[1:]]
-    values = np.empty((len(lines), len(names)))
-    for number, (line, row) in enumerate(filled[1:]):
+    values: list[list[float]] = []
+    for line, row in filled[1:]:
         try:
-            if len(row) != len(names):
-                raise ValueError
-            values[number] = [float(cell) for cell in row]
+            values.append([float(cell) for _, cell in zip(names, row, strict=True)])
         except ValueError:
             date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
             raise ValueError(
                 f"{path.name}, line {line}: expected {len(names)} numbers, got {shown(row)}{date}"
             ) from None
-    for name in names:
-        bad = np.flatnonzero(~np.isfinite(values[:, names.index(name)]))
-        if name in finite and len(bad):
+    table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
+    for name in finite:
+        bad = np.flatnonzero(~np.isfinite(table.get(name, ())))
+        if len(bad):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
-    table = {name: values[:, column] for column, name in enumerate(names)}
     _check_times(path.name, table, lines)
     return table
 
@@ -446,9 +442,9 @@ def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> l
         for start, rows in zip(starts, pings, strict=True)
     ]
     if "scan" in own_ship and "scan" in detections:
-        no_detections = {field: np.zeros(0) for field in columns}
         scans += [
-            RecordedScan(start, no_detections) for start in _empty_scans(own_ship, numbers, starts)
+            RecordedScan(start, dict.fromkeys(columns, np.zeros(0)))
+            for start in _empty_scans(own_ship, numbers, starts)
         ]
     return sorted(scans, key=lambda scan: scan.time)
 
@@ -577,28 +573,30 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
     origins : list of (n,) ndarray of int
         Target of each scan's detections, as in `SimulatedScan`.
     """
-    scans: list[RecordedScan] = []
-    origins: list[NDArray[np.int64]] = []
-    truth: list[list[tuple[float, ...]]] = []
-    start = last = simulator.start
-    for simulated in simulator:
-        scan = simulated.scan
-        fields = {"range": scan.range, "azimuth": scan.azimuth}
-        if scan.time_offset is not None:
-            fields["time_offset"] = scan.time_offset
-        scans.append(RecordedScan(scan.stamp, fields))
-        truth.append([(scan.stamp, *state) for state in simulated.truth])
-        origins.append(simulated.origin)
-        last = simulated.complete
-    paths = np.reshape(truth, (len(truth), len(simulator.targets), 5))
-    own_ship = []
-    for index in range(math.ceil((last - start) / OWN_SHIP_PERIOD) + 1):
-        time = index * OWN_SHIP_PERIOD
-        x, y, yaw = simulator.scenario.own_ship.pose(time).tolist()
-        rates = known_rates(0.0, 0.0, 0.0)
-        own_ship.append(PoseSample(start + time, x, y, yaw, rates=rates))
-    targets = {target: paths[:, target] for target in range(len(simulator.targets))}
-    return Recording(scans, own_ship, targets), origins
+    simulated, start = list(simulator), simulator.start
+    scans = [
+        RecordedScan(
+            one.scan.stamp,
+            {
+                name: values
+                for name in ("range", "azimuth", "time_offset")
+                if (values := getattr(one.scan, name)) is not None
+            },
+        )
+        for one in simulated
+    ]
+    targets = {
+        target: np.array([(one.scan.stamp, *one.truth[target]) for one in simulated])
+        for target in range(len(simulator.targets))
+    }
+    number = math.ceil((simulated[-1].complete - start) / OWN_SHIP_PERIOD) + 1
+    pose, rest = simulator.scenario.own_ship.pose, known_rates(0.0, 0.0, 0.0)
+    own_ship = [
+        PoseSample(start + time, x, y, yaw, rates=rest)
+        for time in (OWN_SHIP_PERIOD * np.arange(number)).tolist()
+        for x, y, yaw in [pose(time).tolist()]
+    ]
+    return Recording(scans, own_ship, targets), [one.origin for one in simulated]
 
 
 GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
@@ -724,10 +722,10 @@ def write_detections(
         file.write(IMAGE_COLUMNS + "\n")
         for number, image in enumerate(with_progress(images, len(times), "detection", "image")):
             scan = detector.process(image)
-            columns = [scan.range, scan.azimuth, scan.range_std, scan.azimuth_std]
-            columns += [
-                scan.features[name] for name in ("intensity", "range_width", "azimuth_width")
-            ]
+            columns = (
+                *(scan.range, scan.azimuth, scan.range_std, scan.azimuth_std),
+                *map(scan.features.__getitem__, ("intensity", "range_width", "azimuth_width")),
+            )
             for row in zip(*columns, strict=True):
                 file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
             yield detector, image, scan
@@ -759,8 +757,7 @@ def detected(
         shutil.copy(path, into)
     for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
-    values = {f"sensor.{name}": value for name, value in coverage.items()}
-    return into / DETECTIONS_FILE, values
+    return into / DETECTIONS_FILE, {f"sensor.{name}": value for name, value in coverage.items()}
 
 
 def _stored(path: Path) -> Any:
