@@ -56,6 +56,10 @@ MAX_FIX_STD = 100.0
 """Largest stated standard deviation of a position fix that is used, m."""
 NULL_ISLAND = 1e-5
 """Latitude and longitude, degrees, up to which a receiver without a position may write 0."""
+OCCUPIED = 50
+"""Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""
+MAX_TILT = 0.01
+"""Largest tilt of a chart, rad."""
 
 
 def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
@@ -273,12 +277,6 @@ def track_odometry(header: messages.Header, track: ConfirmedTrack) -> messages.O
     message.pose.covariance = odometry_covariance(track.position_covariance, (X, Y))
     message.twist.covariance = odometry_covariance(track.covariance[1::2, 1::2], (X, Y))
     return message
-
-
-OCCUPIED = 50
-"""Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""
-MAX_TILT = 0.01
-"""Largest tilt of a chart, rad."""
 
 
 def read_land(message: messages.OccupancyGrid) -> LandMask | None:

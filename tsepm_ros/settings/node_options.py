@@ -21,6 +21,12 @@ from tsepm_ros.parameters import ParameterGroup, parameter
 
 MIN_SOUND_SPEED = 100.0
 """Minimum accepted speed of sound, m/s."""
+OWN_SHIP_SOURCES = ("none", "odometry", "tf")
+"""Sources of the sensor's pose."""
+MAX_SWEEP = 600.0
+"""Longest time of a turn, s."""
+MIN_TOKEN_LENGTH = 16
+_IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,12 +267,6 @@ class DiagnosticsOptions(ParameterGroup):
     )
 
 
-OWN_SHIP_SOURCES = ("none", "odometry", "tf")
-"""Sources of the sensor's pose."""
-MAX_SWEEP = 600.0
-"""Longest time of a turn, s."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions(ParameterGroup):
     """Method, frames, and limits on the times of arriving data.
@@ -364,9 +364,6 @@ class SessionOptions(ParameterGroup):
             return float(self.sweep)
         except ValueError:
             return math.nan
-
-
-MIN_TOKEN_LENGTH = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -481,9 +478,6 @@ class BridgeNodeOptions(ParameterGroup):
             raise ValueError(
                 f"nmea_talker must be two capital letters, such as RA; got {self.nmea_talker!r}"
             )
-
-
-_IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
 
 
 def udp_address(name: str, text: str) -> tuple[str, int] | None:

@@ -103,6 +103,29 @@ BESIDE = ("own_ship.csv", "target.csv")
 """Files that are read beside a recording's detections."""
 WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 """Suffixes of outputs in the folder of a bag, which it does not read."""
+RUN_ARGUMENTS: Arguments = {
+    "--out": {
+        "type": in_folder,
+        "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
+    },
+    "--as": {
+        "choices": ("geojson", "nmea", "signalk"),
+        "dest": "form",
+        "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
+        "of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
+    },
+    "--origin": {
+        "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
+        "--origin=-33.9,151.2"
+    },
+    "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
+    "--html": {
+        "type": in_folder,
+        "help": "self-contained page with a time slider, such as run.html",
+    },
+}
+OPTIONS = ("host", "port", "token", "origin")
+"""Options of the viewer that are arguments too."""
 
 
 def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
@@ -354,29 +377,6 @@ def needs_scene(options: argparse.Namespace) -> bool:
     return bool(options.out or options.picture or options.html)
 
 
-RUN_ARGUMENTS: Arguments = {
-    "--out": {
-        "type": in_folder,
-        "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
-    },
-    "--as": {
-        "choices": ("geojson", "nmea", "signalk"),
-        "dest": "form",
-        "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
-        "of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
-    },
-    "--origin": {
-        "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
-        "--origin=-33.9,151.2"
-    },
-    "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
-    "--html": {
-        "type": in_folder,
-        "help": "self-contained page with a time slider, such as run.html",
-    },
-}
-
-
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
     add_source_arguments(parser)
@@ -514,10 +514,6 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
             f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
             f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
         )
-
-
-OPTIONS = ("host", "port", "token", "origin")
-"""Options of the viewer that are arguments too."""
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:

@@ -37,6 +37,8 @@ Made = TypeVar("Made")
 
 WATCH_PERIOD = 0.5
 """Time between a worker's checks of its parent, s."""
+PACKAGE = Path(tsepm_ros.__file__).parent
+GOLDENS = PACKAGE.parent / "test" / "golden"
 
 
 def _attach_to_parent() -> None:
@@ -81,10 +83,6 @@ def mapped(
         yield from results
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-PACKAGE = Path(tsepm_ros.__file__).parent
-GOLDENS = PACKAGE.parent / "test" / "golden"
 
 
 def goldens_digest() -> str:

@@ -43,6 +43,34 @@ _CAUSES = {
     "missing tables": "the database is no bag's, or a -wal file that belongs to it is missing",
 }
 """What causes some errors of the libraries, by words of them."""
+_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
+"""Formats of definitions, as rosbags calls them, by the encodings of files."""
+_IDL, _NAME = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE), re.compile(r"'(\w+/msg/\w+)'")
+"""Heads of the parts of an IDL definition, and names of types."""
+_UNKNOWN = "FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')"
+"""Definitions of a database that rosbags does not know."""
+LAYOUTS = {
+    "marine_acoustic_msgs/msg/PingInfo": "float32 frequency\nfloat32 sound_speed\n"
+    "float32[] tx_beamwidths\nfloat32[] rx_beamwidths\n",
+    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag\n",
+    "marine_acoustic_msgs/msg/SonarDetections": "std_msgs/Header header\nPingInfo ping_info\n"
+    "DetectionFlag[] flags\nfloat32[] two_way_travel_times\nfloat32[] tx_delays\n"
+    "float32[] intensities\nfloat32[] tx_angles\nfloat32[] rx_angles\n",
+    "marine_acoustic_msgs/msg/SonarRanges": "std_msgs/Header header\nPingInfo ping_info\n"
+    "DetectionFlag[] flags\nfloat32[] transmit_delays\nfloat32[] intensities\n"
+    "geometry_msgs/Vector3[] beam_unit_vec\nfloat32[] ranges\n",
+    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
+    "float32 doppler_velocity\nfloat32 amplitude\n",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns\n",
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "vision_msgs/msg/ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
+    "geometry_msgs/PoseWithCovariance pose\n",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
+    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
+    "BoundingBox3D bbox\nstring id\n",
+    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
+}
+"""Definitions of the supported message types that ROS itself does not have, for bags without."""
 
 
 @dataclass(frozen=True)
@@ -301,12 +329,6 @@ class _RosbagsStorage:
         return store, type_name
 
 
-_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
-"""Formats of definitions, as rosbags calls them, by the encodings of files."""
-_IDL, _NAME = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE), re.compile(r"'(\w+/msg/\w+)'")
-"""Heads of the parts of an IDL definition, and names of types."""
-
-
 def _definition(schema: Any) -> Any:
     """The definition of a schema of an MCAP file, as rosbags has it; none of another encoding."""
     from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
@@ -341,10 +363,6 @@ def _readable(path: Path, stack: ExitStack, notes: list[str]) -> Path:
     _answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
     notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
     return place
-
-
-_UNKNOWN = "FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')"
-"""Definitions of a database that rosbags does not know."""
 
 
 def _answers(address: str, commands: str) -> list[Any]:
@@ -433,30 +451,6 @@ def mcap_writer(path: Path) -> Any:
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     return Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
-
-
-LAYOUTS = {
-    "marine_acoustic_msgs/msg/PingInfo": "float32 frequency\nfloat32 sound_speed\n"
-    "float32[] tx_beamwidths\nfloat32[] rx_beamwidths\n",
-    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag\n",
-    "marine_acoustic_msgs/msg/SonarDetections": "std_msgs/Header header\nPingInfo ping_info\n"
-    "DetectionFlag[] flags\nfloat32[] two_way_travel_times\nfloat32[] tx_delays\n"
-    "float32[] intensities\nfloat32[] tx_angles\nfloat32[] rx_angles\n",
-    "marine_acoustic_msgs/msg/SonarRanges": "std_msgs/Header header\nPingInfo ping_info\n"
-    "DetectionFlag[] flags\nfloat32[] transmit_delays\nfloat32[] intensities\n"
-    "geometry_msgs/Vector3[] beam_unit_vec\nfloat32[] ranges\n",
-    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
-    "float32 doppler_velocity\nfloat32 amplitude\n",
-    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns\n",
-    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
-    "vision_msgs/msg/ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
-    "geometry_msgs/PoseWithCovariance pose\n",
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
-    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
-    "BoundingBox3D bbox\nstring id\n",
-    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
-}
-"""Definitions of the supported message types that ROS itself does not have, for bags without."""
 
 
 def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:

@@ -102,6 +102,52 @@ _REMEDIES = {
 """What is said of a file, by its kind, that is not read."""
 _MAX_LISTED = 8
 """Most names of a folder's content in a message."""
+DETECTION_COLUMNS = {
+    "range_m": "range",
+    "azimuth_rad": "azimuth",
+    "bearing_rad": "bearing",
+    "elevation_rad": "elevation",
+    "range_std_m": "range_std",
+    "azimuth_std_rad": "azimuth_std",
+    "time_offset_s": "time_offset",
+    "two_way_travel_time_s": "two_way_travel_time",
+    "intensity": "intensity",
+    "range_width_m": "range_width",
+    "azimuth_width_rad": "azimuth_width",
+    "range_rate_mps": "range_rate",
+}
+"""Columns of ``detections.csv`` and the corresponding fields."""
+MAX_TIME = 2.0**31
+"""Bound of times, s: stamps of ROS messages have 32-bit seconds."""
+MIN_RETURN = 4
+"""Pings after which a scan number may come again: the counter has started anew."""
+MAX_SAME = 0.25
+"""Largest part of the pings with the time of the ping before that is dropped, not refused."""
+MAX_SPAN = 3.0
+"""Longest time from the first to the last row of a scan, in median intervals of scans."""
+LONG_INTERVAL = 100.0
+"""Interval of pings that is asked about, s: the times may be in milliseconds."""
+STEPS = (60.0, 1.0, 0.1, 0.01)
+"""Resolutions of clocks that are asked about, s."""
+MOTION = ("time_s", "east_m", "north_m")
+ATTITUDE = ("roll_rad", "pitch_rad")
+FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
+UNKNOWN_YAW_VARIANCE = 1e6
+"""Variance of a heading that is not recorded, rad^2."""
+OWN_SHIP_PERIOD = 1.0
+"""Time between own-ship poses, s, as in the node `sonar_simulator`."""
+GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
+IMAGE_COLUMNS = (
+    "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
+    "azimuth_width_rad"
+)
+FOLDER: Groups = (("", DetectorOptions), ("", Coverage), ("", ImageLayout))
+"""Parameters that ``geometry.yaml`` may have."""
+AXES = (
+    Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
+    Parameter("azimuth", 0.0, "", unit="rad", minimum=-2.0 * math.pi, maximum=2.0 * math.pi),
+)
+"""What the numbers of its lists must be."""
 
 
 def kind_of(path: Path) -> str:
@@ -224,36 +270,6 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
     raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")
 
 
-DETECTION_COLUMNS = {
-    "range_m": "range",
-    "azimuth_rad": "azimuth",
-    "bearing_rad": "bearing",
-    "elevation_rad": "elevation",
-    "range_std_m": "range_std",
-    "azimuth_std_rad": "azimuth_std",
-    "time_offset_s": "time_offset",
-    "two_way_travel_time_s": "two_way_travel_time",
-    "intensity": "intensity",
-    "range_width_m": "range_width",
-    "azimuth_width_rad": "azimuth_width",
-    "range_rate_mps": "range_rate",
-}
-"""Columns of ``detections.csv`` and the corresponding fields."""
-
-MAX_TIME = 2.0**31
-"""Bound of times, s: stamps of ROS messages have 32-bit seconds."""
-MIN_RETURN = 4
-"""Pings after which a scan number may come again: the counter has started anew."""
-MAX_SAME = 0.25
-"""Largest part of the pings with the time of the ping before that is dropped, not refused."""
-MAX_SPAN = 3.0
-"""Longest time from the first to the last row of a scan, in median intervals of scans."""
-LONG_INTERVAL = 100.0
-"""Interval of pings that is asked about, s: the times may be in milliseconds."""
-STEPS = (60.0, 1.0, 0.1, 0.01)
-"""Resolutions of clocks that are asked about, s."""
-
-
 @dataclass(frozen=True)
 class RecordedScan:
     """One scan of a recording.
@@ -340,11 +356,6 @@ def read_recording(path: Path | str) -> Recording:
 
 
 Table = dict[str, FloatArray]
-
-
-MOTION = ("time_s", "east_m", "north_m")
-ATTITUDE = ("roll_rad", "pitch_rad")
-FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
 
 
 def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
@@ -552,12 +563,6 @@ def _targets(table: Table) -> dict[int, FloatArray]:
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
-UNKNOWN_YAW_VARIANCE = 1e6
-"""Variance of a heading that is not recorded, rad^2."""
-OWN_SHIP_PERIOD = 1.0
-"""Time between own-ship poses, s, as in the node `sonar_simulator`."""
-
-
 def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[np.int64]]]:
     """Simulate a scenario and record the scans, the own ship's poses and the truth.
 
@@ -597,22 +602,6 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
         for x, y, yaw in [pose(time).tolist()]
     ]
     return Recording(scans, own_ship, targets), [one.origin for one in simulated]
-
-
-GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
-IMAGE_COLUMNS = (
-    "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
-    "azimuth_width_rad"
-)
-
-
-FOLDER: Groups = (("", DetectorOptions), ("", Coverage), ("", ImageLayout))
-"""Parameters that ``geometry.yaml`` may have."""
-AXES = (
-    Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
-    Parameter("azimuth", 0.0, "", unit="rad", minimum=-2.0 * math.pi, maximum=2.0 * math.pi),
-)
-"""What the numbers of its lists must be."""
 
 
 def read_images(
