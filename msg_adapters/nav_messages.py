@@ -1,14 +1,9 @@
-"""Navigation: own ship, position fixes and land in, a track out.
+"""Messages of navigation: own ship, position fixes and land in, a track out.
 
-The 6 x 6 covariances of nav_msgs/Odometry: x, y, z, then rotations about the x, y, z axes.
-
-The own ship's pose and motion in nav_msgs/Odometry.
-
-A position on the earth in sensor_msgs/NavSatFix.
-
-A track as nav_msgs/Odometry, for tools that read only standard messages.
-
-Land in nav_msgs/OccupancyGrid.
+Own ship is read from nav_msgs/Odometry, a position fix from sensor_msgs/NavSatFix, land from
+nav_msgs/OccupancyGrid. A track is written as nav_msgs/Odometry for tools that read only standard
+messages. The 6 x 6 covariances of nav_msgs/Odometry are of x, y, z, then of rotations about the x,
+y, z axes.
 """
 
 from __future__ import annotations

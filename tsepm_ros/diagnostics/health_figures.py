@@ -1,9 +1,4 @@
-"""Figures of health, and levels with sentences.
-
-Levels and entries of the diagnostics.
-
-The figures of a session's health.
-"""
+"""Figures of a session's health, and the levels that entries of the diagnostics have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Publishers: the topics of the node, and log lines of its tracks.
+"""Publishers of the results of a scan: the topics of the node, and log lines of its tracks.
 
 Messages that are slow to build need a subscriber. The log lines have a limited rate.
 """

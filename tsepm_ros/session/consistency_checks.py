@@ -1,9 +1,8 @@
-"""Contradictions: what the messages and the parameters say against each other, and losses.
+"""Contradictions between messages, parameters and what the scans show, each said once.
 
-Questions about messages that look other than meant, and about parameters that look like degrees:
-no value is converted or left out. Whether the sensor's figures as given fit what the scans show,
-and whether half of the last scans, or of their detections, are lost. Each is said once, with its
-remedy.
+A contradiction is said with its remedy; no value is converted or left out because of it. It may be
+in messages that look other than meant, in parameters that look like degrees, in figures of the
+sensor that do not fit the scans, or in the loss of half of the last scans or of their detections.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Rejections: what is dropped, why, and what remedies it.
+"""Drop reasons: what is dropped, why, and what remedies it.
 
-Refusals and notices, which the parts of a session return and the session reports.
-
-All drop reasons: diagnostics entry, what a drop loses, cause and remedy.
+The parts of a session return rejections and notices, which the session counts and reports. Each
+reason has a row in `DROP_REASONS`: its entry of the diagnostics, what a drop loses, its cause and
+its remedy.
 """
 
 from __future__ import annotations

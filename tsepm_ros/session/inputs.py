@@ -1,14 +1,10 @@
 """What scans wait for: their order, frames, own ship, external tracks and land.
 
-The names of the frames in use, the poses of a moving sensor, the registration of a scan by both in
-the fixed frame, and the newest messages of an external tracker and of a chart. Each refuses what it
-cannot use; the session counts and reports the refusals.
-
-Elapsed time on one or several clocks.
-
-Classification of a scan's stamp: next, late, a restart, or the first after a long gap.
-
-The queue of scans that wait for processing, and the classification of their stamps.
+A scan is classified by its stamp, as the next, late, the first of a restart or the first after a
+long gap, and waits in a queue for own-ship data. It is registered in the fixed frame by the poses
+of a moving sensor and the names of the frames in use. The newest messages of an external tracker
+and of a chart are kept for it. Each input refuses what it cannot use; the session counts and
+reports the refusals.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-"""Options of the nodes: session, diagnostics, playback and page.
-
-Parameters of the nodes themselves.
-
-Thresholds of the diagnostics.
-
-Options of a session.
-
-Parameters of the node `track_viewer`.
-"""
+"""Options of the nodes: their parameters beyond those of the tracker and of the detector."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
-"""Settings of a session, the nodes' tables of parameters, and their help.
+"""Settings of a session, made from the parameters of the nodes.
 
-The settings of a session.
-
-The parameter tables of the nodes: their groups, and the options made from values.
-
-The text that a node prints for ``--help``.
+A node's parameters are a table of groups of options; the table gives the options made from values,
+and the node's text for ``--help``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording.
 
-What it shares with the simulator: events at their times, and the topics of a driver and of truth.
-
-The node of `tsepm record`, which writes such bags.
+`PlayingNode` publishes events at their times, for the simulator too. `TopicRecorder` is the node of
+`tsepm record`, which writes a bag to be played.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""What is on the page: its files, the scans that it draws, health, and what it shows now.
+"""What is on the page: its files, and the frames that it draws.
 
-What a page shows is kept by its server: bounded, and sent to each browser as what changed.
-
-One scan as the page draws it: a JSON object, the same live, replayed and in a file.
+A frame is a scan as the page draws it: a JSON object, the same live, replayed and in a file. What a
+page shows is kept by its server: bounded, and sent to each browser as what changed.
 
 Numbers are integers, which are quicker to write than decimals: positions and semi-axes in cm,
 speeds in mm/s, angles in mrad, times in ms, evidence in percent. The page converts them to SI.
