@@ -2,6 +2,8 @@
 
 Stamps are builtin_interfaces/Time, integer nanoseconds and seconds. Integer nanoseconds are exact.
 Seconds since 1970 in a float64 are not: they resolve 0.24 us.
+
+The message of a node's health is made here, since it has nothing but a stamp and texts.
 """
 
 from __future__ import annotations

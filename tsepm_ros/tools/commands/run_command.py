@@ -57,13 +57,12 @@ from tsepm_ros.tools.replay.bag import (
     find_topics,
     moving_frames,
 )
+from tsepm_ros.tools.replay.image_folder import GEOMETRY, detected
 from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
-    GEOMETRY,
     METADATA,
     Recording,
-    detected,
     read_recording,
     simulated_recording,
     source_of,
