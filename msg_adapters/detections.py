@@ -81,6 +81,8 @@ NEAR_TIES = 0.01
 
 RAYS = 36_000
 """Number of rays of a written all-round scan, much finer than the bearings of a sonar."""
+_MAX_ANGLE = float(np.float32(np.pi / 2))  # the float32 is slightly larger than pi / 2
+_ROUNDING = 1e-6  # of the squared sine of a float32 angle
 
 
 def read_laser_scan(scan: messages.LaserScan, options: ReadingOptions) -> Ping:
@@ -203,10 +205,6 @@ def write_laser_scan(header: messages.Header, scan: Scan, sound_speed: float) ->
         range_max=max(float(scan.range.max(initial=0.0)), 1.0) / (1.0 - 2.0 * JUST_BELOW),
         ranges=ranges,
     )
-
-
-_MAX_ANGLE = float(np.float32(np.pi / 2))  # the float32 is slightly larger than pi / 2
-_ROUNDING = 1e-6  # of the squared sine of a float32 angle
 
 
 def read_sonar_detections(message: messages.SonarDetections, options: ReadingOptions) -> Ping:

@@ -1,14 +1,9 @@
-"""Navigation: own ship, position fixes and land in, a track out.
+"""Messages of navigation: own ship, position fixes and land in, a track out.
 
-The 6 x 6 covariances of nav_msgs/Odometry: x, y, z, then rotations about the x, y, z axes.
-
-The own ship's pose and motion in nav_msgs/Odometry.
-
-A position on the earth in sensor_msgs/NavSatFix.
-
-A track as nav_msgs/Odometry, for tools that read only standard messages.
-
-Land in nav_msgs/OccupancyGrid.
+Own ship is read from nav_msgs/Odometry, a position fix from sensor_msgs/NavSatFix, land from
+nav_msgs/OccupancyGrid. A track is written as nav_msgs/Odometry for tools that read only standard
+messages. The 6 x 6 covariances of nav_msgs/Odometry are of x, y, z, then of rotations about the x,
+y, z axes.
 """
 
 from __future__ import annotations
@@ -56,6 +51,10 @@ MAX_FIX_STD = 100.0
 """Largest stated standard deviation of a position fix that is used, m."""
 NULL_ISLAND = 1e-5
 """Latitude and longitude, degrees, up to which a receiver without a position may write 0."""
+OCCUPIED = 50
+"""Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""
+MAX_TILT = 0.01
+"""Largest tilt of a chart, rad."""
 
 
 def odometry_covariance(block: NDArray[np.float64], axes: Sequence[int]) -> NDArray[np.float64]:
@@ -240,13 +239,9 @@ def odometry_message(sample: PoseSample) -> messages.Odometry:
     rotation = Rotation.from_euler("ZYX", [sample.yaw, sample.pitch, sample.roll])
     orientation.x, orientation.y, orientation.z, orientation.w = rotation.as_quat().tolist()
     vx, vy, yaw_rate = (0.0 if math.isnan(rate) else rate for rate in sample.rates or (0.0,) * 3)
-    linear = rotation.inv().apply([vx, vy, 0.0])
-    twist.linear.x, twist.linear.y, twist.linear.z = linear.tolist()
-    # Angular velocity, in the child frame, of a yaw rate at constant roll and pitch.
-    roll, pitch = sample.roll, sample.pitch
-    twist.angular.x = -yaw_rate * math.sin(pitch)
-    twist.angular.y = yaw_rate * math.cos(pitch) * math.sin(roll)
-    twist.angular.z = yaw_rate * math.cos(pitch) * math.cos(roll)
+    # In the child frame, at constant roll and pitch.
+    for vector, rates in ((twist.linear, [vx, vy, 0.0]), (twist.angular, [0.0, 0.0, yaw_rate])):
+        vector.x, vector.y, vector.z = rotation.inv().apply(rates).tolist()
     if sample.covariance is not None:
         message.pose.covariance = odometry_covariance(sample.covariance, (X, Y, YAW))
     return message
@@ -277,12 +272,6 @@ def track_odometry(header: messages.Header, track: ConfirmedTrack) -> messages.O
     message.pose.covariance = odometry_covariance(track.position_covariance, (X, Y))
     message.twist.covariance = odometry_covariance(track.covariance[1::2, 1::2], (X, Y))
     return message
-
-
-OCCUPIED = 50
-"""Least occupancy of land, from 0 to 100; -1 is unknown, and not land."""
-MAX_TILT = 0.01
-"""Largest tilt of a chart, rad."""
 
 
 def read_land(message: messages.OccupancyGrid) -> LandMask | None:

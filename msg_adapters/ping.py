@@ -33,6 +33,19 @@ SOUND_SPEED = 1500.0
 """Default speed of sound, m/s."""
 MIN_SOUND_SPEED, MAX_SOUND_SPEED = 100.0, 10_000.0
 """Accepted sound speeds of messages, m/s; in their definitions, 0 means unknown."""
+MAX_TURN = 2.5 * np.pi
+"""Largest angle of a driver that counts from any axis and does not wrap, rad: a turn from there."""
+_LARGEST = {**MAX_MAGNITUDE, "transmit_offset": MAX_MAGNITUDE["time_offset"]}
+_IS_FAULT: Mapping[str, Callable[[str, FloatArray], BoolArray]] = {
+    "not_finite": lambda name, values: ~np.isfinite(values),
+    "not_positive": lambda name, values: ~(np.isfinite(values) & (values > 0.0)),
+    "too_small": lambda name, values: values < MIN_MAGNITUDE[name],
+    "too_large": lambda name, values: np.abs(values) > _LARGEST[name],
+}
+"""Whether values of a quantity, by its name, have a fault of `drop_reasons.NUMBERS`."""
+T = TypeVar("T")
+RENAMED = {"acoustic_msgs": "marine_acoustic_msgs", "ping360_sonar": "ping360_sonar_msgs"}
+"""Packages of messages that have another name since, as in bags of ROS 1."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +79,6 @@ class ReadingOptions:
             )
         if not 0.0 <= self.sound_speed < math.inf:
             raise ValueError(f"sound_speed must be finite and not negative; got {self.sound_speed}")
-
-
-MAX_TURN = 2.5 * np.pi
-"""Largest angle of a driver that counts from any axis and does not wrap, rad: a turn from there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,19 +251,6 @@ def _left_out(causes: Mapping[str, BoolArray], kept: BoolArray) -> dict[str, int
     return numbers
 
 
-_LARGEST = {**MAX_MAGNITUDE, "transmit_offset": MAX_MAGNITUDE["time_offset"]}
-_IS_FAULT: Mapping[str, Callable[[str, FloatArray], BoolArray]] = {
-    "not_finite": lambda name, values: ~np.isfinite(values),
-    "not_positive": lambda name, values: ~(np.isfinite(values) & (values > 0.0)),
-    "too_small": lambda name, values: values < MIN_MAGNITUDE[name],
-    "too_large": lambda name, values: np.abs(values) > _LARGEST[name],
-}
-"""Whether values of a quantity, by its name, have a fault of `drop_reasons.NUMBERS`."""
-
-
-T = TypeVar("T")
-
-
 def read_by(readers: Mapping[str, Callable[..., T]], message: Any, *options: Any) -> T:
     """What the reader of a message's type makes of it.
 
@@ -297,10 +293,6 @@ def type_name_of(message: Any) -> str:
     kind = type(message)
     declared: str | None = getattr(kind, "__msgtype__", None)
     return present_name(declared or f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}")
-
-
-RENAMED = {"acoustic_msgs": "marine_acoustic_msgs", "ping360_sonar": "ping360_sonar_msgs"}
-"""Packages of messages that have another name since, as in bags of ROS 1."""
 
 
 def present_name(type_name: str) -> str:

@@ -66,6 +66,29 @@ _DATATYPES = {
     8: ("FLOAT64", "f8"),
 }
 _NUMBER_OF_FORMAT = {form: number for number, (_, form) in _DATATYPES.items()}
+POSITION_FIELDS = (("range", "azimuth"), ("range", "bearing"), ("x", "y"))
+"""The forms of a position, in order of precedence."""
+TIME_FIELDS = ("time_offset", "two_way_travel_time")
+"""Fields with the time at which a position is valid, in order of precedence."""
+OPTIONAL_FIELDS = ("elevation", "range_std", "azimuth_std", *TIME_FIELDS, *FEATURES)
+"""Optional fields of a detection whose position is a range and an angle."""
+NO_TIMES = (
+    "the detections have no time_offset and no two_way_travel_time, and sound_speed is 0: all are "
+    "assumed valid at the stamp, but an echo is valid range / sound speed later"
+)
+OTHER_AXES = (
+    "the name of the frame states other axes than x ahead and z up (REP-103): azimuth and bearing "
+    "are still read as seen from above, counter-clockwise and clockwise from ahead"
+)
+PLACED_DTYPE = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z")),
+        *((name, "<f8") for name in ("position_x", "position_y", "cov_xx", "cov_xy", "cov_yy")),
+        ("time_offset", "<f8"),
+    ],
+    align=True,  # each float64 at a multiple of 8
+)
+"""One point of the cloud without the features, which follow."""
 
 
 def read_fields(
@@ -296,26 +319,6 @@ def point_fields(dtype: np.dtype[Any]) -> list[dict[str, Any]]:
     return descriptions
 
 
-POSITION_FIELDS = (("range", "azimuth"), ("range", "bearing"), ("x", "y"))
-"""The forms of a position, in order of precedence."""
-
-TIME_FIELDS = ("time_offset", "two_way_travel_time")
-"""Fields with the time at which a position is valid, in order of precedence."""
-
-OPTIONAL_FIELDS = ("elevation", "range_std", "azimuth_std", *TIME_FIELDS, *FEATURES)
-"""Optional fields of a detection whose position is a range and an angle."""
-
-NO_TIMES = (
-    "the detections have no time_offset and no two_way_travel_time, and sound_speed is 0: all are "
-    "assumed valid at the stamp, but an echo is valid range / sound speed later"
-)
-
-OTHER_AXES = (
-    "the name of the frame states other axes than x ahead and z up (REP-103): azimuth and bearing "
-    "are still read as seen from above, counter-clockwise and clockwise from ahead"
-)
-
-
 def read_point_cloud(cloud: messages.PointCloud2, options: ReadingOptions) -> Ping:
     """Read the detections of a cloud.
 
@@ -523,17 +526,6 @@ def _points(fields: dict[str, FloatArray], coordinates: tuple[str, ...]) -> NDAr
     for name, values in fields.items():
         points[name] = values
     return points
-
-
-PLACED_DTYPE = np.dtype(
-    [
-        *((name, "<f4") for name in ("x", "y", "z")),
-        *((name, "<f8") for name in ("position_x", "position_y", "cov_xx", "cov_xy", "cov_yy")),
-        ("time_offset", "<f8"),
-    ],
-    align=True,  # each float64 at a multiple of 8
-)
-"""One point of the cloud without the features, which follow."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,9 @@
-"""What all messages have: stamps and headers; the error for those that cannot be used; and health.
+"""What all messages share: the stamp and header, and the error for a message that is refused.
 
-Stamps are builtin_interfaces/Time, integer nanoseconds and seconds.
+Stamps are builtin_interfaces/Time, integer nanoseconds and seconds. Integer nanoseconds are exact.
+Seconds since 1970 in a float64 are not: they resolve 0.24 us.
 
-Integer nanoseconds are exact. Seconds since 1970 in a float64 are not: they resolve 0.24 us.
+The message of a node's health is made here, since it has nothing but a stamp and texts.
 """
 
 from __future__ import annotations

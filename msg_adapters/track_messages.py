@@ -95,6 +95,35 @@ MAX_AGE = 1e9
 """Largest age that is read, s: the square of a larger one could overflow."""
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
 _MAX_ID = int(np.iinfo(np.uint32).max)
+MAX_COURSE_STD = 0.5
+"""Largest standard deviation of a course that is an orientation, rad."""
+STANDS, MOVES = 0.9, 0.1
+"""Probabilities to stand still from which on, and up to which, a track is classified."""
+NAMESPACES = ("position", "velocity", "ellipse", "label")
+"""The namespaces of a track's markers; the id of each marker is the track's id."""
+TRACK_COLOR: Color = (0.1, 0.9, 0.3)
+POTENTIAL_COLORS: tuple[Color, Color] = (0.45, 0.5, 0.6), (1.0, 0.6, 0.0)
+"""Colours of a potential track with zero score, and of one at the threshold."""
+SIZE_SHARE = 0.01
+"""Size of a marker in the reach of the sensor: a few pixels where all of it is in view."""
+LEAD_SHARE = 0.1
+"""Way that velocity markers show of the fastest target, in the reach of the sensor."""
+ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
+"""Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
+_LABEL_HEIGHT = 3.0  # in sizes of the position marker: readable if that is a few pixels
+_ELLIPSE_OPACITY = 0.25
+_COASTING_OPACITY = 0.5  # of every marker of a track without a detection in the last scan
+_DASHES, _DASH_WIDTH = 24, 0.1  # of a coasting track's ellipse; the width in sizes
+_MAX_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
+_POTENTIAL_OPACITY = 0.3, 1.0  # as for the colours
+_POTENTIAL_LINE = 0.25  # width, in sizes of the points
+_THICKNESS = 0.01  # m; RViz refuses a scale of 0
+TRUTH_COLOR = (0.17, 0.42, 0.69)
+FIXED_ECHO_COLOR = 0.95, 0.75, 0.2
+DETECTION_COLOR = 0.9, 0.9, 0.95
+"""Red, green and blue: unlike tracks, potential tracks and truth."""
+MAX_LABELS = 500
+"""Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
 
 
 def track_cloud(header: messages.Header, tracks: Sequence[ConfirmedTrack]) -> messages.PointCloud2:
@@ -244,12 +273,6 @@ def track_covariances(records: NDArray[Any]) -> NDArray[np.float64]:
     return rows.reshape(-1, 4, 4)
 
 
-MAX_COURSE_STD = 0.5
-"""Largest standard deviation of a course that is an orientation, rad."""
-STANDS, MOVES = 0.9, 0.1
-"""Probabilities to stand still from which on, and up to which, a track is classified."""
-
-
 def track_uuid(instance: uuid.UUID, track_id: int) -> NDArray[np.uint8]:
     """The UUID of a track of one run of the node, (16,).
 
@@ -355,31 +378,6 @@ def _upper(block: np.ndarray) -> Sequence[float]:
 
 
 Color = tuple[float, float, float]
-
-NAMESPACES = ("position", "velocity", "ellipse", "label")
-"""The namespaces of a track's markers; the id of each marker is the track's id."""
-
-TRACK_COLOR: Color = (0.1, 0.9, 0.3)
-
-POTENTIAL_COLORS: tuple[Color, Color] = (0.45, 0.5, 0.6), (1.0, 0.6, 0.0)
-"""Colours of a potential track with zero score, and of one at the threshold."""
-
-SIZE_SHARE = 0.01
-"""Size of a marker in the reach of the sensor: a few pixels where all of it is in view."""
-LEAD_SHARE = 0.1
-"""Way that velocity markers show of the fastest target, in the reach of the sensor."""
-
-ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
-"""Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
-
-_LABEL_HEIGHT = 3.0  # in sizes of the position marker: readable if that is a few pixels
-_ELLIPSE_OPACITY = 0.25
-_COASTING_OPACITY = 0.5  # of every marker of a track without a detection in the last scan
-_DASHES, _DASH_WIDTH = 24, 0.1  # of a coasting track's ellipse; the width in sizes
-_MAX_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
-_POTENTIAL_OPACITY = 0.3, 1.0  # as for the colours
-_POTENTIAL_LINE = 0.25  # width, in sizes of the points
-_THICKNESS = 0.01  # m; RViz refuses a scale of 0
 
 
 def marker_sizes(reach: float, max_speed: float) -> dict[str, Any]:
@@ -634,9 +632,6 @@ def _digits(value: float, decimals: int) -> str:
     return f"{value:.{max(decimals, 1 - math.floor(math.log10(max(value, 0.01))))}f}"
 
 
-TRUTH_COLOR = (0.17, 0.42, 0.69)
-
-
 def truth_tracks(stamp: float, states: NDArray[np.float64]) -> list[ConfirmedTrack]:
     """True states as tracks without error.
 
@@ -667,13 +662,6 @@ def truth_markers(
     """
     fastest = max((math.hypot(*track.velocity) for track in truth), default=0.0)
     return track_markers(header, truth, color=TRUTH_COLOR, **marker_sizes(reach, fastest or 1.0))
-
-
-FIXED_ECHO_COLOR = 0.95, 0.75, 0.2
-DETECTION_COLOR = 0.9, 0.9, 0.95
-"""Red, green and blue: unlike tracks, potential tracks and truth."""
-MAX_LABELS = 500
-"""Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
 
 
 def fixed_echo_markers(

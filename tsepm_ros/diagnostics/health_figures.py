@@ -1,9 +1,4 @@
-"""Figures of health, and levels with sentences.
-
-Levels and entries of the diagnostics.
-
-The figures of a session's health.
-"""
+"""Figures of a session's health, and the levels that entries of the diagnostics have."""
 
 from __future__ import annotations
 
@@ -21,6 +16,10 @@ from tsepm_ros.session.drop_reasons import DETECTIONS, reason_of
 if TYPE_CHECKING:  # `tsepm health` reads levels alone
     from tsepm_ros.session.session import SessionSnapshot
     from tsepm_ros.settings.node_options import DiagnosticsOptions
+OVERALL = "overall"
+"""Entry of the worst level, for scripts."""
+LAST_SCANS = 50
+"""Scans of which intervals and the density of detections are judged."""
 
 
 class Level(enum.IntEnum):
@@ -59,8 +58,6 @@ class Status:
 
 ORDER = (Level.OK, Level.WARN, Level.STALE, Level.ERROR)
 """From the best to the worst: stale is the absence of news, and less than an error."""
-OVERALL = "overall"
-"""Entry of the worst level, for scripts."""
 
 
 def overall(statuses: Sequence[Status]) -> Status:
@@ -70,10 +67,6 @@ def overall(statuses: Sequence[Status]) -> Status:
     return Status(
         OVERALL, worst.level, message, {status.task: status.level.name for status in statuses}
     )
-
-
-LAST_SCANS = 50
-"""Scans of which intervals and the density of detections are judged."""
 
 
 @dataclass(frozen=True)

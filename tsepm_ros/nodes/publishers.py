@@ -1,4 +1,4 @@
-"""Publishers: the topics of the node, and log lines of its tracks.
+"""Publishers of the results of a scan: the topics of the node, and log lines of its tracks.
 
 Messages that are slow to build need a subscriber. The log lines have a limited rate.
 """
@@ -49,6 +49,19 @@ ELSEWHERE = {
     "ended": "/diagnostics counts all by their reasons",
 }
 """Where the events are that no line says."""
+LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+OUTPUTS = {
+    "tracks": (PointCloud2, 100, VOLATILE),
+    "tracks/current": (PointCloud2, 1, LATCHED),
+    "tracks/odometry": (Odometry, 100, VOLATILE),
+    "tracks/markers": (MarkerArray, 10, LATCHED),
+    "fixed_echoes": (PointCloud2, 1, LATCHED),
+    "fixed_echoes/markers": (MarkerArray, 1, LATCHED),
+    "potential_tracks": (PointCloud2, 10, VOLATILE),
+    "potential_tracks/markers": (MarkerArray, 1, LATCHED),
+    "detections/placed": (PointCloud2, 100, VOLATILE),
+}
+"""Topics with their types, depths and durabilities."""
 
 
 def announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
@@ -126,21 +139,6 @@ class TrackAnnouncements:
             f"one: above {MAX_LINES} lines in {PERIOD:.0f} s; {ELSEWHERE[event]}"
         )
         ids.clear()
-
-
-LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
-OUTPUTS = {
-    "tracks": (PointCloud2, 100, VOLATILE),
-    "tracks/current": (PointCloud2, 1, LATCHED),
-    "tracks/odometry": (Odometry, 100, VOLATILE),
-    "tracks/markers": (MarkerArray, 10, LATCHED),
-    "fixed_echoes": (PointCloud2, 1, LATCHED),
-    "fixed_echoes/markers": (MarkerArray, 1, LATCHED),
-    "potential_tracks": (PointCloud2, 10, VOLATILE),
-    "potential_tracks/markers": (MarkerArray, 1, LATCHED),
-    "detections/placed": (PointCloud2, 100, VOLATILE),
-}
-"""Topics with their types, depths and durabilities."""
 
 
 class TrackOutputs:

@@ -1,9 +1,8 @@
-"""Contradictions: what the messages and the parameters say against each other, and losses.
+"""Contradictions between messages, parameters and what the scans show, each said once.
 
-Questions about messages that look other than meant, and about parameters that look like degrees:
-no value is converted or left out. Whether the sensor's figures as given fit what the scans show,
-and whether half of the last scans, or of their detections, are lost. Each is said once, with its
-remedy.
+A contradiction is said with its remedy; no value is converted or left out because of it. It may be
+in messages that look other than meant, in parameters that look like degrees, in figures of the
+sensor that do not fit the scans, or in the loss of half of the last scans or of their detections.
 """
 
 from __future__ import annotations
@@ -45,6 +44,38 @@ detections of a message that are compared."""
 MIN_PAIRS, ALTERNATE_FACTOR = 60, 3.0
 """Least detections with one near it in the second message before, and the factor by which fewer
 have one in the message before, where messages alternate."""
+CHANGED_SHARE, MIN_EQUAL = 0.5, 2
+"""Share of the detections of two scans that differ, above which two equal scans are no chance, and
+least number of detections of the first of these."""
+LAST, MIN_SCANS, MIN_LOST = 20, 5, 40
+"""Scans over which losses are judged, and least number of scans, and of detections."""
+CONSEQUENCES = "own_ship_missing", "own_ship_stale"
+"""Reasons of scans whose own-ship data may have arrived and been dropped."""
+MIN_SEEN = 30
+"""Detections of clutter from which on the extent of them is certain enough to be said."""
+AREA_FACTOR = 2.0
+"""Factor by which the coverage as given may exceed the area in which detections fall."""
+MIN_LOG_RATIO = 14.0
+"""Log-likelihood ratio of the smaller area from which on it is said."""
+MAX_OUTSIDE_SHARE = 0.05
+"""Share of the detections outside the coverage that is accepted."""
+MIN_OUTSIDE = 20
+"""Detections outside the coverage from which on it is said."""
+OUTSIDE_SCANS = 100
+"""Scans, the last, over which these are counted."""
+ERROR_FACTOR = 1.5
+"""Factor by which the errors as given may differ from those of the innovations."""
+LEAST_FACTOR = 0.01
+"""Factor below which detections have no errors of a sensor: they are simulated, or rounded."""
+RATE_WINDOW = 3600.0
+"""Time over which confirmations are counted, s."""
+RATE_FACTOR = 10.0
+"""Confirmations may exceed the target false-track rate by this factor: there are targets too."""
+SCANS_BETWEEN = 10
+MIN_EMPTY_SECTOR = math.pi / 3.0
+"""Sector without detections, rad, below which they count as all round: chance leaves gaps."""
+MIN_CONFIRMATIONS = 30
+"""Confirmations from which on a flood is said."""
 
 
 class MessageCheck:
@@ -177,11 +208,6 @@ class MessageCheck:
         return said
 
 
-CHANGED_SHARE, MIN_EQUAL = 0.5, 2
-"""Share of the detections of two scans that differ, above which two equal scans are no chance, and
-least number of detections of the first of these."""
-
-
 class Repetitions:
     """Finds scans that repeat the scan before: all detections are equal to the bit.
 
@@ -209,12 +235,6 @@ class Repetitions:
         self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
         said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
         return Rejection("scan_repeated", said) if equal and self._changing & self._found else None
-
-
-LAST, MIN_SCANS, MIN_LOST = 20, 5, 40
-"""Scans over which losses are judged, and least number of scans, and of detections."""
-CONSEQUENCES = "own_ship_missing", "own_ship_stale"
-"""Reasons of scans whose own-ship data may have arrived and been dropped."""
 
 
 def explained(reason: str, dropped: Mapping[str, int], sentences: Mapping[str, str]) -> str:
@@ -296,33 +316,6 @@ def questions(sensor: SensorModel, mounting: Mounting) -> list[str]:
         )
         if abs(value) > limit
     ]
-
-
-MIN_SEEN = 30
-"""Detections of clutter from which on the extent of them is certain enough to be said."""
-AREA_FACTOR = 2.0
-"""Factor by which the coverage as given may exceed the area in which detections fall."""
-MIN_LOG_RATIO = 14.0
-"""Log-likelihood ratio of the smaller area from which on it is said."""
-MAX_OUTSIDE_SHARE = 0.05
-"""Share of the detections outside the coverage that is accepted."""
-MIN_OUTSIDE = 20
-"""Detections outside the coverage from which on it is said."""
-OUTSIDE_SCANS = 100
-"""Scans, the last, over which these are counted."""
-ERROR_FACTOR = 1.5
-"""Factor by which the errors as given may differ from those of the innovations."""
-LEAST_FACTOR = 0.01
-"""Factor below which detections have no errors of a sensor: they are simulated, or rounded."""
-RATE_WINDOW = 3600.0
-"""Time over which confirmations are counted, s."""
-RATE_FACTOR = 10.0
-"""Confirmations may exceed the target false-track rate by this factor: there are targets too."""
-SCANS_BETWEEN = 10
-MIN_EMPTY_SECTOR = math.pi / 3.0
-"""Sector without detections, rad, below which they count as all round: chance leaves gaps."""
-MIN_CONFIRMATIONS = 30
-"""Confirmations from which on a flood is said."""
 
 
 @dataclass(frozen=True)

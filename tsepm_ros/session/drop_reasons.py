@@ -1,8 +1,8 @@
-"""Rejections: what is dropped, why, and what remedies it.
+"""Drop reasons: what is dropped, why, and what remedies it.
 
-Refusals and notices, which the parts of a session return and the session reports.
-
-All drop reasons: diagnostics entry, what a drop loses, cause and remedy.
+The parts of a session return rejections and notices, which the session counts and reports. Each
+reason has a row in `DROP_REASONS`: its entry of the diagnostics, what a drop loses, its cause and
+its remedy.
 """
 
 from __future__ import annotations
@@ -21,6 +21,41 @@ REPORT_IT = (
 MAX_SENTENCE = 500
 """Characters of a reported sentence. The names in a message may be as long as the message."""
 CUT = " ... "
+DETECTIONS, OWN_SHIP = "detections", "own ship"
+TRACKER, INITIATION = "downstream tracker", "track initiation"
+LAND = "land"
+_DRIVER = "Fix the driver"
+_TRACKER = "Fix the tracker"
+EXPECTED = "None: this is expected"
+_LAYOUT = {
+    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/messages.md"),
+    "duplicate_field": ("a field occurs twice", _DRIVER),
+    "wrong_datatype": ("a field has an unsupported datatype", "Send FLOAT32 or FLOAT64"),
+    "wrong_count": ("a field has a count other than 1", _DRIVER),
+    "bad_offset": ("fields overlap, or extend beyond the point", _DRIVER),
+    "bad_row_step": ("the row step is shorter than the points of a row", _DRIVER),
+    "short_data": ("the data is shorter than the rows", _DRIVER),
+}
+"""Faults of a whole cloud, of detections or of tracked targets."""
+NUMBERS = {
+    "range": ("range", ("not_finite", "not_positive", "too_small", "too_large")),
+    "azimuth": ("azimuth", ("not_finite",)),
+    "range_std": ("standard deviation of the range", ("not_positive", "too_small", "too_large")),
+    "azimuth_std": (
+        "standard deviation of the azimuth",
+        ("not_positive", "too_small", "too_large"),
+    ),
+    "time_offset": ("time after the stamp", ("not_finite", "too_large")),
+    "transmit_offset": ("transmit delay", ("not_finite", "too_large")),
+}
+"""Quantities of detections in words, and their faults in the order in which they count."""
+_FAULTS = {
+    "not_finite": "is nan or infinite",
+    "not_positive": "is not a positive number",
+    "too_small": "is below the limit",
+    "too_large": "is above the limit",
+}
+_MISSING = "None if the sensor marks missing values like this; else check the driver and its units"
 
 
 def shortened(sentence: str) -> str:
@@ -66,10 +101,6 @@ class Notice(NamedTuple):
 
 Remark = Rejection | Notice
 
-DETECTIONS, OWN_SHIP = "detections", "own ship"
-TRACKER, INITIATION = "downstream tracker", "track initiation"
-LAND = "land"
-
 
 @dataclass(frozen=True)
 class DropReason:
@@ -90,42 +121,6 @@ class DropReason:
     meaning: str
     remedy: str
 
-
-_DRIVER = "Fix the driver"
-_TRACKER = "Fix the tracker"
-EXPECTED = "None: this is expected"
-_LAYOUT = {
-    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/messages.md"),
-    "duplicate_field": ("a field occurs twice", _DRIVER),
-    "wrong_datatype": ("a field has an unsupported datatype", "Send FLOAT32 or FLOAT64"),
-    "wrong_count": ("a field has a count other than 1", _DRIVER),
-    "bad_offset": ("fields overlap, or extend beyond the point", _DRIVER),
-    "bad_row_step": ("the row step is shorter than the points of a row", _DRIVER),
-    "short_data": ("the data is shorter than the rows", _DRIVER),
-}
-"""Faults of a whole cloud, of detections or of tracked targets."""
-
-NUMBERS = {
-    "range": ("range", ("not_finite", "not_positive", "too_small", "too_large")),
-    "azimuth": ("azimuth", ("not_finite",)),
-    "range_std": ("standard deviation of the range", ("not_positive", "too_small", "too_large")),
-    "azimuth_std": (
-        "standard deviation of the azimuth",
-        ("not_positive", "too_small", "too_large"),
-    ),
-    "time_offset": ("time after the stamp", ("not_finite", "too_large")),
-    "transmit_offset": ("transmit delay", ("not_finite", "too_large")),
-}
-"""Quantities of detections in words, and their faults in the order in which they count."""
-_FAULTS = {
-    "not_finite": "is nan or infinite",
-    "not_positive": "is not a positive number",
-    "too_small": "is below the limit",
-    "too_large": "is above the limit",
-}
-
-
-_MISSING = "None if the sensor marks missing values like this; else check the driver and its units"
 
 DROP_REASONS: Mapping[str, DropReason] = {
     **{

@@ -1,14 +1,10 @@
 """What scans wait for: their order, frames, own ship, external tracks and land.
 
-The names of the frames in use, the poses of a moving sensor, the registration of a scan by both in
-the fixed frame, and the newest messages of an external tracker and of a chart. Each refuses what it
-cannot use; the session counts and reports the refusals.
-
-Elapsed time on one or several clocks.
-
-Classification of a scan's stamp: next, late, a restart, or the first after a long gap.
-
-The queue of scans that wait for processing, and the classification of their stamps.
+A scan is classified by its stamp, as the next, late, the first of a restart or the first after a
+long gap, and waits in a queue for own-ship data. It is registered in the fixed frame by the poses
+of a moving sensor and the names of the frames in use. The newest messages of an external tracker
+and of a chart are kept for it. Each input refuses what it cannot use; the session counts and
+reports the refusals.
 """
 
 from __future__ import annotations
@@ -37,6 +33,30 @@ from tsepm_ros.tracker.tracks import TrackArrays
 
 Now = float | tuple[float, ...]
 """Time on one clock or on several, s."""
+LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
+"""GPS time ahead of UTC, atomic time (TAI) ahead of GPS time, and of UTC, s."""
+LEAP_ERROR = 0.5
+"""Difference of two clocks from leap seconds, s."""
+MIN_INTERVALS = 3
+"""Minimum number of known intervals that distinguish a gap from a slow sonar."""
+MAX_INTERVAL = 3600.0
+"""Maximum time between scans while fewer intervals are known, s."""
+MAX_LATE_SCANS = 3
+"""Consecutive late scans with rising stamps that are a restart."""
+QUEUE_LENGTH = 1000
+"""Maximum number of scans that wait for own-ship data; beyond it, the oldest is dropped."""
+MAX_NOTICED = 100
+"""Pairs of frames that are remembered as noticed: a source may name a new frame each time."""
+MAX_YAW_VARIANCE = math.pi**2
+"""Variance of the heading above which the heading is unknown, rad^2."""
+MAX_STATE = MAX_MAGNITUDE["sensor_pose"]
+"""Largest accepted magnitude of a state component, m and m/s."""
+MIN_SIGMA = MIN_MAGNITUDE["range_std"]
+"""Smallest accepted standard deviation, m and m/s."""
+MAX_ASYMMETRY = 1e-6
+"""Largest accepted difference of two correlations that should be equal."""
+MIN_EIGENVALUE = 1e-12
+"""Smallest accepted eigenvalue of the correlations; below, it is due to rounding."""
 
 
 def waited(since: Now, now: Now) -> float:
@@ -45,26 +65,10 @@ def waited(since: Now, now: Now) -> float:
     return float(elapsed[elapsed >= 0].min(initial=math.inf))
 
 
-LEAP_SECONDS = np.array([18.0, 19.0, 37.0])
-"""GPS time ahead of UTC, atomic time (TAI) ahead of GPS time, and of UTC, s."""
-LEAP_ERROR = 0.5
-"""Difference of two clocks from leap seconds, s."""
-
-
 def leap_seconds(seconds: float) -> str:
     """A question about two clocks that differ by seconds like those of GPS time; else empty."""
     near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
     return ": is it GPS time (18 s ahead of UTC) or TAI (37 s)?" if near else ""
-
-
-MIN_INTERVALS = 3
-"""Minimum number of known intervals that distinguish a gap from a slow sonar."""
-
-MAX_INTERVAL = 3600.0
-"""Maximum time between scans while fewer intervals are known, s."""
-
-MAX_LATE_SCANS = 3
-"""Consecutive late scans with rising stamps that are a restart."""
 
 
 class Arrival(enum.Enum):
@@ -149,9 +153,6 @@ class ScanOrder:
             return MAX_INTERVAL
         return self.settings.window * statistics.median(last)
 
-
-QUEUE_LENGTH = 1000
-"""Maximum number of scans that wait for own-ship data; beyond it, the oldest is dropped."""
 
 UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
 """Classifications of scans that are dropped."""
@@ -257,10 +258,6 @@ class ScanQueue:
             return Arrival.FAR_BACK
         self.scans[0] = since, arrived  # its wait for own-ship data begins only now
         return Arrival.RESTART
-
-
-MAX_NOTICED = 100
-"""Pairs of frames that are remembered as noticed: a source may name a new frame each time."""
 
 
 class Frames:
@@ -526,10 +523,6 @@ class OwnShipInput:
         return last is not None and last - stamp > self._options.restart_jump
 
 
-MAX_YAW_VARIANCE = math.pi**2
-"""Variance of the heading above which the heading is unknown, rad^2."""
-
-
 def register(
     arrived: SensorScan, own_ship: OwnShipInput, frames: Frames, settings: Settings
 ) -> tuple[Scan | None, list[Remark]]:
@@ -609,16 +602,6 @@ def _refuse_heading(
     return Rejection(
         "heading_unknown", "the detections need a heading, which the own-ship data does not have"
     )
-
-
-MAX_STATE = MAX_MAGNITUDE["sensor_pose"]
-"""Largest accepted magnitude of a state component, m and m/s."""
-MIN_SIGMA = MIN_MAGNITUDE["range_std"]
-"""Smallest accepted standard deviation, m and m/s."""
-MAX_ASYMMETRY = 1e-6
-"""Largest accepted difference of two correlations that should be equal."""
-MIN_EIGENVALUE = 1e-12
-"""Smallest accepted eigenvalue of the correlations; below, it is due to rounding."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

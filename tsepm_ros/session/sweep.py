@@ -32,6 +32,15 @@ WIDEST_BEAM = math.radians(5.0)
 """Azimuth after the seam up to which echoes belong before it, where no resolution is given, rad."""
 DEVIATIONS = 3.0
 """Standard deviations of the difference of two ranges up to which they are of one target."""
+SAME_RAY = 1e-6
+"""Difference of azimuths up to which a detection is on a ray, rad."""
+_OF_SCANS = ("range", "azimuth", "range_std", "azimuth_std", "time_offset")
+MAX_LATE_TIME = 0.5
+"""Part of a turn's time over which late messages that rise are a clock that was set back."""
+MIN_SILENCE = 1.0
+"""Shortest time without a message after which an open scan is ended, s."""
+MAX_CUT = 4
+"""Scans in a row, cut since the beam stands, after which a learned sweep is none any more."""
 
 
 class SeamEchoes:
@@ -75,10 +84,6 @@ class SeamEchoes:
     def ends(self, beam: float) -> bool:
         """Whether no echo at an azimuth after the seam, rad, can belong before it any more."""
         return beam > self._limit or not (beam - self._beam <= self._reach).any()
-
-
-SAME_RAY = 1e-6
-"""Difference of azimuths up to which a detection is on a ray, rad."""
 
 
 def delay(first: SensorScan, message: SensorScan) -> float:
@@ -163,9 +168,6 @@ def joined(
     )
 
 
-_OF_SCANS = ("range", "azimuth", "range_std", "azimuth_std", "time_offset")
-
-
 def _rows(message: SensorScan, later: float) -> dict[str, FloatArray]:
     """The columns of a message's detections, by name, at times later by some seconds."""
     scan, zero = message.scan, np.zeros(len(message.scan))
@@ -217,14 +219,6 @@ def _continues(before: SensorScan, after: SensorScan, sensor: SensorModel) -> bo
         return False
     rays = before.scan.range[-1:], after.scan.range[:1]
     return bool(goes_on(*rays, turned(first - last), sensor)[0])
-
-
-MAX_LATE_TIME = 0.5
-"""Part of a turn's time over which late messages that rise are a clock that was set back."""
-MIN_SILENCE = 1.0
-"""Shortest time without a message after which an open scan is ended, s."""
-MAX_CUT = 4
-"""Scans in a row, cut since the beam stands, after which a learned sweep is none any more."""
 
 
 class Part(NamedTuple):

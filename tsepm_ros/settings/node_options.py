@@ -1,13 +1,4 @@
-"""Options of the nodes: session, diagnostics, playback and page.
-
-Parameters of the nodes themselves.
-
-Thresholds of the diagnostics.
-
-Options of a session.
-
-Parameters of the node `track_viewer`.
-"""
+"""Options of the nodes: their parameters beyond those of the tracker and of the detector."""
 
 from __future__ import annotations
 
@@ -21,6 +12,12 @@ from tsepm_ros.parameters import ParameterGroup, parameter
 
 MIN_SOUND_SPEED = 100.0
 """Minimum accepted speed of sound, m/s."""
+OWN_SHIP_SOURCES = ("none", "odometry", "tf")
+"""Sources of the sensor's pose."""
+MAX_SWEEP = 600.0
+"""Longest time of a turn, s."""
+MIN_TOKEN_LENGTH = 16
+_IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,12 +258,6 @@ class DiagnosticsOptions(ParameterGroup):
     )
 
 
-OWN_SHIP_SOURCES = ("none", "odometry", "tf")
-"""Sources of the sensor's pose."""
-MAX_SWEEP = 600.0
-"""Longest time of a turn, s."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions(ParameterGroup):
     """Method, frames, and limits on the times of arriving data.
@@ -364,9 +355,6 @@ class SessionOptions(ParameterGroup):
             return float(self.sweep)
         except ValueError:
             return math.nan
-
-
-MIN_TOKEN_LENGTH = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -481,9 +469,6 @@ class BridgeNodeOptions(ParameterGroup):
             raise ValueError(
                 f"nmea_talker must be two capital letters, such as RA; got {self.nmea_talker!r}"
             )
-
-
-_IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
 
 
 def udp_address(name: str, text: str) -> tuple[str, int] | None:

@@ -1,10 +1,7 @@
-"""Settings of a session, the nodes' tables of parameters, and their help.
+"""Settings of a session, made from the parameters of the nodes.
 
-The settings of a session.
-
-The parameter tables of the nodes: their groups, and the options made from values.
-
-The text that a node prints for ``--help``.
+A node's parameters are a table of groups of options; the table gives the options made from values,
+and the node's text for ``--help``.
 """
 
 from __future__ import annotations
@@ -35,6 +32,53 @@ from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import Coverage, SensorModel
 from tsepm_ros.tracker.tracker import Tracker
+
+TRACK_INITIATOR: Groups = (
+    ("", SessionOptions),
+    ("", InitiatorNodeOptions),
+    ("", CommonOptions),
+    ("diagnostics.", DiagnosticsOptions),
+    ("sensor.", SensorModel),
+    ("mounting.", Mounting),
+    *((f"{name}.", method_class(name).Options) for name in NODE_METHODS),
+)
+SONAR_DETECTOR: Groups = (
+    ("", SonarDetectorNodeOptions),
+    ("", DetectorOptions),
+    ("image.", ImageLayout),
+    ("sensor.", Coverage),
+)
+NODES: dict[str, Groups] = {
+    "track_initiator": TRACK_INITIATOR,
+    "sonar_detector": SONAR_DETECTOR,
+    "sonar_simulator": (("", SimulatorNodeOptions), ("", PlaybackOptions)),
+    "scan_player": (("", PlayerNodeOptions), ("", PlaybackOptions)),
+    "track_viewer": (("", ViewerNodeOptions),),
+    "track_bridge": (("", BridgeNodeOptions),),
+}
+"""Every node's groups of parameters."""
+WIDTH = 100
+_EXAMPLES = {
+    "sonar_detector": "-r image:=/my_sonar/image -p false_detections_per_ping:=20.0",
+    "track_initiator": "-r detections:=/my_sonar/detections -p max_speed:=5.0",
+    "sonar_simulator": "-p scenario:=four_targets -p rate_factor:=10.0",
+    "scan_player": "-p recording:=my_recording -p rate_factor:=10.0",
+    "track_viewer": "-r tracks/current:=/my_boat/tracks/current -p port:=8080",
+    "track_bridge": "-p nmea_address:=127.0.0.1:10110 -p nmea_sentences:=both",
+}
+_TOPICS = {
+    "sonar_detector": "subscribes to image; publishes detections, detections/markers, "
+    "image/plan and image/normalised (docs/sonar_images.md)",
+    "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
+    "tracks/current, tracks/markers and others (docs/topics.md)",
+    "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
+    "scan_player": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
+    "track_viewer": "subscribes to tracks/current, fixed_echoes and others "
+    "(docs/watch_and_operate.md)",
+    "track_bridge": "subscribes to tracks/current, own_ship/odometry and fix; publishes "
+    "tracks/radar and tracks/objects where their packages are installed, and sends NMEA 0183 and "
+    "deltas of Signal K (docs/use_the_tracks.md)",
+}
 
 
 @dataclass(frozen=True)
@@ -98,31 +142,6 @@ class Settings:
 
 Groups = tuple[tuple[str, type[Any]], ...]
 """Groups of parameters, each with the prefix of its names."""
-
-TRACK_INITIATOR: Groups = (
-    ("", SessionOptions),
-    ("", InitiatorNodeOptions),
-    ("", CommonOptions),
-    ("diagnostics.", DiagnosticsOptions),
-    ("sensor.", SensorModel),
-    ("mounting.", Mounting),
-    *((f"{name}.", method_class(name).Options) for name in NODE_METHODS),
-)
-SONAR_DETECTOR: Groups = (
-    ("", SonarDetectorNodeOptions),
-    ("", DetectorOptions),
-    ("image.", ImageLayout),
-    ("sensor.", Coverage),
-)
-NODES: dict[str, Groups] = {
-    "track_initiator": TRACK_INITIATOR,
-    "sonar_detector": SONAR_DETECTOR,
-    "sonar_simulator": (("", SimulatorNodeOptions), ("", PlaybackOptions)),
-    "scan_player": (("", PlayerNodeOptions), ("", PlaybackOptions)),
-    "track_viewer": (("", ViewerNodeOptions),),
-    "track_bridge": (("", BridgeNodeOptions),),
-}
-"""Every node's groups of parameters."""
 
 
 def full_table(groups: Groups) -> Iterator[Parameter]:
@@ -223,30 +242,6 @@ def settings_from(options: Mapping[type[Any], Any]) -> Settings:
         },
         mounting=options[Mounting],
     )
-
-
-WIDTH = 100
-_EXAMPLES = {
-    "sonar_detector": "-r image:=/my_sonar/image -p false_detections_per_ping:=20.0",
-    "track_initiator": "-r detections:=/my_sonar/detections -p max_speed:=5.0",
-    "sonar_simulator": "-p scenario:=four_targets -p rate_factor:=10.0",
-    "scan_player": "-p recording:=my_recording -p rate_factor:=10.0",
-    "track_viewer": "-r tracks/current:=/my_boat/tracks/current -p port:=8080",
-    "track_bridge": "-p nmea_address:=127.0.0.1:10110 -p nmea_sentences:=both",
-}
-_TOPICS = {
-    "sonar_detector": "subscribes to image; publishes detections, detections/markers, "
-    "image/plan and image/normalised (docs/sonar_images.md)",
-    "track_initiator": "subscribes to detections, own_ship/odometry and tracked; publishes tracks, "
-    "tracks/current, tracks/markers and others (docs/topics.md)",
-    "sonar_simulator": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
-    "scan_player": "publishes detections, own_ship/odometry and ground_truth (docs/topics.md)",
-    "track_viewer": "subscribes to tracks/current, fixed_echoes and others "
-    "(docs/watch_and_operate.md)",
-    "track_bridge": "subscribes to tracks/current, own_ship/odometry and fix; publishes "
-    "tracks/radar and tracks/objects where their packages are installed, and sends NMEA 0183 and "
-    "deltas of Signal K (docs/use_the_tracks.md)",
-}
 
 
 def help_text(node: str, summary: str | None) -> str:

@@ -19,7 +19,8 @@ from tsepm_ros.tools.commands import evaluate_command
 from tsepm_ros.tools.commands.cli import COMMANDS, main
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
 from tsepm_ros.tools.evaluation.result_files import read_result
-from tsepm_ros.tools.replay.recording import read_images, read_recording
+from tsepm_ros.tools.replay.image_folder import read_images
+from tsepm_ros.tools.replay.recording import read_recording
 
 
 def test_methods_are_listed_with_what_they_are(capsys):

@@ -6,7 +6,6 @@ place of own ship at a position fix.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,11 +100,9 @@ class GeographicReference:
         return np.where(is_near[:, None], places, np.nan)
 
     def distance(self, other: GeographicReference) -> float:
-        """Distance, m, between the point of another reference and its place by this one."""
+        """Distance, m, between the point of another reference and its place by this one, or nan."""
         from pyproj import Geod
 
-        places = self.longitude, self.latitude, other.longitude, other.latitude
-        azimuth, _, away = Geod(ellps="WGS84").inv(*places)
-        angle = math.radians(azimuth)
-        east, north = self.east + away * math.sin(angle), self.north + away * math.cos(angle)
-        return math.hypot(east - other.east, north - other.north)
+        latitude, longitude = self.geographic(np.array([other.east, other.north]))[0]
+        places = longitude, latitude, other.longitude, other.latitude
+        return float(Geod(ellps="WGS84").inv(*places)[2])

@@ -18,7 +18,6 @@ from __future__ import annotations
 import json
 import math
 import uuid
-from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import reduce
@@ -83,8 +82,7 @@ class TargetNumbers:
     """
 
     def __init__(self) -> None:
-        self._free = deque(range(NUMBERS))
-        self._last: dict[int, int] = {}  # id by number
+        self._free: dict[int, int | None] = dict.fromkeys(range(NUMBERS))  # its last id, by number
         self.of: dict[int, int] = {}
         """Number of each track, by its id."""
 
@@ -98,22 +96,17 @@ class TargetNumbers:
         """
         present = set(ids)
         for track in [track for track in self.of if track not in present]:
-            self._free.append(self.of.pop(track))
+            self._free[self.of.pop(track)] = track
         for track in ids:
             if track not in self.of and self._free:
-                before = (one for one in self._free if self._last.get(one) == track)
-                number = next(before, self._free[0])
-                self._free.remove(number)
-                self.of[track] = number
-                self._last[number] = track
+                before = (number for number, last in self._free.items() if last == track)
+                self.of[track] = next(before, next(iter(self._free)))
+                del self._free[self.of[track]]
         return len(present) - len(self.of)
 
 
-class Reports:
-    """What a receiver was told of each track, so that it is told each end."""
-
-    def __init__(self) -> None:
-        self._last: dict[int, Report] = {}
+class Reports(dict[int, Report]):
+    """What a receiver was told of each track, by its id, so that it is told each end."""
 
     def texts(
         self, present: Collection[int], stamp: float, reports: Mapping[int, Report]
@@ -129,8 +122,8 @@ class Reports:
         reports : mapping of int to report
             Of held tracks, by id.
         """
-        gone = [self._last.pop(track) for track in list(self._last) if track not in present]
-        self._last |= reports
+        gone = [self.pop(track) for track in list(self) if track not in present]
+        self.update(reports)
         ends = [_line(one, stamp, LOST) for one in gone]
         return ends + [_line(one, stamp, TRACKED) for one in reports.values()]
 
@@ -312,10 +305,9 @@ def report_writer(
         if form == "signalk":
             reports: Mapping[int, Report] = deltas(tracks, OFFLINE, places)
         else:
-            without = numbers.update(present)
+            not_written += numbers.update(present)
             reports = tll("RA", tracks, numbers.of, places)
-            if without:
-                not_written += without
+            if not_written:
                 notes["numbers"] = (
                     f"{not_written} positions of tracks beyond {NUMBERS} at a time are not "
                     "written: NMEA 0183 has no more numbers"

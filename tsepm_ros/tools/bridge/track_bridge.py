@@ -67,10 +67,11 @@ class TrackBridge(ParameterisedNode):
         with refusing("origin"):
             if options.origin:
                 self._reference = GeographicReference.read(options.origin)
-        nmea_address = udp_address("nmea_address", options.nmea_address)
         kinds = ("TTM", "TLL") if options.nmea_sentences == "both" else (options.nmea_sentences,)
-        signal_k_address = udp_address("signal_k_address", options.signal_k_address)
-        given = {**dict.fromkeys(kinds, nmea_address), SIGNAL_K: signal_k_address}
+        given = {
+            **dict.fromkeys(kinds, udp_address("nmea_address", options.nmea_address)),
+            SIGNAL_K: udp_address("signal_k_address", options.signal_k_address),
+        }
         self._addresses = {kind: address for kind, address in given.items() if address}
         self._told = {kind: nmea.Reports() for kind in self._addresses}
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -178,11 +179,12 @@ class TrackBridge(ParameterisedNode):
         """
         talker, numbers = self._options.nmea_talker, self._numbers.of
         number = len(set(tracks.track_id.tolist()) if kind == SIGNAL_K else numbers)
-        reports: Mapping[int, nmea.Report]
         if kind == "TTM":
             position, velocity, frame = self._own_ship(stamp)
             self._check_frame(frame)
-            reports = nmea.ttm(talker, tracks, numbers, (position, velocity), self._from_north)
+            reports: Mapping[int, nmea.Report] = nmea.ttm(
+                talker, tracks, numbers, (position, velocity), self._from_north
+            )
         elif self._reference is None:
             raise MessageError("no_position", f"no usable position on {FIX}, and no origin")
         else:
@@ -222,13 +224,9 @@ class TrackBridge(ParameterisedNode):
         source, frame = self._options.own_ship_source, self._options.own_ship_frame
         if source == "none":
             return np.zeros(2), np.zeros(2), ""
-        if source == "tf":
-            sample = tf_own_ship(self._buffer, self._frame, frame, stamp)
-        else:
-            sample = self._newest()
-        with refusing_message(
-            "bad_own_ship", f"{'tf' if source == 'tf' else OWN_SHIP} is not used:"
-        ):
+        by_tf = source == "tf"
+        sample = tf_own_ship(self._buffer, self._frame, frame, stamp) if by_tf else self._newest()
+        with refusing_message("bad_own_ship", f"{'tf' if by_tf else OWN_SHIP} is not used:"):
             sample.check()
         elapsed = stamp - sample.stamp
         if abs(elapsed) > self._options.own_ship_timeout:
@@ -274,7 +272,7 @@ class TrackBridge(ParameterisedNode):
         """
         known = self._reference if frame == self._reference_frame else None
         away = known.distance(found) if known else 0.0
-        if away > near:
+        if not away <= near:  # or not on the earth
             agrees = self._doubted and self._doubted[-1].distance(found) <= near
             self._doubted = [*(self._doubted if agrees else ()), found]
             if len(self._doubted) < AGREEING:

@@ -11,7 +11,8 @@ import numpy as np
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder, seed
-from tsepm_ros.tools.replay.recording import DETECTIONS_FILE, write_detections
+from tsepm_ros.tools.replay.image_folder import write_detections
+from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.whole_files import written_whole
 

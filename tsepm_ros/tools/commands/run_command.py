@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -57,13 +58,12 @@ from tsepm_ros.tools.replay.bag import (
     find_topics,
     moving_frames,
 )
+from tsepm_ros.tools.replay.image_folder import GEOMETRY, detected
 from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
-    GEOMETRY,
     METADATA,
     Recording,
-    detected,
     read_recording,
     simulated_recording,
     source_of,
@@ -103,6 +103,29 @@ BESIDE = ("own_ship.csv", "target.csv")
 """Files that are read beside a recording's detections."""
 WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 """Suffixes of outputs in the folder of a bag, which it does not read."""
+RUN_ARGUMENTS: Arguments = {
+    "--out": {
+        "type": in_folder,
+        "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
+    },
+    "--as": {
+        "choices": ("geojson", "nmea", "signalk"),
+        "dest": "form",
+        "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
+        "of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
+    },
+    "--origin": {
+        "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
+        "--origin=-33.9,151.2"
+    },
+    "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
+    "--html": {
+        "type": in_folder,
+        "help": "self-contained page with a time slider, such as run.html",
+    },
+}
+OPTIONS = ("host", "port", "token", "origin")
+"""Options of the viewer that are arguments too."""
 
 
 def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
@@ -154,7 +177,7 @@ class Run:
 
     title: str
     session: Session
-    results: Iterator[ScanResult]
+    results: Iterator[ScanResult] = field(default_factory=lambda: iter(()))
     truth: list[FloatArray] = field(default_factory=list)
     judge: Callable[[RunScene], None] = lambda scene: None
     notes: dict[str, str] = field(default_factory=dict)
@@ -195,8 +218,10 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
     name, scenarios = options.recording, shipped_scenarios()
     path, coverage, notes = Path(name), dict[str, float](), list[str]()
     is_images = (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists()
-    outputs = [one for one in (options.picture, options.html) if isinstance(one, Path)]
-    outputs += [options.out / one for one in OUTPUTS if options.out]
+    outputs = [
+        *(one for one in (options.picture, options.html) if isinstance(one, Path)),
+        *(options.out / one for one in OUTPUTS if options.out),
+    ]
     given = [path, *(one for one in options.parameter if isinstance(one, Path))]
     if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
         name in scenarios and not path.exists()
@@ -222,8 +247,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
         return _bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)
     recording.notes.extend(notes)
-    own_ship = "odometry" if recording.own_ship else "none"
-    return _recorded(recording, options, own_ship, **coverage)
+    return _recorded(recording, options, "odometry" if recording.own_ship else "none", **coverage)
 
 
 def _refuse_unused(options: argparse.Namespace, source: str) -> None:
@@ -249,10 +273,10 @@ def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str
     )
 
 
-def _session(
-    source: str, known: Sequence[str], values: Mapping[str, Value]
-) -> tuple[Session, InitiatorNodeOptions, dict[str, str]]:
-    """Make a session from values of parameters, with its node options and its notes by reason.
+def _prepared(
+    options: argparse.Namespace, source: str, known: Sequence[str], values: Mapping[str, Value]
+) -> tuple[Run, InitiatorNodeOptions]:
+    """A run without results, its session made from values of parameters, with its node options.
 
     `source` is the default of `own_ship_source`. The notes begin with those that are `known` of the
     recording.
@@ -268,30 +292,21 @@ def _session(
         note(question, question)
     if source == "odometry" and settings.session.own_ship_source == "none":
         note("own_ship_source", "own_ship_source is none: the own ship of the source is not used")
-    session = Session(settings, note)
+    session, node = Session(settings, note), groups[InitiatorNodeOptions]
     if session.settings.session.own_ship_source == "tf":
         raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
-    return session, groups[InitiatorNodeOptions], notes
-
-
-def _mounting_yaw(session: Session, node: InitiatorNodeOptions) -> float | None:
-    return None if node.bearing_reference == "north" else session.settings.mounting.yaw
+    yaw = None if node.bearing_reference == "north" else settings.mounting.yaw
+    return Run(_title(options, session), session, notes=notes, mounting_yaw=yaw), node
 
 
 def _recorded(
     recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
 ) -> Run:
     values = {**defaults, **given_values(options.parameter)}
-    session, node, notes = _session(source, recording.notes, values)
-    return Run(
-        title=_title(options, session),
-        session=session,
-        results=recording_results(recording, session, node.bearing_reference, node.sound_speed),
-        truth=recording.truth,
-        notes=notes,
-        scans=len(recording.scans),
-        mounting_yaw=_mounting_yaw(session, node),
-    )
+    run, node = _prepared(options, source, recording.notes, values)
+    reading = run.session, node.bearing_reference, node.sound_speed
+    run.results = recording_results(recording, *reading)
+    return dataclasses.replace(run, truth=recording.truth, scans=len(recording.scans))
 
 
 def _bag(bag: Bag, options: argparse.Namespace) -> Run:
@@ -310,10 +325,13 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         )
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
-    session, node, notes = _session(source, bag.notes, _shared_out(values)[1] if shown else values)
-    if session.settings.session.own_ship_source == "none":
+    values = _shared_out(values)[1] if shown else values
+    run, node = _prepared(options, source, bag.notes, values)
+    if run.session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
-    message_input = MessageInput(session, node, lambda sentence: notes.update({sentence: sentence}))
+    message_input = MessageInput(
+        run.session, node, lambda sentence: run.notes.update({sentence: sentence})
+    )
     if shown:
         node_name = "/sonar_detector"  # a file may be the tracker's alone
         fitting = [
@@ -323,16 +341,13 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         ]
         of_detector, _ = _shared_out(given_values(fitting, node_name))
         groups = make_groups(SONAR_DETECTOR, of_detector)
-        images = ImageInput(groups, session.drop, lambda one: notes.update({one: one}))
+        images = ImageInput(groups, run.session.drop, lambda one: run.notes.update({one: one}))
         images.plans = [] if options.html else None
-    return Run(
-        title=_title(options, session),
-        session=session,
-        results=bag_results(bag, topics, session, message_input, images),
+    return dataclasses.replace(
+        run,
+        results=bag_results(bag, topics, run.session, message_input, images),
         truth=bag_truth(bag, topics) if needs_scene(options) else [],
-        notes=notes,
         scans=bag.count(topics[DETECTIONS]),
-        mounting_yaw=_mounting_yaw(session, node),
         plans=images.plans if images else None,
     )
 
@@ -362,29 +377,6 @@ def needs_scene(options: argparse.Namespace) -> bool:
     return bool(options.out or options.picture or options.html)
 
 
-RUN_ARGUMENTS: Arguments = {
-    "--out": {
-        "type": in_folder,
-        "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
-    },
-    "--as": {
-        "choices": ("geojson", "nmea", "signalk"),
-        "dest": "form",
-        "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
-        "of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
-    },
-    "--origin": {
-        "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
-        "--origin=-33.9,151.2"
-    },
-    "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
-    "--html": {
-        "type": in_folder,
-        "help": "self-contained page with a time slider, such as run.html",
-    },
-}
-
-
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
     add_source_arguments(parser)
@@ -412,7 +404,9 @@ def run_recording(options: argparse.Namespace) -> None:
         seconds = time.perf_counter() - begin
     _report(run, scene, seconds, options)
     if drawing is not None:
-        _draw(drawing, scene, options)
+        picture = options.picture or options.out / "picture.png"
+        drawing.save(scene, picture)
+        print(f"picture: {picture}", file=sys.stderr)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))
         print(f"page: {options.html}", file=sys.stderr)
@@ -462,12 +456,8 @@ def _geographic(
     ValueError
         If pyproj is not installed, or the origin is not allowed.
     """
-    try:
-        import pyproj  # noqa: F401 - of `GeographicReference`
-    except ImportError:
-        raise ValueError(
-            "--as needs pyproj: pip install pyproj, or apt install python3-pyproj"
-        ) from None
+    if not find_spec("pyproj"):  # of `GeographicReference`
+        raise ValueError("--as needs pyproj: pip install pyproj, or apt install python3-pyproj")
     reference = GeographicReference.read(options.origin or "")
     if options.form != "geojson":
         return report_writer(file, reference, run.notes, options.form)
@@ -482,10 +472,9 @@ def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Pa
             return {Path("standard output"): _geographic(options, run, sys.stdout, stack)}
         table = sys.stdout.isatty() and track_listing(sys.stdout, reason, north=run.north)
         return {Path("standard output"): table or track_table(sys.stdout, reason)}
-    tracks, current = folder / "tracks.csv", folder / "current.csv"
     writers: dict[Path, TrackWriter] = {
-        tracks: track_table(stack.enter_context(opened_whole(tracks)), reason),
-        current: track_table(stack.enter_context(opened_whole(current))),
+        folder / name: track_table(stack.enter_context(opened_whole(folder / name)), reason_of_row)
+        for name, reason_of_row in (("tracks.csv", reason), ("current.csv", None))
     }
     if options.form:
         path = folder / f"tracks.{options.form}"
@@ -525,17 +514,6 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
             f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
             f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
         )
-
-
-def _draw(drawing: ModuleType, scene: RunScene, options: argparse.Namespace) -> None:
-    picture = options.picture or (options.out and options.out / "picture.png")
-    if picture:
-        drawing.save(scene, picture)
-        print(f"picture: {picture}", file=sys.stderr)
-
-
-OPTIONS = ("host", "port", "token", "origin")
-"""Options of the viewer that are arguments too."""
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
@@ -584,8 +562,7 @@ def _watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
         raise ValueError(
             f"live topics need ROS 2 ({error}); tsepm watch RECORDING needs none"
         ) from None
-    values = [f"{name}:={yaml_text(value)}" for name, value in given.items()]
-    parameters = [part for value in values for part in ("-p", value)]
+    parameters = [part for name in given for part in ("-p", f"{name}:={yaml_text(given[name])}")]
     if code := main(["--ros-args", *parameters, *options.ros_args]):
         raise SystemExit(code)
 

@@ -32,6 +32,33 @@ from tsepm_ros.tools.terminal import Progress, markdown_table, silent
 
 MIN_FALSE_STARTS = 0.5
 """Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
+SHORT = {
+    "detection": "P_D",
+    "detection_by_position": "by position",
+    "false_per_run": "false/run",
+    "false_per_hour": "false/h",
+    "held": "held",
+    "confirmation_median": "median s",
+    "pure_nees": "NEES pure",
+    "nees": "NEES true",
+}
+"""Measures of the terminal's table, with their headings."""
+NOTES = """\
+Every method got the same scenes: run i is seeded with (seed, i). Intervals are 95 %.
+
+- *P_D*: share of (run, target) pairs with a true start by the end. More than half of a true \
+start's hits are from the target, and it is within 3 sigma of the measurement error's larger axis.
+- *P_D by position*: share of pairs with a start within 3 sigma of the target, whatever its hits.
+- *P_D with corrections*: share of pairs with a true start, or one that a correction made true. \
+All other figures are of starts as first published (revision 0).
+- *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
+farther from it. *redundant*: another true start of a target.
+- *targets held at the end*: with a held track within 3 sigma, whatever its hits.
+- *pure starts*: all hits from one target, redundant starts excluded, misplaced starts included. \
+Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
+ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.
+- *NEES*: 4 is ideal; a larger value means an over-confident covariance.
+"""
 
 
 @dataclass(frozen=True)
@@ -208,35 +235,6 @@ def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int)
         "seed": seed,
     }
     return RunFile(folder, (scenario.name, point.method, point.label), header)
-
-
-SHORT = {
-    "detection": "P_D",
-    "detection_by_position": "by position",
-    "false_per_run": "false/run",
-    "false_per_hour": "false/h",
-    "held": "held",
-    "confirmation_median": "median s",
-    "pure_nees": "NEES pure",
-    "nees": "NEES true",
-}
-"""Measures of the terminal's table, with their headings."""
-NOTES = """\
-Every method got the same scenes: run i is seeded with (seed, i). Intervals are 95 %.
-
-- *P_D*: share of (run, target) pairs with a true start by the end. More than half of a true \
-start's hits are from the target, and it is within 3 sigma of the measurement error's larger axis.
-- *P_D by position*: share of pairs with a start within 3 sigma of the target, whatever its hits.
-- *P_D with corrections*: share of pairs with a true start, or one that a correction made true. \
-All other figures are of starts as first published (revision 0).
-- *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
-farther from it. *redundant*: another true start of a target.
-- *targets held at the end*: with a held track within 3 sigma, whatever its hits.
-- *pure starts*: all hits from one target, redundant starts excluded, misplaced starts included. \
-Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
-ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.
-- *NEES*: 4 is ideal; a larger value means an over-confident covariance.
-"""
 
 
 def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:

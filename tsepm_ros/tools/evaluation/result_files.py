@@ -1,8 +1,9 @@
-"""Runs in several processes, files of runs, with which an interrupted study continues, and results.
+"""Files of results: of runs, with which an interrupted study continues, and of their tables.
 
-A file of runs is JSON lines: a header with what its runs depend on, then a line per run. Its name
-has a digest of the header, so that other options, another seed or another version have other files.
-A result file has the tables of a command, with everything that is needed to repeat them.
+Runs are made in several processes. A file of runs is JSON lines: a header with what its runs depend
+on, then a line per run. Its name has a digest of the header, so that other options, another seed or
+another version have other files. A result file has the tables of a command, with everything that is
+needed to repeat them.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ Made = TypeVar("Made")
 
 WATCH_PERIOD = 0.5
 """Time between a worker's checks of its parent, s."""
+PACKAGE = Path(tsepm_ros.__file__).parent
+GOLDENS = PACKAGE.parent / "test" / "golden"
 
 
 def _attach_to_parent() -> None:
@@ -81,10 +84,6 @@ def mapped(
         yield from results
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-PACKAGE = Path(tsepm_ros.__file__).parent
-GOLDENS = PACKAGE.parent / "test" / "golden"
 
 
 def goldens_digest() -> str:

@@ -1,8 +1,7 @@
 """The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording.
 
-What it shares with the simulator: events at their times, and the topics of a driver and of truth.
-
-The node of `tsepm record`, which writes such bags.
+`PlayingNode` publishes events at their times, for the simulator too. `TopicRecorder` is the node of
+`tsepm record`, which writes a bag to be played.
 """
 
 from __future__ import annotations
@@ -85,6 +84,11 @@ MAX_ACKNOWLEDGE_TIME = 10.0
 """Maximum time for the acknowledgement, s; later a reliable subscriber is considered dead."""
 MAX_SINGLE_WAIT = 0.2
 """Maximum time of a single wait for the acknowledgement, s."""
+MAX_STAMP = 2.0**31 - 1
+"""Maximum stamp of a ROS message, s."""
+TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
+DURABILITY = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
+"""Durability of messages for present subscribers only, and for later ones too."""
 
 
 class Played:
@@ -153,11 +157,9 @@ class PlayingNode(ParameterisedNode):
         self.finished: Future = Future()
         self._played = make(self, self.options)
         self._pace: PlaybackOptions = self.options[PlaybackOptions]
-        self._clock_topic: Any = None
-        if self._pace.publish_clock:
-            self._clock_topic = self.create_publisher(
-                ClockMessage, "/clock", 10, qos_overriding_options=OVERRIDABLE
-            )
+        self._clock_topic: Any = self._pace.publish_clock and self.create_publisher(
+            ClockMessage, "/clock", 10, qos_overriding_options=OVERRIDABLE
+        )
         self._events = self._played.events()
         self._next = next(self._events, None)
         self._begin: float | None = None
@@ -197,7 +199,7 @@ class PlayingNode(ParameterisedNode):
     def _publish(self) -> None:
         assert self._next is not None
         stamp, publish = self._next
-        if self._clock_topic is not None:
+        if self._clock_topic:
             self._clock_topic.publish(ClockMessage(clock=ns_to_time(seconds_to_ns(stamp))))
         try:
             publish()
@@ -296,10 +298,6 @@ class PlayedTopics(Played):
         self._truth_markers.publish(truth_markers(header, truth, self._reach))
 
 
-LATCHED = "TRANSIENT_LOCAL"
-TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
-
-
 class PlayedBag(Played):
     """Publishes the topics of a bag that the track initiator reads.
 
@@ -349,13 +347,12 @@ class PlayedBag(Played):
             with refusing("recording"):
                 topics = find_topics(self._bag.topics, given)
             check_start_offset(options.start_offset, self._bag.duration, "bag")
+            self._latched = {TF_STATIC, topics.get(LAND, TF_STATIC)}
             self._publishers = {
-                topic: self._publisher(topic, role, LATCHED if role == LAND else "VOLATILE")
-                for role, topic in topics.items()
+                topic: self._publisher(topic, role) for role, topic in topics.items()
             }
             refused.pop_all()
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
-        self._latched = {TF_STATIC, topics.get(LAND, TF_STATIC)}
         self.detections = self._publishers[topics[DETECTIONS]]
         self._add_tf()
         self.publishers = list(self._publishers.values())
@@ -391,7 +388,7 @@ class PlayedBag(Played):
             throttle_duration_sec=LOG_PERIOD,
         )
 
-    def _publisher(self, topic: str, name: str, durability: str = "VOLATILE") -> Publisher:
+    def _publisher(self, topic: str, name: str) -> Publisher:
         type_name = self._bag.topics[topic]
         try:
             kind = installed_class(type_name)
@@ -399,20 +396,16 @@ class PlayedBag(Played):
             raise ParameterError(
                 f"recording: {topic} is of type {type_name}, whose package is not installed"
             ) from None
-        qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DurabilityPolicy[durability])
+        qos = QoSProfile(depth=PUBLISHER_DEPTH, durability=DURABILITY[topic in self._latched])
         return self._node.create_publisher(kind, name, qos, qos_overriding_options=OVERRIDABLE)
 
     def _add_tf(self) -> None:
-        for topic, durability in ((TF, "VOLATILE"), (TF_STATIC, LATCHED)):
+        for topic in (TF, TF_STATIC):
             if self._bag.topics.get(topic) == TF_TYPE:
                 try:
-                    self._publishers[topic] = self._publisher(topic, topic, durability)
+                    self._publishers[topic] = self._publisher(topic, topic)
                 except ParameterError as error:
                     self._node.get_logger().warning(f"not played: {error}")
-
-
-MAX_STAMP = 2.0**31 - 1
-"""Maximum stamp of a ROS message, s."""
 
 
 class PlayedRecording(PlayedTopics):
@@ -537,8 +530,7 @@ class TopicRecorder(Node):
 
     def _look(self) -> None:
         for topic in sorted(self._waiting):
-            publishers = self.get_publishers_info_by_topic(topic)
-            if publishers:
+            if publishers := self.get_publishers_info_by_topic(topic):
                 self._waiting.remove(topic)
                 try:
                     self._record(topic, publishers)
@@ -549,10 +541,9 @@ class TopicRecorder(Node):
         kind = publishers[0].topic_type
         message_type = installed_class(kind)
         self._bag.add(topic, kind)
-        latched = all(
-            end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for end in publishers
-        )
-        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        durability = DURABILITY[
+            all(end.qos_profile.durability == DURABILITY[True] for end in publishers)
+        ]
         take = partial(self._take, topic)
         self._subscriptions_made.append(
             OfferedSubscription(

@@ -43,6 +43,34 @@ _CAUSES = {
     "missing tables": "the database is no bag's, or a -wal file that belongs to it is missing",
 }
 """What causes some errors of the libraries, by words of them."""
+_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
+"""Formats of definitions, as rosbags calls them, by the encodings of files."""
+_IDL, _NAME = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE), re.compile(r"'(\w+/msg/\w+)'")
+"""Heads of the parts of an IDL definition, and names of types."""
+_UNKNOWN = "FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')"
+"""Definitions of a database that rosbags does not know."""
+LAYOUTS = {
+    "marine_acoustic_msgs/msg/PingInfo": "float32 frequency\nfloat32 sound_speed\n"
+    "float32[] tx_beamwidths\nfloat32[] rx_beamwidths\n",
+    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag\n",
+    "marine_acoustic_msgs/msg/SonarDetections": "std_msgs/Header header\nPingInfo ping_info\n"
+    "DetectionFlag[] flags\nfloat32[] two_way_travel_times\nfloat32[] tx_delays\n"
+    "float32[] intensities\nfloat32[] tx_angles\nfloat32[] rx_angles\n",
+    "marine_acoustic_msgs/msg/SonarRanges": "std_msgs/Header header\nPingInfo ping_info\n"
+    "DetectionFlag[] flags\nfloat32[] transmit_delays\nfloat32[] intensities\n"
+    "geometry_msgs/Vector3[] beam_unit_vec\nfloat32[] ranges\n",
+    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
+    "float32 doppler_velocity\nfloat32 amplitude\n",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns\n",
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "vision_msgs/msg/ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
+    "geometry_msgs/PoseWithCovariance pose\n",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
+    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
+    "BoundingBox3D bbox\nstring id\n",
+    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
+}
+"""Definitions of the supported message types that ROS itself does not have, for bags without."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +91,8 @@ class BagMessage:
     data: bytes
 
 
-class Bag:
-    """A bag that is open for reading; closed at the end of its `with` block.
+class Bag(ExitStack):
+    """A bag that is open for reading; closed at the end of its `with` block, or by `close`.
 
     Where ROS is sourced, rosbag2_py reads it; else, and where that cannot, such as message types
     that are not installed, the library rosbags. The definitions of the messages that are read are
@@ -91,14 +119,14 @@ class Bag:
     """
 
     def __init__(self, path: Path | str) -> None:
+        super().__init__()
         self._path = Path(path)
-        self._open = ExitStack()
         self._files, self.notes = bag_files(self._path)
         with self._reading():
             try:
                 self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
             except Exception:  # rosbags reads more, with errors of its own
-                self._storage = _RosbagsStorage(self._files, self._open, self.notes)
+                self._storage = _RosbagsStorage(self._files, self, self.notes)
         self.topics = {name: present_name(kind) for name, (kind, _) in self._storage.topics.items()}
         self.start_ns, self.end_ns = self._storage.span_ns
         self._fitting: set[str] = set()
@@ -108,18 +136,6 @@ class Bag:
             for name in sorted(self._storage.undefined)
             if present_name(name) in LAYOUTS
         ]
-
-    def __enter__(self) -> Bag:
-        """Return the bag itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the bag; no more messages can be read."""
-        self._open.close()
 
     @property
     def duration(self) -> float:
@@ -146,11 +162,10 @@ class Bag:
         ValueError
             If the bag is damaged.
         """
-        known = [topic for topic in topics if topic in self.topics]
-        if not known:  # the libraries would return all topics
-            return
-        with self._reading():
-            yield from self._storage.messages(known, start_ns)
+        # Of no topics the libraries would return all.
+        if known := [topic for topic in topics if topic in self.topics]:
+            with self._reading():
+                yield from self._storage.messages(known, start_ns)
 
     def read(self, message: BagMessage) -> Any:
         """Return the content of a message, with the fields of its type as attributes.
@@ -314,12 +329,6 @@ class _RosbagsStorage:
         return store, type_name
 
 
-_FORMATS = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
-"""Formats of definitions, as rosbags calls them, by the encodings of files."""
-_IDL, _NAME = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE), re.compile(r"'(\w+/msg/\w+)'")
-"""Heads of the parts of an IDL definition, and names of types."""
-
-
 def _definition(schema: Any) -> Any:
     """The definition of a schema of an MCAP file, as rosbags has it; none of another encoding."""
     from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
@@ -354,10 +363,6 @@ def _readable(path: Path, stack: ExitStack, notes: list[str]) -> Path:
     _answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
     notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
     return place
-
-
-_UNKNOWN = "FROM message_definitions WHERE encoding NOT IN ('ros2msg', 'ros2idl')"
-"""Definitions of a database that rosbags does not know."""
 
 
 def _answers(address: str, commands: str) -> list[Any]:
@@ -403,7 +408,13 @@ class BagWriter:
         with suppress(ImportError):
             self._ros = import_module("rosbag2_py")
         try:
-            self._writer = self._opened(path)
+            if self._ros:
+                self._writer = self._ros.SequentialWriter()
+                options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
+                self._writer.open(options, self._ros.ConverterOptions("", ""))
+            else:
+                self._writer = mcap_writer(path)
+                self._writer.open()
         except ImportError:
             raise ValueError(
                 "to write a bag needs rosbag2_py of a sourced ROS, or the library rosbags: "
@@ -434,46 +445,12 @@ class BagWriter:
         """Write what is left, and close the bag."""
         self._writer.close()
 
-    def _opened(self, path: Path) -> Any:
-        if self._ros:
-            writer = self._ros.SequentialWriter()
-            options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
-            writer.open(options, self._ros.ConverterOptions("", ""))
-            return writer
-        writer = mcap_writer(path)
-        writer.open()
-        return writer
-
 
 def mcap_writer(path: Path) -> Any:
     """A writer of the library rosbags for an MCAP bag in a new folder; ImportError without it."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     return Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
-
-
-LAYOUTS = {
-    "marine_acoustic_msgs/msg/PingInfo": "float32 frequency\nfloat32 sound_speed\n"
-    "float32[] tx_beamwidths\nfloat32[] rx_beamwidths\n",
-    "marine_acoustic_msgs/msg/DetectionFlag": "uint8 flag\n",
-    "marine_acoustic_msgs/msg/SonarDetections": "std_msgs/Header header\nPingInfo ping_info\n"
-    "DetectionFlag[] flags\nfloat32[] two_way_travel_times\nfloat32[] tx_delays\n"
-    "float32[] intensities\nfloat32[] tx_angles\nfloat32[] rx_angles\n",
-    "marine_acoustic_msgs/msg/SonarRanges": "std_msgs/Header header\nPingInfo ping_info\n"
-    "DetectionFlag[] flags\nfloat32[] transmit_delays\nfloat32[] intensities\n"
-    "geometry_msgs/Vector3[] beam_unit_vec\nfloat32[] ranges\n",
-    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
-    "float32 doppler_velocity\nfloat32 amplitude\n",
-    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nRadarReturn[] returns\n",
-    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
-    "vision_msgs/msg/ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
-    "geometry_msgs/PoseWithCovariance pose\n",
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
-    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
-    "BoundingBox3D bbox\nstring id\n",
-    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections\n",
-}
-"""Definitions of the supported message types that ROS itself does not have, for bags without."""
 
 
 def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
@@ -531,22 +508,21 @@ def _find(topics: Mapping[str, str], role: str, given: str) -> str:
             )
         return topic
     named = _candidates(topics, role, types)
-    if role == DETECTIONS and not named:  # first detections: images may be a camera's
-        named = _candidates(topics, role, tuple(IMAGES))
+    # First detections: images may be a camera's.
+    named = named or _candidates(topics, role, IMAGES if role == DETECTIONS else ())
     if len(named) > 1:
         raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
     return named[0] if named else ""
 
 
-def _candidates(topics: Mapping[str, str], role: str, types: tuple[str, ...]) -> list[str]:
+def _candidates(topics: Mapping[str, str], role: str, types: Collection[str]) -> list[str]:
     """Topics of some types with the role's name; of detections and own ship else all inputs."""
     candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
     named = [topic for topic in candidates if _is_called(topic, role)]
-    if role in (DETECTIONS, OWN_SHIP) and not named:
-        return [
-            topic for topic in candidates if not any(_is_called(topic, name) for name in _OUTPUTS)
-        ]
-    return named
+    inputs = candidates if role in (DETECTIONS, OWN_SHIP) else []
+    return named or [
+        topic for topic in inputs if not any(_is_called(topic, name) for name in _OUTPUTS)
+    ]
 
 
 def _is_called(topic: str, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Recordings: CSV files, simulated scenarios, folders of sonar images, and what a path names.
+"""Recordings: CSV files of detections, simulated scenarios, and what a path names.
 
 A recording is a CSV file, by default ``detections.csv``, and two optional files beside it:
 
@@ -17,49 +17,24 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 
 The rows of a file, or of a target, are in the order of time.
-
-A folder of sonar images, whose detections become a recording:
-
-- ``geometry.yaml``: ``range: [first, last]`` (m, middles of the cells; or ``near_range`` and
-  ``far_range``) and ``azimuth: [first, last]`` (rad, counter-clockwise from the sensor's x axis),
-  or lists of all; optionally ``rows``: ``ranges``, ``fan`` or ``beams`` (default), ``near_first``
-  and ``port_first``, as the parameters ``image.*`` of `sonar_detector`, and options of the
-  detector. Of a fan, ``azimuth`` has the edges; else its order, and that of ``range``, say what is
-  first if the parameters do not;
-- ``times.csv``: ``time_s`` of each image, ascending, and ``file``, its name (.png, .pgm, .npy), or
-  else all images are one array (images, rows, columns) in ``images.npy`` or ``images.npz``;
-- optionally ``own_ship.csv`` and ``target.csv`` of a recording.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
-from typing import Any
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from msg_adapters.image_input import LOOKS, FirstLook
-from msg_adapters.sonar_images import by_beam, grey, in_words, located
-from tsepm_ros.detector.detector import Detector
-from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.parameters import Parameter, shown
-from tsepm_ros.settings.node_options import ImageLayout
-from tsepm_ros.settings.parameter_files import load_yaml
-from tsepm_ros.settings.settings import Groups, make_groups
+from tsepm_ros.parameters import shown
 from tsepm_ros.tools.simulation.simulator import Simulator
-from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import Coverage
-from tsepm_ros.whole_files import opened_whole, spare
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
@@ -68,11 +43,6 @@ EXPECTED = (
     f"with {METADATA}, or its {MCAP} or {SQLITE} file"
 )
 
-_ROS_1 = "is a ROS 1 bag: convert it by rosbags-convert --src {path} --dst {path.stem}"
-_PACKED = (
-    "is compressed: unpack it ({tool}), or name the folder of a compressed bag, if it has "
-    f"{METADATA}"
-)
 _EMPTY, _OTHER, _LFS, _ANNEX = "empty", "other", "git LFS", "git-annex"
 _STARTS = (
     (b"\x89MCAP0\r\n", MCAP),
@@ -93,8 +63,12 @@ _TOOLS = {
     **{".bz2": "bunzip2", ".xz": "unxz", ".zip": "unzip"},
 }
 _REMEDIES = {
-    ".bag": _ROS_1,
-    **dict.fromkeys(_TOOLS, _PACKED),
+    ".bag": "is a ROS 1 bag: convert it by rosbags-convert --src {path} --dst {path.stem}",
+    **dict.fromkeys(
+        _TOOLS,
+        "is compressed: unpack it ({tool}), or name the folder of a compressed bag, if it has "
+        + METADATA,
+    ),
     _EMPTY: "is empty: the recording, or a copy, was interrupted; copy it again",
     _OTHER: "is no bag, whatever its name says: its first bytes are those of another file; "
     + EXPECTED,
@@ -104,6 +78,40 @@ _REMEDIES = {
 """What is said of a file, by its kind, that is not read."""
 _MAX_LISTED = 8
 """Most names of a folder's content in a message."""
+DETECTION_COLUMNS = {
+    "range_m": "range",
+    "azimuth_rad": "azimuth",
+    "bearing_rad": "bearing",
+    "elevation_rad": "elevation",
+    "range_std_m": "range_std",
+    "azimuth_std_rad": "azimuth_std",
+    "time_offset_s": "time_offset",
+    "two_way_travel_time_s": "two_way_travel_time",
+    "intensity": "intensity",
+    "range_width_m": "range_width",
+    "azimuth_width_rad": "azimuth_width",
+    "range_rate_mps": "range_rate",
+}
+"""Columns of ``detections.csv`` and the corresponding fields."""
+MAX_TIME = 2.0**31
+"""Bound of times, s: stamps of ROS messages have 32-bit seconds."""
+MIN_RETURN = 4
+"""Pings after which a scan number may come again: the counter has started anew."""
+MAX_SAME = 0.25
+"""Largest part of the pings with the time of the ping before that is dropped, not refused."""
+MAX_SPAN = 3.0
+"""Longest time from the first to the last row of a scan, in median intervals of scans."""
+LONG_INTERVAL = 100.0
+"""Interval of pings that is asked about, s: the times may be in milliseconds."""
+STEPS = (60.0, 1.0, 0.1, 0.01)
+"""Resolutions of clocks that are asked about, s."""
+MOTION = ("time_s", "east_m", "north_m")
+ATTITUDE = ("roll_rad", "pitch_rad")
+FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
+UNKNOWN_YAW_VARIANCE = 1e6
+"""Variance of a heading that is not recorded, rad^2."""
+OWN_SHIP_PERIOD = 1.0
+"""Time between own-ship poses, s, as in the node `sonar_simulator`."""
 
 
 def kind_of(path: Path) -> str:
@@ -214,8 +222,7 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
     if len(whole) == 1:
         return (folder, True) if whole == [METADATA] else _file(folder / DETECTIONS_FILE)
-    paths = [folder / name for name in names]
-    kinds = {path: kind_of(path) for path in paths if path.is_file()}
+    kinds = {path: kind_of(path) for path in map(folder.joinpath, names) if path.is_file()}
     recorded = {CSV, MCAP, SQLITE, ".bag", *_TOOLS}
     candidates = [path for path in kinds if {kinds[path], path.suffix.lower()} & recorded]
     if len(candidates) == 1 and CSV not in kinds.values():
@@ -225,36 +232,6 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
     if not whole and {MCAP, SQLITE} & set(kinds.values()):
         remedy += f", or write {METADATA} by ros2 bag reindex {folder}"
     raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")
-
-
-DETECTION_COLUMNS = {
-    "range_m": "range",
-    "azimuth_rad": "azimuth",
-    "bearing_rad": "bearing",
-    "elevation_rad": "elevation",
-    "range_std_m": "range_std",
-    "azimuth_std_rad": "azimuth_std",
-    "time_offset_s": "time_offset",
-    "two_way_travel_time_s": "two_way_travel_time",
-    "intensity": "intensity",
-    "range_width_m": "range_width",
-    "azimuth_width_rad": "azimuth_width",
-    "range_rate_mps": "range_rate",
-}
-"""Columns of ``detections.csv`` and the corresponding fields."""
-
-MAX_TIME = 2.0**31
-"""Bound of times, s: stamps of ROS messages have 32-bit seconds."""
-MIN_RETURN = 4
-"""Pings after which a scan number may come again: the counter has started anew."""
-MAX_SAME = 0.25
-"""Largest part of the pings with the time of the ping before that is dropped, not refused."""
-MAX_SPAN = 3.0
-"""Longest time from the first to the last row of a scan, in median intervals of scans."""
-LONG_INTERVAL = 100.0
-"""Interval of pings that is asked about, s: the times may be in milliseconds."""
-STEPS = (60.0, 1.0, 0.1, 0.01)
-"""Resolutions of clocks that are asked about, s."""
 
 
 @dataclass(frozen=True)
@@ -345,11 +322,6 @@ def read_recording(path: Path | str) -> Recording:
 Table = dict[str, FloatArray]
 
 
-MOTION = ("time_s", "east_m", "north_m")
-ATTITUDE = ("roll_rad", "pitch_rad")
-FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
-
-
 def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
     """Columns of a file by name; none if there is no such file."""
     if not path.exists():
@@ -366,27 +338,25 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
     if missing:
         raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {shown(names)}")
     lines = [line for line, _ in filled[1:]]
-    values = np.empty((len(lines), len(names)))
-    for number, (line, row) in enumerate(filled[1:]):
+    values: list[list[float]] = []
+    for line, row in filled[1:]:
         try:
-            if len(row) != len(names):
-                raise ValueError
-            values[number] = [float(cell) for cell in row]
+            values.append([float(cell) for _, cell in zip(names, row, strict=True)])
         except ValueError:
             date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
             raise ValueError(
                 f"{path.name}, line {line}: expected {len(names)} numbers, got {shown(row)}{date}"
             ) from None
-    for name in names:
-        bad = np.flatnonzero(~np.isfinite(values[:, names.index(name)]))
-        if name in finite and len(bad):
+    table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
+    for name in finite:
+        bad = np.flatnonzero(~np.isfinite(table.get(name, ())))
+        if len(bad):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
-    table = {name: values[:, column] for column, name in enumerate(names)}
-    _check_times(path.name, table, lines)
+    check_times(path.name, table, lines)
     return table
 
 
-def _check_times(file: str, table: Table, lines: list[int]) -> None:
+def check_times(file: str, table: Table, lines: list[int]) -> None:
     """Refuse times that are no seconds, or that step back by more than one scan."""
     time = table["time_s"]
     beyond = np.flatnonzero(np.abs(time) >= MAX_TIME)
@@ -447,9 +417,9 @@ def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> l
         for start, rows in zip(starts, pings, strict=True)
     ]
     if "scan" in own_ship and "scan" in detections:
-        no_detections = {field: np.zeros(0) for field in columns}
         scans += [
-            RecordedScan(start, no_detections) for start in _empty_scans(own_ship, numbers, starts)
+            RecordedScan(start, dict.fromkeys(columns, np.zeros(0)))
+            for start in _empty_scans(own_ship, numbers, starts)
         ]
     return sorted(scans, key=lambda scan: scan.time)
 
@@ -557,12 +527,6 @@ def _targets(table: Table) -> dict[int, FloatArray]:
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
-UNKNOWN_YAW_VARIANCE = 1e6
-"""Variance of a heading that is not recorded, rad^2."""
-OWN_SHIP_PERIOD = 1.0
-"""Time between own-ship poses, s, as in the node `sonar_simulator`."""
-
-
 def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[np.int64]]]:
     """Simulate a scenario and record the scans, the own ship's poses and the truth.
 
@@ -578,202 +542,27 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
     origins : list of (n,) ndarray of int
         Target of each scan's detections, as in `SimulatedScan`.
     """
-    scans: list[RecordedScan] = []
-    origins: list[NDArray[np.int64]] = []
-    truth: list[list[tuple[float, ...]]] = []
-    start = last = simulator.start
-    for simulated in simulator:
-        scan = simulated.scan
-        fields = {"range": scan.range, "azimuth": scan.azimuth}
-        if scan.time_offset is not None:
-            fields["time_offset"] = scan.time_offset
-        scans.append(RecordedScan(scan.stamp, fields))
-        truth.append([(scan.stamp, *state) for state in simulated.truth])
-        origins.append(simulated.origin)
-        last = simulated.complete
-    paths = np.reshape(truth, (len(truth), len(simulator.targets), 5))
-    own_ship = []
-    for index in range(math.ceil((last - start) / OWN_SHIP_PERIOD) + 1):
-        time = index * OWN_SHIP_PERIOD
-        x, y, yaw = simulator.scenario.own_ship.pose(time).tolist()
-        rates = known_rates(0.0, 0.0, 0.0)
-        own_ship.append(PoseSample(start + time, x, y, yaw, rates=rates))
-    targets = {target: paths[:, target] for target in range(len(simulator.targets))}
-    return Recording(scans, own_ship, targets), origins
-
-
-GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
-IMAGE_COLUMNS = (
-    "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
-    "azimuth_width_rad"
-)
-
-
-FOLDER: Groups = (("", DetectorOptions), ("", Coverage), ("", ImageLayout))
-"""Parameters that ``geometry.yaml`` may have."""
-AXES = (
-    Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
-    Parameter("azimuth", 0.0, "", unit="rad", minimum=-2.0 * math.pi, maximum=2.0 * math.pi),
-)
-"""What the numbers of its lists must be."""
-
-
-def read_images(
-    folder: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
-) -> tuple[Detector, FloatArray, Iterator[SonarImage]]:
-    """The detector of a folder, the times of its images, s, and the images one by one.
-
-    Parameters
-    ----------
-    folder : Path
-    notes : list of str
-        Gets what the geometry says, and questions about it, as images are read.
-    outputs : sequence of Path, optional
-        Files that will be written: none may be read here.
-    **options
-        Of the detector, in place of those in the folder.
-
-    Raises
-    ------
-    ValueError
-        If a file is missing or malformed; the message names it.
-    """
-    try:
-        values, axes = _geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
-        groups = make_groups(FOLDER, {**values, **options})
-        with (folder / TIMES).open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-        times = np.array([float(row.get("time_s") or "nan") for row in rows])
-        if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-            raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
-        _check_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
-    except (OSError, ValueError, RecursionError, csv.Error, yaml.YAMLError) as error:
-        raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
-    arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
-    files = [folder / (row.get("file") or "") for row in rows]
-    stored = np.atleast_1d(_stored(arrays[0])) if arrays else files
-    if len(stored) != len(times):
-        raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
-    spare([*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs)
-    layout: ImageLayout = groups[ImageLayout]
-    look = FirstLook(min(LOOKS, len(times)))
-
-    def images() -> Iterator[SonarImage]:
-        for time, one in zip(times.tolist(), stored, strict=True):
-            picture = grey(np.asarray(_stored(one) if isinstance(one, Path) else one))
-            image = SonarImage(time, *_placed(picture, layout, axes))
-            words = in_words(picture, layout, image.range, image.azimuth)
-            notes.extend([words] * (words not in notes))
-            notes.extend(look.add(image, layout.rows))
-            yield image
-
-    return Detector(groups[DetectorOptions], groups[Coverage]), times, images()
-
-
-def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
-    """Parameters of a geometry, and its ranges and azimuths: first and last, or all."""
-    content = load_yaml(text)
-    if not isinstance(content, dict):
-        raise ValueError(f"expected names and values, got {shown(content)}")
-    values = {"rows": "beams"} | {str(name): value for name, value in content.items()}
-    values["rows"] = "beams" if values["rows"] in ("auto", "bearings") else values["rows"]
-    ends, axes = [values.get("near_range"), values.get("far_range")], list[FloatArray]()
-    if "range" in values and ends != [None, None]:
-        raise ValueError("either range, or near_range and far_range must be given, not both")
-    for row, default, first in zip(AXES, (ends, None), ("near_first", "port_first"), strict=True):
-        given = values.pop(row.name, default)
-        if not isinstance(given, list) or not given:
-            raise ValueError(
-                f"{row.name} must be a list, of first and last or all; got {shown(given)}"
-            )
-        turned = row.name == "azimuth" and values.get("clockwise") is True
-        axis = np.array([row.check(one) for one in given]) * (-1.0 if turned else 1.0)
-        descends = bool(axis[0] > axis[-1])
-        if given is not ends and values["rows"] != "fan":
-            values.setdefault(first, descends == (first == "port_first"))
-        axes.append(axis[::-1] if descends else axis)
-    return values, axes
-
-
-def _placed(
-    picture: NDArray[Any], layout: ImageLayout, axes: list[FloatArray]
-) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
-    """Ranges above 0, azimuths and intensities (b, m) of a picture."""
-    if layout.rows == "fan":
-        ends, sector = ((float(one[0]), float(one[-1])) for one in axes)
-        distance, azimuth, table = located(picture, layout, ends, sector)
-    else:
-        table = by_beam(picture, layout)
-        distance, azimuth = (
-            np.linspace(one[0], one[-1], cells) if len(one) == 2 else one
-            for one, cells in zip(axes, table.T.shape, strict=True)
+    simulated, start = list(simulator), simulator.start
+    scans = [
+        RecordedScan(
+            one.scan.stamp,
+            {
+                name: values
+                for name in ("range", "azimuth", "time_offset")
+                if (values := getattr(one.scan, name)) is not None
+            },
         )
-        azimuth = azimuth[:: -1 if layout.port_first else 1]
-    first = int((distance <= 0.0).sum())
-    return distance[first:], azimuth, table[:, first:]
-
-
-def write_detections(
-    folder: Path, path: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
-) -> Iterator[tuple[Detector, SonarImage, Scan]]:
-    """Write the detections of a folder's images as a recording, and give them one by one.
-
-    Other arguments are those of `read_images`.
-    """
-    detector, times, images = read_images(folder, notes, outputs, **options)
-    with opened_whole(path) as file:
-        file.write(IMAGE_COLUMNS + "\n")
-        for number, image in enumerate(with_progress(images, len(times), "detection", "image")):
-            scan = detector.process(image)
-            columns = [scan.range, scan.azimuth, scan.range_std, scan.azimuth_std]
-            columns += [
-                scan.features[name] for name in ("intensity", "range_width", "azimuth_width")
-            ]
-            for row in zip(*columns, strict=True):
-                file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
-            yield detector, image, scan
-
-
-def detected(
-    folder: Path, into: Path, notes: list[str], outputs: Sequence[Path]
-) -> tuple[Path, dict[str, float]]:
-    """Write the detections of a folder of images into a recording, with its own ship and truth.
-
-    Parameters
-    ----------
-    folder : Path
-    into : Path
-        Folder of the recording.
-    notes : list of str
-        As for `read_images`, as are the outputs.
-    outputs : sequence of Path
-
-    Returns
-    -------
-    path : Path
-        Of the detections, in the folder `into`.
-    coverage : dict of str to float
-        Coverage of the images, by its parameters.
-    """
-    coverage: dict[str, float] = {}
-    for path in folder.glob("*.csv"):
-        shutil.copy(path, into)
-    for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
-        coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
-    values = {f"sensor.{name}": value for name, value in coverage.items()}
-    return into / DETECTIONS_FILE, values
-
-
-def _stored(path: Path) -> Any:
-    """The array of a file; Pillow reads pictures."""
-    try:
-        if path.suffix in (".npy", ".npz"):
-            stored = np.load(path, mmap_mode="r")  # a header may promise more than any memory holds
-            return stored[stored.files[0]] if hasattr(stored, "files") else stored
-        from PIL import Image
-
-        with Image.open(path, formats=("PNG", "PPM", "TIFF", "BMP", "JPEG")) as picture:
-            is_grey = picture.mode in ("1", "L", "I", "F") or picture.mode.startswith("I;")
-            return np.asarray(picture if is_grey else picture.convert("RGB"))
-    except Exception as error:  # readers of broken files raise any
-        raise ValueError(f"{path} cannot be read as images: {error or repr(error)}") from None
+        for one in simulated
+    ]
+    targets = {
+        target: np.array([(one.scan.stamp, *one.truth[target]) for one in simulated])
+        for target in range(len(simulator.targets))
+    }
+    number = math.ceil((simulated[-1].complete - start) / OWN_SHIP_PERIOD) + 1
+    pose, rest = simulator.scenario.own_ship.pose, known_rates(0.0, 0.0, 0.0)
+    own_ship = [
+        PoseSample(start + time, x, y, yaw, rates=rest)
+        for time in (OWN_SHIP_PERIOD * np.arange(number)).tolist()
+        for x, y, yaw in [pose(time).tolist()]
+    ]
+    return Recording(scans, own_ship, targets), [one.origin for one in simulated]

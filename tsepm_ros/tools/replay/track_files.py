@@ -36,6 +36,10 @@ COLUMNS = (
 
 TrackWriter = Callable[[ScanResult], None]
 """Writes the tracks of a run, scan by scan."""
+_LINE = "{:>14}  {:>6}  {:>11}  {:>11}  {:>11}  {:>15}  {}"
+"""Time, id, position, speed, direction and reason of a track."""
+DIGITS = 7
+"""Decimals of a degree: 1 cm."""
 
 
 def track_table(file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None) -> TrackWriter:
@@ -142,10 +146,6 @@ def _cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any
     )
 
 
-_LINE = "{:>14}  {:>6}  {:>11}  {:>11}  {:>11}  {:>15}  {}"
-"""Time, id, position, speed, direction and reason of a track."""
-
-
 def track_listing(
     file: TextIO, reason: Callable[[ConfirmedTrack], str], *, north: bool
 ) -> TrackWriter:
@@ -183,10 +183,6 @@ def track_listing(
             write_line(_LINE.format(*values), file)
 
     return write
-
-
-DIGITS = 7
-"""Decimals of a degree: 1 cm."""
 
 
 @contextmanager

@@ -167,16 +167,16 @@ class LiveFrames:
 
     def _read(self, scan: ScanMessages, topic: str, cloud: Any) -> None:
         scan.frame_id = cloud.header.frame_id.lstrip("/")
-        tracks, filled = NO_TRACKS, cloud.width * cloud.height > 0
+        filled = cloud.width * cloud.height > 0
         if filled and topic == DETECTIONS:
-            position = read_fields(cloud, ("position_x", "position_y"))
-            scan.detections = np.stack([position["position_x"], position["position_y"]], axis=1)
-            if stated_axes(scan.frame_id) == "down":
-                scan.detections = scan.detections[:, ::-1]
+            names = ("position_x", "position_y")[
+                :: -1 if stated_axes(scan.frame_id) == "down" else 1
+            ]
+            position = read_fields(cloud, names)
+            scan.detections = np.stack([position[name] for name in names], axis=1)
             return
-        if filled:
-            tracks = track_arrays(read_track_cloud(cloud), scan.stamp)
-            tracks = exchanged(tracks, scan.frame_id)
+        tracks = track_arrays(read_track_cloud(cloud), scan.stamp) if filled else NO_TRACKS
+        tracks = exchanged(tracks, scan.frame_id)
         if topic == FIXED:
             self._fixed = scan.frame_id, tracks
         elif filled:

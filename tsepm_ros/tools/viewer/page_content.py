@@ -1,8 +1,7 @@
-"""What is on the page: its files, the scans that it draws, health, and what it shows now.
+"""What is on the page: its files, and the frames that it draws.
 
-What a page shows is kept by its server: bounded, and sent to each browser as what changed.
-
-One scan as the page draws it: a JSON object, the same live, replayed and in a file.
+A frame is a scan as the page draws it: a JSON object, the same live, replayed and in a file. What a
+page shows is kept by its server: bounded, and sent to each browser as what changed.
 
 Numbers are integers, which are quicker to write than decimals: positions and semi-axes in cm,
 speeds in mm/s, angles in mrad, times in ms, evidence in percent. The page converts them to SI.
@@ -89,6 +88,17 @@ OWN_SHIP_SAMPLES = 100
 
 _LARGEST = 1e15  # a larger number is drawn nowhere
 _SLOWEST = 1e-9  # m/s; slower velocities have no direction
+SCRIPTS = ("scene.js", "operator.js", "plan.js", "panels.js", "watch.js")
+"""Scripts in the order in which the page loads them."""
+STYLE, SHELL = "watch.css", "watch.html"
+LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
+"""Where a page gets its frames: from updates, from the server's recording, or from itself."""
+_TYPES = {
+    **{".js": "text/javascript", ".css": "text/css"},
+    **{"": "text/html", "recording": "application/json"},
+}
+MAX_BYTES = 4_000_000
+"""Size of the frames that are kept, bytes; the newest frame is always kept."""
 
 
 def make_frame(
@@ -559,19 +569,6 @@ class RecordedScene:
         return hits
 
 
-SCRIPTS = ("scene.js", "operator.js", "plan.js", "panels.js", "watch.js")
-"""Scripts in the order in which the page loads them."""
-STYLE, SHELL = "watch.css", "watch.html"
-
-LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
-"""Where a page gets its frames: from updates, from the server's recording, or from itself."""
-
-_TYPES = {
-    **{".js": "text/javascript", ".css": "text/css"},
-    **{"": "text/html", "recording": "application/json"},
-}
-
-
 def page_file(name: str) -> str:
     """Text of a file of the page."""
     return (resources.files("tsepm_ros.tools.viewer") / "page" / name).read_text(encoding="utf-8")
@@ -642,10 +639,6 @@ def _filled(source: str, title: str, head: str, scripts: str) -> str:
 
 def _digest(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-MAX_BYTES = 4_000_000
-"""Size of the frames that are kept, bytes; the newest frame is always kept."""
 
 
 class KeptFrame(NamedTuple):

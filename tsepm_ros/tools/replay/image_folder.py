@@ -1,0 +1,213 @@
+"""A folder of sonar images, whose detections become a recording.
+
+- ``geometry.yaml``: ``range: [first, last]`` (m, middles of the cells; or ``near_range`` and
+  ``far_range``) and ``azimuth: [first, last]`` (rad, counter-clockwise from the sensor's x axis),
+  or lists of all; optionally ``rows``: ``ranges``, ``fan`` or ``beams`` (default), ``near_first``
+  and ``port_first``, as the parameters ``image.*`` of `sonar_detector`, and options of the
+  detector. Of a fan, ``azimuth`` has the edges; else its order, and that of ``range``, say what is
+  first if the parameters do not;
+- ``times.csv``: ``time_s`` of each image, ascending, and ``file``, its name (.png, .pgm, .npy), or
+  else all images are one array (images, rows, columns) in ``images.npy`` or ``images.npz``;
+- optionally ``own_ship.csv`` and ``target.csv`` of a recording.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from msg_adapters.image_input import LOOKS, FirstLook
+from msg_adapters.sonar_images import by_beam, grey, in_words, located
+from tsepm_ros.detector.detector import Detector
+from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.parameters import Parameter, shown
+from tsepm_ros.settings.node_options import ImageLayout
+from tsepm_ros.settings.parameter_files import load_yaml
+from tsepm_ros.settings.settings import Groups, make_groups
+from tsepm_ros.tools.replay.recording import DETECTIONS_FILE, check_times
+from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import Coverage
+from tsepm_ros.whole_files import opened_whole, spare
+
+GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
+IMAGE_COLUMNS = (
+    "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
+    "azimuth_width_rad"
+)
+FOLDER: Groups = (("", DetectorOptions), ("", Coverage), ("", ImageLayout))
+"""Parameters that ``geometry.yaml`` may have."""
+AXES = (
+    Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
+    Parameter("azimuth", 0.0, "", unit="rad", minimum=-2.0 * math.pi, maximum=2.0 * math.pi),
+)
+"""What the numbers of its lists must be."""
+
+
+def read_images(
+    folder: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
+) -> tuple[Detector, FloatArray, Iterator[SonarImage]]:
+    """The detector of a folder, the times of its images, s, and the images one by one.
+
+    Parameters
+    ----------
+    folder : Path
+    notes : list of str
+        Gets what the geometry says, and questions about it, as images are read.
+    outputs : sequence of Path, optional
+        Files that will be written: none may be read here.
+    **options
+        Of the detector, in place of those in the folder.
+
+    Raises
+    ------
+    ValueError
+        If a file is missing or malformed; the message names it.
+    """
+    try:
+        values, axes = _geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
+        groups = make_groups(FOLDER, {**values, **options})
+        with (folder / TIMES).open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+        times = np.array([float(row.get("time_s") or "nan") for row in rows])
+        if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+            raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
+        check_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
+    except (OSError, ValueError, RecursionError, csv.Error, yaml.YAMLError) as error:
+        raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
+    arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
+    files = [folder / (row.get("file") or "") for row in rows]
+    stored = np.atleast_1d(_stored(arrays[0])) if arrays else files
+    if len(stored) != len(times):
+        raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
+    spare([*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs)
+    layout: ImageLayout = groups[ImageLayout]
+    look = FirstLook(min(LOOKS, len(times)))
+
+    def images() -> Iterator[SonarImage]:
+        for time, one in zip(times.tolist(), stored, strict=True):
+            picture = grey(np.asarray(_stored(one) if isinstance(one, Path) else one))
+            image = SonarImage(time, *_placed(picture, layout, axes))
+            words = in_words(picture, layout, image.range, image.azimuth)
+            notes.extend([words] * (words not in notes))
+            notes.extend(look.add(image, layout.rows))
+            yield image
+
+    return Detector(groups[DetectorOptions], groups[Coverage]), times, images()
+
+
+def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
+    """Parameters of a geometry, and its ranges and azimuths: first and last, or all."""
+    content = load_yaml(text)
+    if not isinstance(content, dict):
+        raise ValueError(f"expected names and values, got {shown(content)}")
+    values = {"rows": "beams"} | {str(name): value for name, value in content.items()}
+    values["rows"] = "beams" if values["rows"] in ("auto", "bearings") else values["rows"]
+    ends, axes = [values.get("near_range"), values.get("far_range")], list[FloatArray]()
+    if "range" in values and ends != [None, None]:
+        raise ValueError("either range, or near_range and far_range must be given, not both")
+    for row, default, first in zip(AXES, (ends, None), ("near_first", "port_first"), strict=True):
+        given = values.pop(row.name, default)
+        if not isinstance(given, list) or not given:
+            raise ValueError(
+                f"{row.name} must be a list, of first and last or all; got {shown(given)}"
+            )
+        turned = row.name == "azimuth" and values.get("clockwise") is True
+        axis = np.array([row.check(one) for one in given]) * (-1.0 if turned else 1.0)
+        descends = bool(axis[0] > axis[-1])
+        if given is not ends and values["rows"] != "fan":
+            values.setdefault(first, descends == (first == "port_first"))
+        axes.append(axis[::-1] if descends else axis)
+    return values, axes
+
+
+def _placed(
+    picture: NDArray[Any], layout: ImageLayout, axes: list[FloatArray]
+) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
+    """Ranges above 0, azimuths and intensities (b, m) of a picture."""
+    if layout.rows == "fan":
+        ends, sector = ((float(one[0]), float(one[-1])) for one in axes)
+        distance, azimuth, table = located(picture, layout, ends, sector)
+    else:
+        table = by_beam(picture, layout)
+        distance, azimuth = (
+            np.linspace(one[0], one[-1], cells) if len(one) == 2 else one
+            for one, cells in zip(axes, table.T.shape, strict=True)
+        )
+        azimuth = azimuth[:: -1 if layout.port_first else 1]
+    first = int((distance <= 0.0).sum())
+    return distance[first:], azimuth, table[:, first:]
+
+
+def write_detections(
+    folder: Path, path: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
+) -> Iterator[tuple[Detector, SonarImage, Scan]]:
+    """Write the detections of a folder's images as a recording, and give them one by one.
+
+    Other arguments are those of `read_images`.
+    """
+    detector, times, images = read_images(folder, notes, outputs, **options)
+    with opened_whole(path) as file:
+        file.write(IMAGE_COLUMNS + "\n")
+        for number, image in enumerate(with_progress(images, len(times), "detection", "image")):
+            scan = detector.process(image)
+            columns = (
+                *(scan.range, scan.azimuth, scan.range_std, scan.azimuth_std),
+                *map(scan.features.__getitem__, ("intensity", "range_width", "azimuth_width")),
+            )
+            for row in zip(*columns, strict=True):
+                file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
+            yield detector, image, scan
+
+
+def detected(
+    folder: Path, into: Path, notes: list[str], outputs: Sequence[Path]
+) -> tuple[Path, dict[str, float]]:
+    """Write the detections of a folder of images into a recording, with its own ship and truth.
+
+    Parameters
+    ----------
+    folder : Path
+    into : Path
+        Folder of the recording.
+    notes : list of str
+        As for `read_images`, as are the outputs.
+    outputs : sequence of Path
+
+    Returns
+    -------
+    path : Path
+        Of the detections, in the folder `into`.
+    coverage : dict of str to float
+        Coverage of the images, by its parameters.
+    """
+    coverage: dict[str, float] = {}
+    for path in folder.glob("*.csv"):
+        shutil.copy(path, into)
+    for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
+        coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
+    return into / DETECTIONS_FILE, {f"sensor.{name}": value for name, value in coverage.items()}
+
+
+def _stored(path: Path) -> Any:
+    """The array of a file; Pillow reads pictures."""
+    try:
+        if path.suffix in (".npy", ".npz"):
+            stored = np.load(path, mmap_mode="r")  # a header may promise more than any memory holds
+            return stored[stored.files[0]] if hasattr(stored, "files") else stored
+        from PIL import Image
+
+        with Image.open(path, formats=("PNG", "PPM", "TIFF", "BMP", "JPEG")) as picture:
+            is_grey = picture.mode in ("1", "L", "I", "F") or picture.mode.startswith("I;")
+            return np.asarray(picture if is_grey else picture.convert("RGB"))
+    except Exception as error:  # readers of broken files raise any
+        raise ValueError(f"{path} cannot be read as images: {error or repr(error)}") from None
