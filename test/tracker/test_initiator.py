@@ -137,7 +137,7 @@ def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
 
 def test_a_limit_keeps_the_tightest_tracks():
     initiator = make_initiator(
-        "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_raw_confirmations=1
+        "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_potential_tracks=1
     )
     initiator.process(scan_at(0.0, [(2000.0, 0.0)]))
     (track,) = initiator.process(scan_at(12.0, [(2000.0, 90.0), (2000.0, 5.0), (2000.0, -60.0)]))
@@ -188,10 +188,10 @@ def test_a_time_limit_cuts_what_it_must_counts_it_and_the_output_is_valid():
     initiator, tracks = cluster(5, 12, 0.05)
     statistics = initiator.statistics
     assert tracks
-    assert statistics.raw_confirmations == 12**5
-    assert statistics.cut_confirmations > 0
+    assert statistics.raw_confirmations == 0.25 * 0.05 * 100_000
+    assert statistics.raw_confirmations + statistics.cut_confirmations == 12**5
     assert statistics.raw_confirmations == sum(
-        (statistics.cut_confirmations, statistics.pruned, statistics.merged, statistics.confirmed)
+        (statistics.pruned, statistics.merged, statistics.confirmed)
     )
     for track in tracks:
         assert np.linalg.eigvalsh(track.covariance).min() > 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -98,7 +97,6 @@ def pairs_within(
     centres: FloatArray,
     radius: FloatArray,
     most: int,
-    late: Callable[[], bool] | None = None,
 ) -> tuple[IntArray, IntArray] | None:
     """Pairs of centres and positions within their radius, ``|z - c|^2 <= r^2``.
 
@@ -112,13 +110,11 @@ def pairs_within(
     radius : (g,) ndarray
     most : int
         Pairs beyond which the search ends.
-    late : callable, optional
-        Whether the time is over; the search ends then. Of few pairs it is not asked.
 
     Returns
     -------
     centre, position : (p,) ndarray of int
-        Rows of each pair, ascending; or None where there are more than `most`, or it was too late.
+        Rows of each pair, ascending; or None where there are more than `most`.
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
@@ -155,7 +151,7 @@ def pairs_within(
         x, y = places.take(place, axis=1) - middle.take(centre, axis=1)
         inside = np.flatnonzero(x * x + y * y <= square.take(centre))
         number += len(inside)
-        if number > most or (late is not None and late()):
+        if number > most:
             return None
         key = centre.take(inside) * n  # ascending
         pairs = np.sort(key + order.take(place.take(inside)))

@@ -52,7 +52,6 @@ from tsepm_ros.studies.assignment import Pairs, exclusive
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
-    GATE_PROBABILITY,
     SEEKER,
     GatedDetections,
     over_modes,
@@ -60,7 +59,7 @@ from tsepm_ros.tracker.maintenance.data_association import (
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.method import Method
-from tsepm_ros.tracker.options import MAX_WINDOW, CommonOptions
+from tsepm_ros.tracker.options import GATE_PROBABILITY, MAX_WINDOW, CommonOptions
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker

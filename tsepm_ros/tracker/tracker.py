@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit, changed, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
@@ -24,8 +24,7 @@ from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.excess import RECENT, HeldTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
-from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
-from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
     DetectionWindow,
@@ -35,6 +34,7 @@ from tsepm_ros.tracker.measurement import (
 )
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
+from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.scan import Scan, check_scan, chosen, placed
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -48,6 +48,15 @@ from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
+PAIRS_PER_SECOND = 100_000.0
+"""Pairs of potential tracks and detections that a slow computer processes, 1/s.
+
+Measured: 300 000 to 500 000 on a processor of 2020.
+"""
+HELD_PER_PAIR = 0.05
+"""Confirmed tracks that are held, per pair that a scan may have, at most: each costs as much."""
+LEAST_ROOM = 10
+"""Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
 
@@ -90,8 +99,8 @@ class Tracker:
     next_track_id : int
         Id of the next confirmed track; goes on through resets.
     max_scan_time : float
-        Time that a scan may take, s, as a last resort behind the limits on counts; infinite, so
-        that results are reproducible, unless set.
+        Time that a scan may take on a slow computer, s: `PAIRS_PER_SECOND` bound what it may take
+        on. Infinite unless set.
     """
 
     def __init__(self, method: Method) -> None:
@@ -185,16 +194,14 @@ class Tracker:
             `max_detections` detections. The scan is then not taken and nothing has changed.
         """
         check_scan(scan, self.stamp, self.common.max_detections)
-        limit = TimeLimit(self.max_scan_time)
-        observed = self.observe(scan, limit)  # measure, associate, learn
-        room = room_for(limit, len(self.maintenance.held))
+        observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
-        new, counts = self._hold(observed, step, room)
+        new, counts = self._hold(observed, step)
         self.statistics = changed(counts, plots=counts.detections, **self._received)
         self.totals = self.totals + self.statistics
         return new
 
-    def observe(self, scan: Scan, time_limit: TimeLimit) -> Observation:
+    def observe(self, scan: Scan) -> Observation:
         """Measure a scan, associate its detections with the held tracks, and learn from it.
 
         The held tracks take their detections at the density that was known before.
@@ -230,7 +237,7 @@ class Tracker:
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
-            time_limit=time_limit,
+            most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
             strengths=strengths,
             predictive=self._clutter.predictive,
         )
@@ -386,9 +393,7 @@ class Tracker:
         covered = looked_at(self._scan, self.sensor, self._poses, positions)
         return np.where(covered, self.detection_probability, 0.0)
 
-    def _hold(
-        self, observed: Observation, step: Step, room: int
-    ) -> tuple[TrackArrays, ScanStatistics]:
+    def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
         self.revised, counts = step.revised, step.statistics
         confirmed, merged, cut = len(step.tracks), 0, 0
@@ -398,6 +403,8 @@ class Tracker:
             if self.method.most_tracks_true:
                 held, origin = self.maintenance.held.tracks, self._poses.middle[:2]
                 step = step.where(~self.plots.waits(step.tracks, held, origin))
+            limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.held)
+            room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
         if cut:
             step = step.where(best_held(step.existences, step.tracks.evaluation, room))
