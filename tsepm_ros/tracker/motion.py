@@ -130,31 +130,6 @@ def position_after(state: FloatArray, time_after_state: FloatArray | float) -> F
     return np.asarray(state[..., 0::2] + after * state[..., 1::2])
 
 
-def closest_approach(relative: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Time until two targets on straight courses are closest, and their distance then.
-
-    ``T_cpa = -r.v / |v|^2``, ``d_cpa = |r + v T_cpa|``.
-
-    Parameters
-    ----------
-    relative : (..., 4) ndarray
-        State of one target less that of the other, at a common time.
-
-    Returns
-    -------
-    time : (...) ndarray
-        s; below 0 where they separate, 0 where they do not move against each other.
-    distance : (...) ndarray
-        m.
-    """
-    position, velocity = relative[..., 0::2], relative[..., 1::2]
-    square = np.square(velocity).sum(axis=-1)
-    approach = -(position * velocity).sum(axis=-1)
-    time = np.divide(approach, square, out=np.zeros_like(square), where=square > 0.0)
-    then = position_after(relative, time)
-    return time, np.asarray(np.hypot(then[..., 0], then[..., 1]))
-
-
 def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
     """Position covariance ``H P H'`` a short time after the state's, without process noise.
 
