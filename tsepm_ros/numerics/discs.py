@@ -12,7 +12,8 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 REACH = 8.0
 """Standard deviations beyond which the Gaussian is neglected."""
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
+"""Of Gauss-Legendre quadrature from -1 to 1."""
 ALL_PAIRS = 20_000
 """Pairs of centres and positions up to which every distance is taken."""
 CANDIDATES_TOGETHER = 4_000_000
@@ -72,14 +73,14 @@ def _integrals(
     low, high = (
         np.arcsin(np.clip((across + side * REACH * minor) / radius, -1.0, 1.0)) for side in (-1, 1)
     )
-    angle = 0.5 * (high + low)[:, None] + 0.5 * (high - low)[:, None] * _NODES
+    angle = 0.5 * (high + low)[:, None] + 0.5 * (high - low)[:, None] * NODES
     chord = radius[:, None] * np.cos(angle)
     distance = (radius[:, None] * np.sin(angle) - across[:, None]) / minor[:, None]
     density = np.exp(-0.5 * distance**2) / (np.sqrt(2.0 * np.pi) * minor[:, None])
     inside = ndtr((chord - along[:, None]) / major[:, None])
     inside -= ndtr((-chord - along[:, None]) / major[:, None])
     values = density * inside * chord
-    return np.asarray(0.5 * (high - low) * (values @ _WEIGHTS))
+    return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
 
 
 def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:

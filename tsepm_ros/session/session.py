@@ -194,10 +194,6 @@ class ScanResult:
         )
 
 
-def _ignore(reason: str, sentence: str) -> None:
-    pass
-
-
 class Session:
     """Orders and registers scans and runs the tracker on them.
 
@@ -228,7 +224,7 @@ class Session:
     def __init__(
         self,
         settings: Settings,
-        report: Callable[[str, str], None] = _ignore,
+        report: Callable[[str, str], None] = lambda reason, sentence: None,
         *,
         live: bool = False,
     ) -> None:

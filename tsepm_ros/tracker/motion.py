@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
+from tsepm_ros.numerics.discs import NODES, WEIGHTS
 from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density, mixture
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.measurement import covariance_at, major_sigma
@@ -52,7 +53,6 @@ limited at every scan is limited once, unless detections move it outside.
 """
 NEGLIGIBLE = 1e-9
 """Probability outside below which it counts as 0."""
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 GRID = np.linspace(-1.0, 1.0, 21)
 MIN_VARIANCE = 1e-18
 """Smallest variance of a velocity component, in v_max^2."""

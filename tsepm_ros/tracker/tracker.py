@@ -213,7 +213,9 @@ class Tracker:
         clutter_sensor, of_rates = self._clutter_rates(detections)
         before = self._clutter.before(self._held_targets) * of_rates
         held_density, held_association = self._carry_held(scan, detections, before)
-        self._learn_from_held(detections)
+        self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
+        if not self.plots.active:
+            self._learn_errors(detections)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
         self._learn_plots(active)
         self._clutter.learn_strengths(detections, self._reach)
@@ -291,12 +293,6 @@ class Tracker:
             share = further[rows] / (further[rows] + clutter[rows])
             association = np.append(association[0], rows), np.append(association[1], share)
         return density, association
-
-    def _learn_from_held(self, detections: NDArray[np.void]) -> None:
-        """Learn from the held tracks' detections: how many there are, and their errors."""
-        self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        if not self.plots.active:
-            self._learn_errors(detections)
 
     def _learn_plots(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""

@@ -8,11 +8,11 @@ import pytest
 
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.session.session import Session, vessel_pose
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
-from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, headline
+from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, headline, vessel_pose
 from tsepm_ros.tools.replay.offline import recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
