@@ -307,7 +307,7 @@ class PathFollower(HitCounter):
     @property
     def max_tracks(self) -> int:
         """Potential tracks held at most."""
-        return self.common.max_potential_tracks
+        return int(max(min(self.common.max_potential_tracks, self.most_pairs), 1))
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """New potential tracks of one hit each, from detections (n,) and their ids."""
