@@ -179,7 +179,7 @@ class CostModel:
         """Mean time of the scans of a part, from expected counts cut at the limits."""
         limits = CommonOptions()
         potential = np.minimum(expected.potential, limits.max_potential_tracks)[part].mean()
-        raw = np.minimum(expected.raw, limits.max_raw_confirmations)[part].mean()
+        raw = np.minimum(expected.raw, limits.max_potential_tracks)[part].mean()
         return float(
             self.scan + self.detection * detections + self.potential * potential + self.raw * raw
         )

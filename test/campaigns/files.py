@@ -26,8 +26,9 @@ from invariants import require
 from support import learned_texts
 from support.bag_files import simulated, small_scenario, storage_file, write_bag
 
-from tsepm_ros.settings.parameter_files import ANY_NODE, as_yaml, values_for
+from tsepm_ros.settings.parameter_files import ANY_NODE
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
+from tsepm_ros.tools.commands.arguments import as_yaml, values_for
 from tsepm_ros.tools.commands.cli import COMMANDS, main
 from tsepm_ros.tools.simulation import shipped_scenarios
 

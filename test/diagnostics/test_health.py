@@ -292,7 +292,7 @@ def test_the_overall_entry_has_the_worst_level_and_its_reason():
     ("detections", "level"), [(33, Level.WARN), (34, Level.OK), (300, Level.OK), (301, Level.WARN)]
 )
 def test_a_clutter_density_that_detections_contradict_is_a_warning(detections, level):
-    run = Run(clutter_factor=3.0)  # 100 are expected
+    run = Run()  # 100 are expected
     for index in range(5):
         assert run.status("clutter", 12.0 * index).level == Level.OK, "too few scans"
         run.scan(12.0 * index, detections=detections)

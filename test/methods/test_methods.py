@@ -199,13 +199,11 @@ def test_a_moving_sensor_changes_nothing_but_the_places(method):
 
 @EVERY_METHOD
 def test_limits_hold_and_what_they_cut_is_counted(method):
-    made = make_initiator(
-        method, sensor=SensorModel(), max_potential_tracks=50, max_raw_confirmations=5
-    )
+    made = make_initiator(method, sensor=SensorModel(), max_potential_tracks=50)
     for scan in cluttered(10, 300, 3000.0):
         check_output(made, made.process(scan))
         assert made.statistics.potential_tracks <= 50
-        assert made.statistics.confirmed <= (50 if method == "score" else 5)
+        assert made.statistics.confirmed <= 50
     assert made.totals.cut_potential_tracks > 0
 
 
@@ -260,7 +258,7 @@ from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.evaluation.simulated_run import operating_points
-from tsepm_ros.settings.parameter_files import as_yaml
+from tsepm_ros.tools.commands.arguments import as_yaml
 from tsepm_ros.settings.settings import NODES, make_groups, settings_from, with_method
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session

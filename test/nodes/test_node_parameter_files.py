@@ -12,8 +12,8 @@ from support.ros_world import remapped
 
 from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.settings.parameter_files import as_yaml
 from tsepm_ros.settings.settings import NODES, full_table
+from tsepm_ros.tools.commands.arguments import as_yaml
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 

@@ -100,8 +100,8 @@ def test_the_track_initiator_uses_each_of_its_parameters(world, monkeypatch, tmp
         boat.driver.pose(START_NS + k * 12 * 10**9, 2.0 * k, 0.0, 0.3)
     fields = ("range_rate", "intensity", "range_width", "azimuth_width")
     boat.send(pings(12), **dict.fromkeys(fields, [1.0] * 11))
-    # The methods' own are the subject of the test before; `tsepm` and the studies limit their own.
-    assert reads.unread(*(f"{name}." for name in METHODS), "max_raw_confirmations") == []
+    # The methods' own are the subject of the test before.
+    assert reads.unread(*(f"{name}." for name in METHODS)) == []
 
 
 def test_the_detector_uses_each_of_its_parameters(world, monkeypatch):

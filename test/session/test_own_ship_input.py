@@ -13,7 +13,7 @@ from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.drop_reasons import MAX_SENTENCE
 from tsepm_ros.session.inputs import MAX_NOTICED, Frames
-from tsepm_ros.session.session import Session, vessel_pose
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.options import CommonOptions
@@ -242,21 +242,6 @@ def test_a_negative_time_offset_is_placed_where_poses_are_known():
     one.add_scan(arrived(scan), 0.0)
     (result,) = one.process(0.0)
     np.testing.assert_allclose(result.scan.sensor_pose, [[34.0, 10.0, 0.5]], atol=1e-9)
-
-
-POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
-
-
-@pytest.mark.parametrize(("offsets", "row"), [([2.0, 1.0], 1), ([1.0, 2.0], 0), (None, 0)])
-def test_the_pose_is_that_of_the_nearest_echo(offsets, row):
-    scan = Scan(0.0, [100.0, 200.0], [0.0, 0.1], time_offset=offsets, sensor_pose=POSES)
-    np.testing.assert_allclose(vessel_pose(scan, 0.2), POSES[row] - [0.0, 0.0, 0.2])
-
-
-def test_without_a_heading_or_without_detections_a_pose_is_unknown():
-    pose = vessel_pose(Scan(0.0, [100.0], [0.0], sensor_pose=POSES[0]), None)
-    assert pose[:2].tolist() == [10.0, 20.0] and np.isnan(pose[2])
-    assert vessel_pose(Scan(0.0, [], [], sensor_pose=np.zeros((0, 3))), 0.0) is None
 
 
 def test_frames_of_own_ship_data_that_do_not_fit_are_refused_and_change_nothing():

@@ -54,7 +54,7 @@ def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, d
     rule = Rule(
         Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16, across_as_along=True),
         detection_probability=(0.6, 0.9, 0.999)[seed % 3],
-        gate_probability=(0.9, 0.99)[seed % 2],
+        gate_probability=0.99,
         process_noise=(0.0, 0.01)[seed % 2],
         deletion=ScoreOptions().deletion_threshold,
         window=3 if seed % 3 == 0 else 16,
@@ -65,9 +65,7 @@ def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, d
     )
     options = {
         "window": rule.window,
-        "gate_probability": rule.gate_probability,
         "process_noise": rule.process_noise,
-        "max_per_detection": 10**6,
     }
     plain = plain_hypotheses(scene.scans[: 5 if seed % 2 else 4], rule)
     return plain, sensor, options

@@ -10,7 +10,6 @@ from plots_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
-from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
@@ -143,7 +142,7 @@ def test_score_alone_takes_an_error_across_as_large_as_along(method, plots_optio
     for own in (None, np.full(3, 0.001)):
         initiator = make_initiator(method, sensor=sensor, plots=plots_option, target_extent=3.0)
         scan = Scan(0.0, [200.0, 400.0, 401.0], np.zeros(3), azimuth_std=own)
-        found = initiator.observe(scan, TimeLimit()).detections
+        found = initiator.observe(scan).detections
         along, across = np.sqrt(found["covariance"][:, [0, 1], [0, 1]]).T
         assert len(found) == (3 if plots_option == "off" else 2)
         # With plots the extent is in their own errors, along and across.

@@ -11,7 +11,6 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import NEVER, SONAR, clutter, score, sea
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker import threshold as threshold_plan
 from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.threshold import Threshold, coarse_sensor
@@ -107,7 +106,7 @@ def observed(scans: list[Scan], **options) -> tuple[Threshold, Tracker]:
     """The threshold after scans, and the initiator that observed them."""
     initiator, threshold = score(**options), Threshold()
     for scan in scans:
-        threshold.observe(initiator.observe(scan, TimeLimit()))
+        threshold.observe(initiator.observe(scan))
     return threshold, initiator
 
 
@@ -132,7 +131,7 @@ def test_one_scan_has_no_threshold_yet():
 
 def test_estimates_are_rounded_and_what_is_given_is_not():
     initiator = score()
-    seen = initiator.observe(sea(np.random.default_rng(2), 1, [])[0], TimeLimit())
+    seen = initiator.observe(sea(np.random.default_rng(2), 1, [])[0])
     seen = replace(seen, detection_probability_in_use=0.77)
     seen.detections["clutter_density"] = 2.5e-6
     coarse = coarse_sensor(SONAR, seen, initiator.common)

@@ -11,7 +11,7 @@ from support.builders import AS_GIVEN, detections
 from support.scenes import random_scene
 from support.score_scenes import NEVER, SONAR, in_plain_loops, score, sea
 
-from tsepm_ros.numerics.arrays import TimeLimit, summed
+from tsepm_ros.numerics.arrays import summed
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.tracker import evaluation, pruning, splitting
 from tsepm_ros.tracker.evaluation import hit_increment, miss_increment
@@ -87,46 +87,42 @@ def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
     assert compared > 0
 
 
-def children(
-    seed: int, time_limit: TimeLimit | None = None, limit: int = 10**6
-) -> tuple[Hypotheses, int]:
-    """The children of the fourth scan of clutter, and how many were not scored or kept."""
+def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hypotheses, int]:
+    """The children of the fourth scan of clutter, and how many were not made or kept."""
     scans = sea(np.random.default_rng(seed), 4, [])
     initiator = score(false_tracks_per_hour=NEVER)
     for scan in scans[:3]:
         initiator.process(scan)
     before = initiator.method.hypotheses
-    observed = initiator.observe(scans[3], time_limit or TimeLimit())
+    observed = initiator.observe(scans[3])
     predicted = splitting.predict(before, observed.interval, 0.001)
     expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, SONAR)
-    pairs = parent, row, _ = splitting.split(expected, 0.99)
-    missed, scores, unscored = evaluation.evaluate(expected, parent, row, observed, 0.99)
+    pairs = parent, row, unmade = splitting.split(expected, 0.99, most)
+    missed, scores = evaluation.evaluate(expected, parent, row, observed, 0.99)
     deletion = ScoreOptions().deletion_threshold
     kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
     started = splitting.start(observed, 10.0, 16)
     parts = missed, scores, started
     tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
-    return tree.hypotheses, unscored + cut
+    return tree.hypotheses, unmade + cut
 
 
-@pytest.mark.parametrize("seconds", [math.inf, 1e6], ids=["no limit", "a limit not reached"])
-def test_blocks_do_not_change_the_children(monkeypatch, seconds):
+@pytest.mark.parametrize("most", [math.inf, 1e6], ids=["no limit", "a limit not reached"])
+def test_blocks_do_not_change_the_children(monkeypatch, most):
     expected, _ = children(5)
     monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 7)
     monkeypatch.setattr(splitting, "MAX_PAIRS_TOGETHER", 7)
-    found, cut = children(5, TimeLimit(seconds))
+    found, cut = children(5, most)
     assert len(found) > 100
     assert cut == 0
     for field in fields(Hypotheses):
         np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
 
 
-def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_others(monkeypatch):
+def test_a_limit_on_pairs_keeps_the_nearest_child_of_each_hypothesis_and_counts_the_others():
     every, _ = children(5)
-    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 10)
-    found, cut = children(5, TimeLimit(1e-9))
-    assert 0 < len(found) <= 10
-    assert cut > 0
+    found, cut = children(5, 1.0)
+    assert 0 < len(found) < len(every)
     assert len(found) + cut >= len(every)
 
 

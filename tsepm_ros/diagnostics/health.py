@@ -40,6 +40,8 @@ SENSOR = "sensor parameters"
 COVERAGE = ("min_range", "max_range", "azimuth_min", "azimuth_max")
 MIN_SCANS = 5
 """Minimum number of scans for a judgement of the density of detections."""
+CLUTTER_FACTOR = 3.0
+"""Largest factor between the density of detections and the clutter density in use: a choice."""
 MIN_DETECTIONS = 20.0
 """Minimum number of detections, expected or observed, for that judgement."""
 
@@ -216,9 +218,8 @@ def _densities(now: HealthFigures) -> str:
 
 
 def _clutter_contradicted(now: HealthFigures) -> str:
-    factor, expected = now.options.clutter_factor, now.clutter_expected
-    observed = max(now.detections, 1.0)
-    differs = observed > factor * expected or expected > factor * observed
+    observed, expected = max(now.detections, 1.0), now.clutter_expected
+    differs = max(observed, expected) > CLUTTER_FACTOR * min(observed, expected)
     return _when(differs and _is_density_judged(now), f"clutter density of {_densities(now)}")
 
 
@@ -519,13 +520,13 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
-                    "The density of the last detections differs from the clutter density in use",
+                    "The density of the last detections differs from the clutter density in use "
+                    f"by a factor of {CLUTTER_FACTOR:g}",
                     _clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
                     "`detection_density`. Too low a value causes false tracks, too high a "
                     "value prevents tracks. Check `sensor.max_range` and the sector too: the "
                     "density refers to that coverage",
-                    ("clutter_factor",),
                 ),
             ),
         ),

@@ -63,13 +63,11 @@ from tsepm_ros.tracker.hypotheses import (
 from tsepm_ros.tracker.initial_state import NO_HIT, fit_paths
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
+from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.threshold import Threshold
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
 
-NEARING_SHARE = 0.2
-"""Share of a time limit after which only the nearest detections of a hypothesis are sought."""
 MIN_TIME_SPAN = 0.1
 """Time from the first hit to the last that a velocity needs, in scan intervals."""
 Corrections = Sequence[tuple[int, Start]]
@@ -145,22 +143,19 @@ class Score(Method):
 
     def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
         """The tree after a scan: split, evaluated and pruned; and the counts of these."""
-        options, time = self.options, observed.time_limit
+        options = self.options
         predicted = splitting.predict(self.hypotheses, observed.interval, options.process_noise)
         expected = ExpectedDetections.of(
             predicted, observed.stamp, observed.detections, self.sensor
         )
-        late = partial(time.used, NEARING_SHARE) if time.finite else None
-        parent, row, cut = splitting.split(expected, options.gate_probability, late)
+        parent, row, cut = splitting.split(expected, GATE_PROBABILITY, observed.most_pairs)
         started = splitting.start(observed, self.common.max_speed, options.window)
-        missed, score, unscored = evaluation.evaluate(
-            expected, parent, row, observed, options.gate_probability
-        )
+        missed, score = evaluation.evaluate(expected, parent, row, observed, GATE_PROBABILITY)
         kept, beyond = pruning.prune(
             np.concatenate([missed.score, score, started.score]),
             np.concatenate([missed.last_hit, observed.ids[row], observed.ids]),
             options.deletion_threshold,
-            options.max_per_detection,
+            pruning.MOST_ALIKE,
             self.common.max_potential_tracks,
         )
         parts = missed, score, started
@@ -174,7 +169,7 @@ class Score(Method):
             split=split,
             evaluated=split + left,
             pruned=split + left - len(kept) - beyond,
-            cut_potential_tracks=cut + unscored + beyond,
+            cut_potential_tracks=cut + beyond,
         )
 
     def _starts(self, tree: Tree, observed: Observation) -> _Starts:

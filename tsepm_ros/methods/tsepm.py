@@ -39,7 +39,7 @@ kept; a path that is cut has no gate any more.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -53,7 +53,6 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     Rows,
-    TimeLimit,
     keep_best,
     members_of_groups,
 )
@@ -68,12 +67,8 @@ from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.splitting import Gated
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
 
-GATING_SHARE = 0.1
-"""Share of a time limit after which only the nearest detections are sought in the gates."""
-MERGING_COST = 10.0
-"""Time to merge a track, in times to estimate one, at most (measured: 2 to 5)."""
-COMPLETING_SHARE, EXTENDING_SHARE = 0.12, 0.25
-"""Shares of a time limit after which no further tracks are split: to M hits, and to fewer."""
+CONFIRMED_PER_PAIR = 0.25
+"""Tracks that reach confirmation, per pair that a scan may have, at most: they are estimated."""
 ROUNDING = 1e-9
 """Difference up to which evaluations of merged tracks are equal: then the shorter path counts."""
 
@@ -186,26 +181,22 @@ class WindowedMethod(Method):
         Of the last scan, s.
     scan_index : int
         Of the last scan.
-    time_limit : TimeLimit
-        Time that it may take.
+    most_pairs : float
+        See `Observation`.
     """
 
     def forget(self) -> None:
         """See `Method.forget`."""
         self.detections = DetectionWindow()
         self.stamp, self.scan_index = 0.0, -1
-        self.time_limit = TimeLimit()
+        self.most_pairs = math.inf
 
     def begin(self, observed: Observation) -> IntArray:
         """Take a scan; returns the ids of its detections, (d,)."""
         self.stamp, self.scan_index = observed.stamp, observed.scan_index
-        self.time_limit = observed.time_limit
+        self.most_pairs = observed.most_pairs
         self.detections = observed.window
         return observed.ids
-
-    def late_after(self, share: float) -> Callable[[], bool] | None:
-        """Whether a share of the scan's time is over; None where the time is not limited."""
-        return partial(self.time_limit.used, share) if self.time_limit.finite else None
 
     def expired(self, first_scan: IntArray) -> BoolArray:
         """Which paths have had their N scans, (n,), by the scans of their first hits (Step 3).
@@ -268,15 +259,13 @@ class Tsepm(WindowedMethod):
         updated, cut_raw, cut_extended = self._split(gate_of_path, gated, ids)
         missed = self._potential[gated.count[gate_of_path] == 0]
         raw, potential, terminated = self._confirm(updated, missed)  # Step 3
-        candidates = self._estimate(raw, observed.time_limit)  # Steps 4 and 5
+        candidates = self._estimate(raw)  # Steps 4 and 5
         kept = self._prune(candidates)  # Step 6
-        merging = self._in_time(kept, observed.time_limit)
-        tracks = self.merge(merging)  # Step 7
+        tracks = self.merge(kept)  # Step 7
         residual = np.delete(ids, gated.detection)
         started = starting(residual, self.scan_index, self.options.min_hits)  # Step 8
         potential = Paths.joined(potential, started)
         self._potential = self._limit(potential)
-        cut_here = len(raw) - len(candidates) + len(kept) - len(merging)
         return Step(
             tracks,
             ScanStatistics(
@@ -289,12 +278,12 @@ class Tsepm(WindowedMethod):
                 terminated=terminated,
                 raw_confirmations=len(raw),
                 pruned=len(candidates) - len(kept),
-                merged=len(merging) - len(tracks),
+                merged=len(kept) - len(tracks),
                 confirmed=len(tracks),
                 cut_potential_tracks=gated.cut
                 + cut_extended
                 + (len(potential) - len(self._potential)),
-                cut_confirmations=cut_raw + cut_here,
+                cut_confirmations=cut_raw,
             ),
         )
 
@@ -313,9 +302,7 @@ class Tsepm(WindowedMethod):
         See `Method.potential_tracks`.
         """
         several = [
-            self._estimate(
-                self._potential[self._potential.hit_count == count], observed.time_limit, count
-            )
+            self._estimate(self._potential[self._potential.hit_count == count], count)
             for count in range(2, self.options.min_hits)
         ]
         tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
@@ -323,26 +310,23 @@ class Tsepm(WindowedMethod):
 
     def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
-        late, probability = self.late_after(GATING_SHARE), self.options.gate_probability
-        return splitting.gate(last_hits, detections, self.common.max_speed, probability, late)
+        speed, probability = self.common.max_speed, self.options.gate_probability
+        return splitting.gate(last_hits, detections, speed, probability, self.most_pairs)
 
     def _split(self, gate_of_path: IntArray, gated: Gated, ids: IntArray) -> tuple[Paths, int, int]:
         """Extend every track by each of its gated detections (Step 2).
 
-        Children that are not looked at until a share of the scan's time is over are cut, too.
-
         Returns the children, and how many were cut: of those with M hits, and of the others.
         """
-        last, common = self._potential.hit_count == self.options.min_hits - 1, self.common
+        last = self._potential.hit_count == self.options.min_hits - 1
+        limit = self.common.max_potential_tracks
         parts, cuts = [], []
-        for rows, limit, share in (
-            (np.flatnonzero(last), common.max_raw_confirmations, COMPLETING_SHARE),
-            (np.flatnonzero(~last), common.max_potential_tracks, EXTENDING_SHARE),
-        ):
+        complete = int(max(min(limit, CONFIRMED_PER_PAIR * self.most_pairs), 1))
+        for rows, most in (np.flatnonzero(last), complete), (np.flatnonzero(~last), limit):
             tracks = self._potential[rows]
             cost = partial(self._cost_of_children, tracks, ids)
             parent, newest, cut = splitting.split_paths(
-                gate_of_path[rows], gated, limit, cost, self.late_after(share)
+                gate_of_path[rows], gated, most, cost, self.most_pairs
             )
             parts.append(tracks.extended(parent, ids[newest]))
             cuts.append(cut)
@@ -364,38 +348,15 @@ class Tsepm(WindowedMethod):
         ended = self.expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
 
-    def _estimate(
-        self, tracks: Paths, time_limit: TimeLimit, count: int | None = None
-    ) -> Candidates:
+    def _estimate(self, tracks: Paths, count: int | None = None) -> Candidates:
         """Estimate state and covariance and evaluate (Steps 4 and 5).
 
-        `count` is the number of hits of each track, M if not given. At most half of a time limit is
-        spent, on the tracks of smallest cost first; the others are left out.
+        `count` is the number of hits of each track, M if not given.
         """
-        count = count or self.options.min_hits
-        if not len(tracks):
-            return Candidates.none(count)
-        order = np.arange(len(tracks))
-        if time_limit.finite and len(tracks) > MAX_ROWS_TOGETHER:
-            order = np.argsort(path_cost(tracks, self.detections), kind="stable")
-        begin = time_limit.elapsed
-        blocks = [self.estimated(tracks.hits[order[:MAX_ROWS_TOGETHER], :count])]
-        for first in range(MAX_ROWS_TOGETHER, len(tracks), MAX_ROWS_TOGETHER):
-            if time_limit.used(0.5):
-                break
-            rows = order[first : first + MAX_ROWS_TOGETHER]
-            blocks.append(self.estimated(tracks.hits[rows, :count]))
-        candidates = Candidates.joined(*blocks)
-        self._seconds_per_track = (time_limit.elapsed - begin) / len(candidates)
-        in_order = len(tracks) <= MAX_ROWS_TOGETHER
-        return candidates if in_order else candidates[np.argsort(order[: len(candidates)])]
-
-    def _in_time(self, candidates: Candidates, time_limit: TimeLimit) -> Candidates:
-        """The best candidates, as many as can be merged in the time that is left."""
-        if not time_limit.finite or len(candidates) <= MAX_ROWS_TOGETHER:
-            return candidates
-        possible = time_limit.left / (MERGING_COST * self._seconds_per_track)
-        return candidates[keep_best(candidates.evaluation, max(int(possible), MAX_ROWS_TOGETHER))]
+        hits = tracks.hits[:, : count or self.options.min_hits]
+        firsts = range(0, len(tracks), MAX_ROWS_TOGETHER)
+        blocks = [self.estimated(hits[first : first + MAX_ROWS_TOGETHER]) for first in firsts]
+        return Candidates.joined(Candidates.none(hits.shape[1]), *blocks)
 
     def estimated(self, ids: IntArray) -> Candidates:
         """The tracks of hits with some ids (n, m): fitted and evaluated (Steps 4 and 5)."""

@@ -1,9 +1,7 @@
-"""Arrays whose rows belong together: tables, groups of rows, and limits of number and time."""
+"""Arrays whose rows belong together: tables, groups of rows, and limits of number."""
 
 from __future__ import annotations
 
-import math
-import time
 from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
@@ -233,36 +231,3 @@ def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
     ties = np.flatnonzero(cost == largest_kept)
     kept[ties[: limit - np.count_nonzero(kept)]] = True
     return np.flatnonzero(kept)
-
-
-class TimeLimit:
-    """Limit of the processing time of a scan.
-
-    Parameters
-    ----------
-    seconds : float
-        Time from now on, s; infinite: no limit.
-    """
-
-    def __init__(self, seconds: float = math.inf) -> None:
-        self.seconds = seconds
-        self._begin = time.perf_counter()
-
-    @property
-    def finite(self) -> bool:
-        """Whether the time is limited."""
-        return self.seconds < math.inf
-
-    @property
-    def elapsed(self) -> float:
-        """Time used so far, s."""
-        return time.perf_counter() - self._begin
-
-    def used(self, share: float) -> bool:
-        """Whether a share of the time is over; never without a limit."""
-        return self.elapsed > share * self.seconds
-
-    @property
-    def left(self) -> float:
-        """Time left, s; negative once the limit is exceeded."""
-        return self.seconds - self.elapsed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,7 +12,8 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 REACH = 8.0
 """Standard deviations beyond which the Gaussian is neglected."""
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
+"""Of Gauss-Legendre quadrature from -1 to 1."""
 ALL_PAIRS = 20_000
 """Pairs of centres and positions up to which every distance is taken."""
 CANDIDATES_TOGETHER = 4_000_000
@@ -73,14 +73,14 @@ def _integrals(
     low, high = (
         np.arcsin(np.clip((across + side * REACH * minor) / radius, -1.0, 1.0)) for side in (-1, 1)
     )
-    angle = 0.5 * (high + low)[:, None] + 0.5 * (high - low)[:, None] * _NODES
+    angle = 0.5 * (high + low)[:, None] + 0.5 * (high - low)[:, None] * NODES
     chord = radius[:, None] * np.cos(angle)
     distance = (radius[:, None] * np.sin(angle) - across[:, None]) / minor[:, None]
     density = np.exp(-0.5 * distance**2) / (np.sqrt(2.0 * np.pi) * minor[:, None])
     inside = ndtr((chord - along[:, None]) / major[:, None])
     inside -= ndtr((-chord - along[:, None]) / major[:, None])
     values = density * inside * chord
-    return np.asarray(0.5 * (high - low) * (values @ _WEIGHTS))
+    return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
 
 
 def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
@@ -98,7 +98,6 @@ def pairs_within(
     centres: FloatArray,
     radius: FloatArray,
     most: int,
-    late: Callable[[], bool] | None = None,
 ) -> tuple[IntArray, IntArray] | None:
     """Pairs of centres and positions within their radius, ``|z - c|^2 <= r^2``.
 
@@ -112,13 +111,11 @@ def pairs_within(
     radius : (g,) ndarray
     most : int
         Pairs beyond which the search ends.
-    late : callable, optional
-        Whether the time is over; the search ends then. Of few pairs it is not asked.
 
     Returns
     -------
     centre, position : (p,) ndarray of int
-        Rows of each pair, ascending; or None where there are more than `most`, or it was too late.
+        Rows of each pair, ascending; or None where there are more than `most`.
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
@@ -155,7 +152,7 @@ def pairs_within(
         x, y = places.take(place, axis=1) - middle.take(centre, axis=1)
         inside = np.flatnonzero(x * x + y * y <= square.take(centre))
         number += len(inside)
-        if number > most or (late is not None and late()):
+        if number > most:
             return None
         key = centre.take(inside) * n  # ascending
         pairs = np.sort(key + order.take(place.take(inside)))

@@ -18,9 +18,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import SensorScan, exchanged
 from tsepm_ros.session.consistency_checks import (
@@ -197,35 +194,6 @@ class ScanResult:
         )
 
 
-def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:
-    """Position of the sensor at the nearest echo, and the heading of the vessel.
-
-    Parameters
-    ----------
-    scan : Scan
-        Registered in the fixed frame.
-    mounting_yaw : float or None
-        Angle from the bow to the sensor's azimuth 0, rad; None if the detections need no heading
-        and the poses have none.
-
-    Returns
-    -------
-    (3,) ndarray or None
-        x, y (m) and heading (rad), nan if unknown; None without a sensor pose.
-    """
-    poses = np.reshape(scan.sensor_pose, (-1, 3))
-    if not len(poses):
-        return None
-    times = None if len(poses) == 1 else scan.time_offset
-    nearest = 0 if times is None else int(np.argmin(times))
-    yaw = np.nan if mounting_yaw is None else mounting_yaw
-    return np.asarray(poses[nearest] - [0.0, 0.0, yaw])
-
-
-def _ignore(reason: str, sentence: str) -> None:
-    pass
-
-
 class Session:
     """Orders and registers scans and runs the tracker on them.
 
@@ -256,7 +224,7 @@ class Session:
     def __init__(
         self,
         settings: Settings,
-        report: Callable[[str, str], None] = _ignore,
+        report: Callable[[str, str], None] = lambda reason, sentence: None,
         *,
         live: bool = False,
     ) -> None:

@@ -250,12 +250,6 @@ class DiagnosticsOptions(ParameterGroup):
         minimum=0.0,
         maximum=1.0,
     )
-    clutter_factor: float = parameter(
-        3.0,
-        "Maximum factor between the density of detections and the clutter density in use",
-        minimum=1.0,
-        maximum=1e6,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -321,7 +315,8 @@ class SessionOptions(ParameterGroup):
     )
     max_scan_time: float = parameter(
         5.0,
-        "Maximum computing time of a scan, besides the limits on counts; not used offline",
+        "Time that a scan may take on a slow computer: bounds the pairs of potential tracks and "
+        "detections, 100 000 per second, and what becomes of them; not used offline",
         unit="s",
         positive=True,
         maximum=3600.0,

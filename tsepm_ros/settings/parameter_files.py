@@ -7,7 +7,6 @@ holds. ROS refuses them in parameter files, too.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,8 +15,7 @@ from typing import Any
 
 import yaml
 
-from tsepm_ros.parameters import EXPONENT, Value, refuse_integer, shown
-from tsepm_ros.settings.settings import TRACK_INITIATOR, Groups, full_table
+from tsepm_ros.parameters import EXPONENT, Value, shown
 
 ANY_NODE = "/**"
 """Key of a parameter file that fits a node of any name in any namespace."""
@@ -86,38 +84,6 @@ def section(key: str = ANY_NODE) -> list[str]:
     return [f"{key}:", "  ros__parameters:"]
 
 
-def as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
-    """A ROS parameter file with the default of every parameter of a node.
-
-    By default the key fits any node that gets the file, also under another name or in a namespace.
-    """
-    lines = [f"# Parameters of {node}", *section(key)]
-    for row in full_table(groups):
-        note = ", ".join(part for part in (row.unit, row.bounds) if part)
-        lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
-        lines.append(f"    {row.name}: {yaml_text(row.default)}")
-    return "\n".join(lines) + "\n"
-
-
-def add_values(
-    parser: argparse.ArgumentParser,
-    *names: str,
-    help: str = "parameter of the node track_initiator; may be repeated",
-) -> None:
-    """Add a repeatable argument NAME:=VALUE, by default `-p` with `--params-file`."""
-    given = names or ("-p", "--parameter")
-    parser.add_argument(*given, action="append", default=[], metavar="NAME:=VALUE", help=help)
-    if not names:
-        parser.add_argument(
-            "--params-file",
-            dest="parameter",
-            action="append",
-            type=Path,
-            metavar="FILE",
-            help="parameter file of the node; may be repeated; of -p and files the last one holds",
-        )
-
-
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
     """Paths after ``--params-file`` among the arguments of a node."""
     return [Path(path) for flag, path in itertools.pairwise(arguments) if flag == "--params-file"]
@@ -135,7 +101,7 @@ def unused_files(arguments: Sequence[str], node: str) -> list[str]:
     """
     sentences = []
     for path in parameter_files(arguments):
-        keys = [key for key, _ in _sections(_content(path))]
+        keys = [key for key, _ in sections(content(path))]
         if keys and not any(fits(key, node) for key in keys):
             sentences.append(
                 f"parameter file {path} is not used: it has no section for {node}, only for "
@@ -149,43 +115,11 @@ def without_value(arguments: Sequence[str], node: str) -> list[str]:
     return [
         name
         for path in parameter_files(arguments)
-        for key, values in _sections(_content(path))
+        for key, values in sections(content(path))
         if fits(key, node)
-        for name, value in _flattened(values)
+        for name, value in flattened(values)
         if value is None or value == []
     ]
-
-
-def given_values(given: Sequence[str | Path], node: str = "/track_initiator") -> dict[str, Value]:
-    """Values by full name of parameter files and of assignments NAME:=VALUE.
-
-    As in ROS the last value of a name holds. The parameters of ROS itself are left out.
-
-    Raises
-    ------
-    ValueError
-        If a file cannot be read or has nothing for the node, or an assignment is none.
-    """
-    values: dict[str, Value] = {}
-    for one in given:
-        values |= values_for(one, node) if isinstance(one, Path) else parse_values([one])
-    return {name: value for name, value in values.items() if not name.startswith(OF_ROS)}
-
-
-def values_for(path: Path, node: str) -> dict[str, Value]:
-    """Values that a parameter file has for a node; refuses the types that ROS refuses."""
-    try:
-        path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from None
-    sections = [values for key, values in _sections(_content(path)) if fits(key, node)]
-    if not sections:
-        [*why] = unused_files(["--params-file", str(path)], node)
-        raise ValueError("; ".join(why) or f"{path} is no parameter file for {node}")
-    values = {name: value for one in sections for name, value in _flattened(one)}
-    for row in full_table(TRACK_INITIATOR):
-        refuse_integer(row, values.get(row.name), f"{path}: ")
-    return values
 
 
 def fits(key: str, node: str) -> bool:
@@ -200,7 +134,7 @@ def fits(key: str, node: str) -> bool:
     return re.fullmatch(pattern, node) is not None
 
 
-def _content(path: Path) -> Any:
+def content(path: Path) -> Any:
     """Content of a file; None if it is no YAML, which ROS itself refuses."""
     try:
         return load_yaml(path.read_text(encoding="utf-8"))
@@ -208,7 +142,7 @@ def _content(path: Path) -> Any:
         return None
 
 
-def _sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Keys of nodes, with the namespaces around them, and their parameters."""
     if not isinstance(content, Mapping):
         return
@@ -216,18 +150,16 @@ def _sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
         if key == _SECTION:
             yield prefix, value
         else:
-            yield from _sections(
-                value, f"{prefix}/{key}".replace("//", "/") if prefix else str(key)
-            )
+            yield from sections(value, f"{prefix}/{key}".replace("//", "/") if prefix else str(key))
 
 
-def _flattened(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flattened(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Full names and values of parameters in nested mappings."""
     if not isinstance(values, Mapping):
         return
     for key, value in values.items():
         name = f"{prefix}{key}"
         if isinstance(value, Mapping):
-            yield from _flattened(value, f"{name}.")
+            yield from flattened(value, f"{name}.")
         else:
             yield name, value

@@ -47,21 +47,17 @@ def within(
     row: IntArray,
     distance: Callable[[IntArray, IntArray], FloatArray],
     threshold: float,
-    late: Callable[[], bool] | None = None,
-) -> tuple[Pairs, int]:
+) -> Pairs:
     """The pairs (parent, row), (p,), with a distance of at most `threshold`, which is their cost.
 
-    Distances are computed in blocks, which bounds memory. No further block is looked at where it is
-    `late`; the number of pairs in these is returned too.
+    Distances are computed in blocks, which bounds memory.
     """
     parts = [Pairs.none()]
     for first in range(0, len(parent), BLOCK):
-        if first and late is not None and late():
-            return Pairs.joined(*parts), len(parent) - first
         block = slice(first, first + BLOCK)
         pairs = Pairs(parent[block], row[block], distance(parent[block], row[block]))
         parts.append(pairs[pairs.cost <= threshold])
-    return Pairs.joined(*parts), 0
+    return Pairs.joined(*parts)
 
 
 def disjoint(members: IntArray, cost: FloatArray) -> IntArray:

@@ -8,7 +8,7 @@ its distance in position and features. Both are tests of a fixed size, not ratio
 need no distribution of the features of clutter.
 
 Targets meet if their gates overlap at their closest approach (Section 2.2, Eqs. 1-9,
-`motion.closest_approach`). A target's plots resemble each other in intensity, range width and
+`measures.closest_approach`). A target's plots resemble each other in intensity, range width and
 azimuth width (Section 2.3). With u the mean of a track's n plots so far (Eq. 10) and u' the mean
 with another, the decision function is ``J = sum_p |u'_p - u_p|^2`` (Eq. 11), small for a plot of
 its own.
@@ -49,10 +49,10 @@ from scipy.special import chdtri, fdtrc
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.studies.assignment import Pairs, exclusive
+from tsepm_ros.tools.evaluation.measures import closest_approach
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
-    GATE_PROBABILITY,
     SEEKER,
     GatedDetections,
     over_modes,
@@ -60,7 +60,7 @@ from tsepm_ros.tracker.maintenance.data_association import (
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.method import Method
-from tsepm_ros.tracker.options import MAX_WINDOW, CommonOptions
+from tsepm_ros.tracker.options import GATE_PROBABILITY, MAX_WINDOW, CommonOptions
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
@@ -184,7 +184,7 @@ def meeting(
     near = cKDTree(state[:, 0::2]).query_pairs(2.0 * farthest.max(), output_type="ndarray")
     first, second = near[np.lexsort((near[:, 1], near[:, 0]))].T
     apart = state[second] - state[first]
-    time = np.clip(motion.closest_approach(apart)[0], -max_time, max_time)
+    time = np.clip(closest_approach(apart)[0], -max_time, max_time)
 
     def reach(rows: IntArray) -> FloatArray:
         position_covariance = motion.position_covariance_after(covariance[rows], time)

@@ -127,7 +127,7 @@ class Hough(HitCounter):
         image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
-        kept = lines[keep_best(votes, self.common.max_raw_confirmations)]
+        kept = lines[keep_best(votes, self.common.max_potential_tracks)]
         tracks, hits, refused = self.confirm(kept)
         self._image = image[~np.isin(image, hits)]
         return Step(
@@ -155,7 +155,7 @@ class Hough(HitCounter):
         See `Method.potential_tracks`.
         """
         lines = self._lines(self._image, 2, observed.sensor_position)
-        lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_raw_confirmations)]
+        lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_potential_tracks)]
         tracks, _, _ = self.confirm(lines)
         return tracks.numbered(np.arange(len(tracks)))
 

@@ -35,7 +35,6 @@ Readings
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -48,15 +47,10 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.gaussian import squared_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import Pairs, within
-from tsepm_ros.studies.path_following import PAIRING_SHARE, PathFollower
+from tsepm_ros.studies.path_following import PathFollower
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
-
-TIMED_TRACKS = 4096
-"""Potential tracks extended together where the time is limited."""
-TIMED_PAIRS = 100_000
-"""Pairs of these and detections, at most: the nearest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,30 +193,16 @@ class Logic(PathFollower):
         if not len(detections):
             return Pairs.none(), 0
         middle = float(detections["time"].min() + 0.5 * np.ptp(detections["time"]))
-        late, parts, cuts = self.late_after(PAIRING_SHARE), [Pairs.none()], 0
-        # The longest first: where the time is limited, those are extended for certain.
-        for rows, ids in reversed(list(self._blocks())):
-            if late is not None and len(parts) > 1 and late():
-                cuts += len(rows)
-                continue
+        parts, cuts = [Pairs.none()], 0
+        for rows, ids in self.potential.of_equal_count():
             hits = self.detections[ids]
             predicted = Polynomials.fitted(hits, middle, min(ids.shape[1] - 1, self.options.degree))
             owner, row, cut = self._near(predicted, detections)
             distance = partial(self._distance, predicted, detections)
-            inside, beyond = within(owner, row, distance, self._threshold, late)
+            inside = within(owner, row, distance, self._threshold)
             parts.append(Pairs(rows[inside.parent], inside.row, inside.cost))
-            cuts += cut + beyond
-        return Pairs.joined(*reversed(parts)), cuts
-
-    def _blocks(self) -> Iterator[tuple[IntArray, IntArray]]:
-        """Rows of potential tracks of equal hit counts, and the ids of their hits.
-
-        Of few tracks each where the time is limited.
-        """
-        for rows, ids in self.potential.of_equal_count():
-            size = TIMED_TRACKS if self.time_limit.finite else max(len(rows), 1)
-            for first in range(0, len(rows), size):
-                yield rows[first : first + size], ids[first : first + size]
+            cuts += cut
+        return Pairs.joined(*parts), cuts
 
     @property
     def _threshold(self) -> float:
@@ -243,12 +223,11 @@ class Logic(PathFollower):
             )
             radius += np.sqrt(2.0) * self.common.max_speed * elapsed.max(axis=0)
         positions = np.ascontiguousarray(detections["position"])
-        most = TIMED_PAIRS if self.time_limit.finite else None
         return splitting.neighbours(
             positions,
             np.ascontiguousarray(predicted.coefficients[:, 0]),
             radius * (1.0 + 1e-9),
-            most=most,
+            most=self.most_pairs,
         )
 
     def _distance(

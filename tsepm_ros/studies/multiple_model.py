@@ -36,13 +36,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.tsepm import GATING_SHARE
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.numerics.gaussian import MIN_EIGENVALUE, proper, squared_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import Pairs, nearest_first, within
-from tsepm_ros.studies.path_following import PAIRING_SHARE, Estimates, PathFollower
+from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, starting
@@ -197,8 +196,7 @@ class MultipleModel(PathFollower):
         radius += longest * np.hypot(state[:, 1], state[:, 3])
         positions = np.ascontiguousarray(detections["position"])
         centres = np.ascontiguousarray(state[:, 0::2])
-        late = self.late_after(GATING_SHARE)
-        parent, row, cut = splitting.neighbours(positions, centres, radius, late)
+        parent, row, cut = splitting.neighbours(positions, centres, radius, self.most_pairs)
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
             hits = taken(detections, row)
@@ -207,9 +205,7 @@ class MultipleModel(PathFollower):
             predicted = motion.position_covariance_after(covariance[parent], elapsed)
             return squared_distance(hits["position"] - expected, predicted + hits["covariance"])
 
-        late = self.late_after(PAIRING_SHARE)
-        pairs, beyond = within(parent, row, distance, factor**2, late)
-        return pairs, cut + beyond
+        return within(parent, row, distance, factor**2), cut
 
     def choose(self, pairs: Pairs) -> Pairs:
         """Each track and each detection is matched once, the nearest first."""

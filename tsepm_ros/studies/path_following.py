@@ -37,7 +37,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.tsepm import GATING_SHARE, WindowedMethod
+from tsepm_ros.methods.tsepm import WindowedMethod
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import Pairs, best_of_each, disjoint
@@ -52,10 +52,6 @@ from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
 
 MAX_PAIRS = 1_000_000
 """Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
-TIMED_PAIRS = 250_000
-"""The same where the time is limited."""
-PAIRING_SHARE = 0.25
-"""Share of a time limit after which no further pairs are sought."""
 
 
 @dataclass(frozen=True)
@@ -311,7 +307,7 @@ class PathFollower(HitCounter):
     @property
     def max_tracks(self) -> int:
         """Potential tracks held at most."""
-        return self.common.max_potential_tracks
+        return int(max(min(self.common.max_potential_tracks, self.most_pairs), 1))
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """New potential tracks of one hit each, from detections (n,) and their ids."""
@@ -348,7 +344,7 @@ class PathFollower(HitCounter):
             detections,
             self.common.max_speed,
             margin[first],
-            late=self.late_after(GATING_SHARE),
+            most=self.most_pairs,
         )
         owner = np.ascontiguousarray(hits["position"])
 
@@ -356,10 +352,8 @@ class PathFollower(HitCounter):
             displacement = detections["position"][row] - owner[gate[parent]]
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
-        most = TIMED_PAIRS if self.time_limit.finite else MAX_PAIRS
-        parent, row, cut = splitting.split_paths(
-            gate, gated, most, length, self.late_after(PAIRING_SHARE)
-        )
+        most = int(max(min(self.most_pairs, MAX_PAIRS), 1))
+        parent, row, cut = splitting.split_paths(gate, gated, most, length, most)
         return parent, row, cut + gated.cut
 
     def displacements(
@@ -400,7 +394,7 @@ class PathFollower(HitCounter):
         kept = []
         for part, limit in (
             (pairs[~complete], self.max_tracks),
-            (pairs[complete], self.common.max_raw_confirmations),
+            (pairs[complete], self.common.max_potential_tracks),
         ):
             kept.append(part[keep_best(part.cost, limit)])
         counts = np.count_nonzero(~complete), np.count_nonzero(complete)

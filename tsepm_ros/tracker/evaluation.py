@@ -262,7 +262,7 @@ def evaluate(
     row: IntArray,
     observed: Observation,
     gate_probability: float,
-) -> tuple[Hypotheses, FloatArray, int]:
+) -> tuple[Hypotheses, FloatArray]:
     """Evaluate the branches of hypotheses: misses, and children by a detection.
 
     ``s + ln(1 - P_D P_G)`` and ``s + ln(P_D N(z; H x, S) / lambda)``, and what the amplitude adds.
@@ -286,26 +286,19 @@ def evaluate(
     missed : Hypotheses
         Those that leave the scan out, (n,).
     score : (p,) ndarray
-        Of the children; -inf outside the gate, where P_D is 0, and where it was not scored.
-    cut : int
-        Children that were not scored.
+        Of the children; -inf outside the gate, and where P_D is 0.
     """
-    hypotheses, limit = expected.hypotheses, observed.time_limit
+    hypotheses = expected.hypotheses
     detection_probability = observed.detection_probability(hypotheses.state[:, 0::2])
     detection_probability = detection_probability * visible_share(hypotheses.faded)
     missed = miss(hypotheses, detection_probability, gate_probability)
-    order = np.arange(len(parent))
-    if limit.finite and len(parent) > MAX_PAIRS_TOGETHER:
-        order = np.argsort(-hypotheses.score[parent], kind="stable")
-    score = np.full(len(parent), -np.inf)
+    score = np.empty(len(parent))
     for first in range(0, len(parent), MAX_PAIRS_TOGETHER):
-        if first and limit.used(0.5):
-            return missed, score, len(parent) - first
-        part = order[first : first + MAX_PAIRS_TOGETHER]
+        part = slice(first, first + MAX_PAIRS_TOGETHER)
         score[part] = child_score(
             expected, detection_probability, parent[part], observed, row[part], gate_probability
         )
-    return missed, score, 0
+    return missed, score
 
 
 def child_score(

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
+from tsepm_ros.numerics.discs import NODES, WEIGHTS
 from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density, mixture
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.measurement import covariance_at, major_sigma
@@ -52,7 +53,6 @@ limited at every scan is limited once, unless detections move it outside.
 """
 NEGLIGIBLE = 1e-9
 """Probability outside below which it counts as 0."""
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 GRID = np.linspace(-1.0, 1.0, 21)
 MIN_VARIANCE = 1e-18
 """Smallest variance of a velocity component, in v_max^2."""
@@ -128,31 +128,6 @@ def position_after(state: FloatArray, time_after_state: FloatArray | float) -> F
     """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
     after = np.asarray(time_after_state)[..., None]
     return np.asarray(state[..., 0::2] + after * state[..., 1::2])
-
-
-def closest_approach(relative: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Time until two targets on straight courses are closest, and their distance then.
-
-    ``T_cpa = -r.v / |v|^2``, ``d_cpa = |r + v T_cpa|``.
-
-    Parameters
-    ----------
-    relative : (..., 4) ndarray
-        State of one target less that of the other, at a common time.
-
-    Returns
-    -------
-    time : (...) ndarray
-        s; below 0 where they separate, 0 where they do not move against each other.
-    distance : (...) ndarray
-        m.
-    """
-    position, velocity = relative[..., 0::2], relative[..., 1::2]
-    square = np.square(velocity).sum(axis=-1)
-    approach = -(position * velocity).sum(axis=-1)
-    time = np.divide(approach, square, out=np.zeros_like(square), where=square > 0.0)
-    then = position_after(relative, time)
-    return time, np.asarray(np.hypot(then[..., 0], then[..., 1]))
 
 
 def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:

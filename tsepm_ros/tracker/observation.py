@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import Extent
 from tsepm_ros.tracker.clutter.excess import PredictiveDensity
@@ -59,8 +59,8 @@ class Observation:
         P_D in this scan of targets at positions (n, 2); 0 outside the coverage.
     detection_probability_in_use : float
         P_D in the coverage, given or estimated.
-    time_limit : TimeLimit
-        Time that the scan may take.
+    most_pairs : float
+        Pairs of potential tracks and detections that the scan may have.
     strengths : ScanAmplitudes or None
         What the strengths of the detections say; None where they do not count.
     predictive : PredictiveDensity or None
@@ -84,7 +84,7 @@ class Observation:
     sensor_position: FloatArray
     detection_probability: Callable[[FloatArray], FloatArray]
     detection_probability_in_use: float
-    time_limit: TimeLimit
+    most_pairs: float
     strengths: ScanAmplitudes | None = None
     predictive: PredictiveDensity | None = None
 

@@ -12,6 +12,8 @@ MAX_HITS = 32
 """Maximum of M."""
 MAX_WINDOW = 64
 """Maximum of N."""
+GATE_PROBABILITY = 0.99
+"""Probability that a detected target falls into the gate of a likelihood."""
 MIN_HITS = 3
 """Hits of a confirmed track, at least: two hits cannot check the velocity."""
 
@@ -49,12 +51,9 @@ class CommonOptions(ParameterGroup):
         200_000, "Maximum number of detections of a scan; a scan with more is refused", minimum=1
     )
     max_potential_tracks: int = parameter(
-        250_000, "Maximum number of potential tracks; the worst are cut and counted", minimum=1
-    )
-    max_raw_confirmations: int = parameter(
         250_000,
-        "Maximum number of tracks that reach confirmation in one scan, before pruning and "
-        "merging; the worst are cut and counted. The method score has no such tracks",
+        "Maximum number of potential tracks, and of tracks that reach confirmation in one scan; "
+        "the worst are cut and counted",
         minimum=1,
     )
     hold_time: float = parameter(
@@ -196,12 +195,6 @@ class ScoreOptions(ParameterGroup):
     window: int = parameter(
         16, "Scans after which an unconfirmed hypothesis ends", minimum=3, maximum=64
     )
-    gate_probability: float = parameter(
-        0.99,
-        "Probability that a detected target falls into the gate",
-        positive=True,
-        maximum=0.999999,
-    )
     process_noise: float = parameter(
         0.001,
         "Spectral density of a target's acceleration: the variance of each velocity component "
@@ -209,11 +202,6 @@ class ScoreOptions(ParameterGroup):
         unit="m^2/s^3",
         minimum=0.0,
         maximum=100.0,
-    )
-    max_per_detection: int = parameter(
-        100,
-        "Maximum number of hypotheses with the same last detection; the best are kept",
-        minimum=1,
     )
 
     @property

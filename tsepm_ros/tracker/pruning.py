@@ -4,8 +4,8 @@ Of TSEPM 2018 (Section 3.5): the M/N rule, and the threshold of the evaluation (
 
 Of the likelihood-ratio method, with s the score and s* the largest with the same newest detection::
 
-    deleted       s <= ln(miss_probability), s <= s* + ln(1e-4), not among the `max_per_detection`
-                  best with that detection, or `window` scans old; the weakest beyond a limit
+    deleted       s <= ln(miss_probability), s <= s* + ln(1e-4), not among the `MOST_ALIKE` best
+                  with that detection, or `window` scans old; the weakest beyond a limit
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from scipy.special import chdtri
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, among_best, keep_best
 from tsepm_ros.numerics.gaussian import gate_factor
 
+MOST_ALIKE = 100
+"""Hypotheses with the same newest detection, at most."""
 READINGS = ("literal", "squared")
 RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""

@@ -230,10 +230,6 @@ class SensorModel(Coverage):
         """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
-    def range_variance_slope(self, range: ArrayLike) -> NDArray[np.float64]:
-        """Derivative of the range's variance by the range, m: 2 range_std_fraction^2 range."""
-        return 2.0 * self.range_std_fraction**2 * np.asarray(range, float)
-
 
 def goes_on(
     before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None

@@ -49,14 +49,10 @@ MAX_GATED = 5_000_000
 """Largest number of detections in all gates of a scan; above, only the nearest are used."""
 SPLIT_BLOCK = 1_000_000
 """Children processed together where a limit applies: bounds memory, not the result."""
-TIMED_BLOCK = 50_000
-"""The same where the time is limited."""
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
 ROUNDING = 1e-9
 """Relative margin of a radius beyond rounding errors."""
-TIMED_GATED = 500_000
-"""Detections in all gates where the time for finding them was over, about: the nearest."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,7 @@ def gate(
     detections: NDArray[np.void],
     max_speed: float,
     probability: float,
-    late: Callable[[], bool] | None = None,
+    most: float = math.inf,
 ) -> Gated:
     """Find the detections inside the gate of each last hit (Eq. 4).
 
@@ -107,8 +103,8 @@ def gate(
         v_max, m/s.
     probability : float
         Gate probability P of Eq. 5.
-    late : callable, optional
-        Whether the time is over: only the nearest detections are used then.
+    most : float, optional
+        Pairs, see `neighbours`.
 
     Returns
     -------
@@ -117,7 +113,7 @@ def gate(
     """
     margin = gate_factor(probability) * last_hits["major_sigma"]
     squared = gate_factor(probability) ** 2
-    return gate_within(last_hits, detections, max_speed, margin, squared, late)
+    return gate_within(last_hits, detections, max_speed, margin, squared, most)
 
 
 def gate_within(
@@ -126,7 +122,7 @@ def gate_within(
     max_speed: float,
     margin: FloatArray,
     range_rate_gate: float = math.inf,
-    late: Callable[[], bool] | None = None,
+    most: float = math.inf,
 ) -> Gated:
     """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
 
@@ -142,7 +138,7 @@ def gate_within(
     radius = (margin + max_speed * longest) * (1.0 + ROUNDING)
     positions = np.ascontiguousarray(detections["position"])
     centres = np.ascontiguousarray(last_hits["position"])
-    owner, candidate, cut = neighbours(positions, centres, radius, late)
+    owner, candidate, cut = neighbours(positions, centres, radius, most)
     displacement = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
@@ -163,13 +159,12 @@ def neighbours(
     positions: FloatArray,
     centres: FloatArray,
     radius: FloatArray,
-    late: Callable[[], bool] | None = None,
-    most: int | None = None,
+    most: float = math.inf,
 ) -> tuple[IntArray, IntArray, int]:
     """Pairs of centres and positions within their radius.
 
-    Beyond a number of pairs, and where it is `late`, only the nearest positions of each centre are
-    kept: the displacement is the first feature that separates targets from clutter.
+    Beyond a number of pairs, only the nearest positions of each centre are kept: the displacement
+    is the first feature that separates targets from clutter.
 
     Parameters
     ----------
@@ -179,10 +174,8 @@ def neighbours(
         m.
     radius : (g,) ndarray
         m.
-    late : callable, optional
-        Whether the time is over: then about `TIMED_GATED` pairs are kept.
-    most : int, optional
-        Pairs; by default `MAX_GATED`.
+    most : float, optional
+        Pairs; never more than `MAX_GATED`, and always one of each centre.
 
     Returns
     -------
@@ -191,14 +184,12 @@ def neighbours(
     cut : int
         Pairs left out.
     """
-    most = MAX_GATED if most is None else most
-    found = pairs_within(positions, centres, radius, most, late)
+    most = int(min(most, MAX_GATED))
+    found = pairs_within(positions, centres, radius, most)
     if found is not None:
         return *found, 0
     tree = cKDTree(positions)
     counts = tree.query_ball_point(centres, radius, return_length=True)
-    if late is not None and late():
-        most = min(most, TIMED_GATED)
     nearest = min(max(most // len(centres), 1), len(positions))
     distance, kept = tree.query(centres, k=range(1, nearest + 1))
     near = np.where(distance <= radius[:, None] * (1.0 + ROUNDING), kept, len(positions))
@@ -237,7 +228,7 @@ def split_paths(
     gated: Gated,
     limit: int,
     cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
-    late: Callable[[], bool] | None = None,
+    most: float = math.inf,
 ) -> tuple[IntArray, IntArray, int]:
     """Split every potential track, and keep the `limit` children of least cost.
 
@@ -249,8 +240,8 @@ def split_paths(
         Largest number of children.
     cost : callable
         Cost of children (parent, detection); evaluated only above the limit.
-    late : callable, optional
-        Whether the time is over: the children of no further tracks are looked at then.
+    most : float, optional
+        Children that are looked at, and those of one track more: those of no further tracks are.
 
     Returns
     -------
@@ -265,11 +256,10 @@ def split_paths(
         return *children(gate_of_track, gated), 0
     parent = detection = np.zeros(0, np.int64)
     costs = np.zeros(0)
-    size = SPLIT_BLOCK if late is None else min(TIMED_BLOCK, SPLIT_BLOCK)
-    blocks = np.searchsorted(np.cumsum(counts), np.arange(0, total, size), side="right")
-    for begin, end in itertools.pairwise([*np.unique(blocks), len(counts)]):
-        if late is not None and len(parent) and late():
-            break
+    begun = np.cumsum(counts) - counts
+    looked = begun[: np.searchsorted(begun, most)]
+    blocks = np.searchsorted(looked, np.arange(0, total, SPLIT_BLOCK))
+    for begin, end in itertools.pairwise(np.unique([*blocks, len(looked)])):
         rows, added = children(gate_of_track[begin:end], gated)
         parent = np.concatenate([parent, rows + begin])
         detection = np.concatenate([detection, added])
@@ -291,20 +281,20 @@ def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hy
 def split(
     expected: ExpectedDetections,
     gate_probability: float,
-    late: Callable[[], bool] | None = None,
+    most: float = math.inf,
 ) -> tuple[IntArray, IntArray, int]:
     """Split every hypothesis: pairs with the detections that may be its next, no fewer than gated.
 
     The gate is ``d' S^-1 d <= gamma``, of probability P_G; here its circumscribed circle of radius
-    ``sqrt(gamma) sigma_max(S)``. Where it is `late`, only the nearest detections of each.
+    ``sqrt(gamma) sigma_max(S)``.
 
     Parameters
     ----------
     expected : ExpectedDetections
     gate_probability : float
         P_G.
-    late : callable, optional
-        Whether the time is over.
+    most : float, optional
+        Pairs.
 
     Returns
     -------
@@ -323,7 +313,7 @@ def split(
     else:
         centres, radius = _widest(expected, reach)
     positions = np.ascontiguousarray(detections["position"])
-    return neighbours(positions, centres, radius, late)
+    return neighbours(positions, centres, radius, most)
 
 
 def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, FloatArray]:

@@ -35,7 +35,7 @@ from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -433,7 +433,7 @@ class Threshold:
             interval=rounded(self._last.median_interval),
             windows=(options.window,),
             scans=options.window,
-            gate_probability=options.gate_probability,
+            gate_probability=GATE_PROBABILITY,
             process_noise=options.process_noise,
             deletion=options.deletion_threshold,
             min_hits=MIN_HITS,

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, TimeLimit, changed, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
@@ -24,8 +24,7 @@ from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.excess import RECENT, HeldTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
-from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
-from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held, room_for
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
     DetectionWindow,
@@ -35,6 +34,7 @@ from tsepm_ros.tracker.measurement import (
 )
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
+from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.scan import Scan, check_scan, chosen, placed
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
@@ -48,6 +48,15 @@ from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
+PAIRS_PER_SECOND = 100_000.0
+"""Pairs of potential tracks and detections that a slow computer processes, 1/s.
+
+Measured: 300 000 to 500 000 on a processor of 2020.
+"""
+HELD_PER_PAIR = 0.05
+"""Confirmed tracks that are held, per pair that a scan may have, at most: each costs as much."""
+LEAST_ROOM = 10
+"""Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
 
@@ -90,8 +99,8 @@ class Tracker:
     next_track_id : int
         Id of the next confirmed track; goes on through resets.
     max_scan_time : float
-        Time that a scan may take, s, as a last resort behind the limits on counts; infinite, so
-        that results are reproducible, unless set.
+        Time that a scan may take on a slow computer, s: `PAIRS_PER_SECOND` bound what it may take
+        on. Infinite unless set.
     """
 
     def __init__(self, method: Method) -> None:
@@ -185,16 +194,14 @@ class Tracker:
             `max_detections` detections. The scan is then not taken and nothing has changed.
         """
         check_scan(scan, self.stamp, self.common.max_detections)
-        limit = TimeLimit(self.max_scan_time)
-        observed = self.observe(scan, limit)  # measure, associate, learn
-        room = room_for(limit, len(self.maintenance.held))
+        observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
-        new, counts = self._hold(observed, step, room)
+        new, counts = self._hold(observed, step)
         self.statistics = changed(counts, plots=counts.detections, **self._received)
         self.totals = self.totals + self.statistics
         return new
 
-    def observe(self, scan: Scan, time_limit: TimeLimit) -> Observation:
+    def observe(self, scan: Scan) -> Observation:
         """Measure a scan, associate its detections with the held tracks, and learn from it.
 
         The held tracks take their detections at the density that was known before.
@@ -206,7 +213,9 @@ class Tracker:
         clutter_sensor, of_rates = self._clutter_rates(detections)
         before = self._clutter.before(self._held_targets) * of_rates
         held_density, held_association = self._carry_held(scan, detections, before)
-        self._learn_from_held(detections)
+        self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
+        if not self.plots.active:
+            self._learn_errors(detections)
         detections["clutter_density"] = self._learn_clutter(before, held_density)
         self._learn_plots(active)
         self._clutter.learn_strengths(detections, self._reach)
@@ -230,7 +239,7 @@ class Tracker:
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
-            time_limit=time_limit,
+            most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
             strengths=strengths,
             predictive=self._clutter.predictive,
         )
@@ -284,12 +293,6 @@ class Tracker:
             share = further[rows] / (further[rows] + clutter[rows])
             association = np.append(association[0], rows), np.append(association[1], share)
         return density, association
-
-    def _learn_from_held(self, detections: NDArray[np.void]) -> None:
-        """Learn from the held tracks' detections: how many there are, and their errors."""
-        self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        if not self.plots.active:
-            self._learn_errors(detections)
 
     def _learn_plots(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
@@ -386,9 +389,7 @@ class Tracker:
         covered = looked_at(self._scan, self.sensor, self._poses, positions)
         return np.where(covered, self.detection_probability, 0.0)
 
-    def _hold(
-        self, observed: Observation, step: Step, room: int
-    ) -> tuple[TrackArrays, ScanStatistics]:
+    def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
         self.revised, counts = step.revised, step.statistics
         confirmed, merged, cut = len(step.tracks), 0, 0
@@ -398,6 +399,8 @@ class Tracker:
             if self.method.most_tracks_true:
                 held, origin = self.maintenance.held.tracks, self._poses.middle[:2]
                 step = step.where(~self.plots.waits(step.tracks, held, origin))
+            limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.held)
+            room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
         if cut:
             step = step.where(best_held(step.existences, step.tracks.evaluation, room))

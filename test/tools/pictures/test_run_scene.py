@@ -6,18 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
-from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, headline
+from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, headline, vessel_pose
 from tsepm_ros.tools.replay.offline import recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
+
 SAILING = {"own_ship": {"x": 100.0, "y": -50.0, "yaw_deg": 40.0, "speed": 5.0}, "scans": 6}
 
 
@@ -188,3 +190,18 @@ def test_labels_overlap_neither_each_other_nor_points_and_without_room_are_at_th
 
     (note,) = notes_of(0.1, np.array([[0.5, 0.5]]))
     assert note.get_position()[1] == pytest.approx(LABEL_DISTANCES[-1] * np.sin(LABEL_ANGLES[-1]))
+
+
+POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
+
+
+@pytest.mark.parametrize(("offsets", "row"), [([2.0, 1.0], 1), ([1.0, 2.0], 0), (None, 0)])
+def test_the_pose_is_that_of_the_nearest_echo(offsets, row):
+    scan = Scan(0.0, [100.0, 200.0], [0.0, 0.1], time_offset=offsets, sensor_pose=POSES)
+    np.testing.assert_allclose(vessel_pose(scan, 0.2), POSES[row] - [0.0, 0.0, 0.2])
+
+
+def test_without_a_heading_or_without_detections_a_pose_is_unknown():
+    pose = vessel_pose(Scan(0.0, [100.0], [0.0], sensor_pose=POSES[0]), None)
+    assert pose[:2].tolist() == [10.0, 20.0] and np.isnan(pose[2])
+    assert vessel_pose(Scan(0.0, [], [], sensor_pose=np.zeros((0, 3))), 0.0) is None

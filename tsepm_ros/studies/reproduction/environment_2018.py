@@ -18,7 +18,7 @@ from tsepm_ros.studies.reproduction.report import (
     Table,
 )
 from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion
-from tsepm_ros.tracker.motion import closest_approach
+from tsepm_ros.tools.evaluation.measures import closest_approach
 
 ENCOUNTER = ((18_000.0, 187.0, 6.0, 330.0), (17_000.0, 189.0, 4.0, 190.0))
 """Targets A and B of Fig. 4: distance (m), azimuth (degrees), speed (m/s), heading (degrees)."""

@@ -29,7 +29,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import MAX_DISTANCE, GeographicReference
-from tsepm_ros.tracker import motion
+from tsepm_ros.tools.evaluation import measures
 from tsepm_ros.tracker.tracks import TrackArrays
 
 NUMBERS = 100
@@ -71,7 +71,7 @@ def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatA
     """
     moves = np.hypot(*velocity.T)[:, None] > LEAST_SPEED
     state = np.stack([position, np.where(moves, velocity, 0.0)], axis=2).reshape(-1, 4)
-    return motion.closest_approach(state)
+    return measures.closest_approach(state)
 
 
 class TargetNumbers:

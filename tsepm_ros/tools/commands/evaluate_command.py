@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.settings.parameter_files import add_values, parse_values
+from tsepm_ros.settings.parameter_files import parse_values
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     add_arguments,
     add_out,
     add_runs,
+    add_values,
     positive,
     scenario_names,
 )

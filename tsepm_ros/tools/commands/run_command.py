@@ -29,7 +29,7 @@ from tsepm_ros.session.consistency_checks import explained, questions
 from tsepm_ros.session.drop_reasons import reason_of
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
-from tsepm_ros.settings.parameter_files import add_values, given_values, unused_files, yaml_text
+from tsepm_ros.settings.parameter_files import unused_files, yaml_text
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
@@ -43,6 +43,8 @@ from tsepm_ros.tools.commands.arguments import (
     Arguments,
     CommandFailed,
     add_arguments,
+    add_values,
+    given_values,
     in_folder,
     scenario_names,
     seed,

@@ -50,7 +50,7 @@ from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tools.terminal import Progress, silent
 from tsepm_ros.tracker import threshold as threshold_plan
-from tsepm_ros.tracker.options import MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.threshold import ANY_RATIO
 
@@ -483,7 +483,7 @@ def passages(
         interval=threshold_plan.rounded(case.interval),
         windows=tuple(windows),
         scans=max(case.scans, *windows),
-        gate_probability=options.gate_probability,
+        gate_probability=GATE_PROBABILITY,
         process_noise=options.process_noise,
         deletion=math.log(options.miss_probability),
         min_hits=MIN_HITS,

@@ -34,6 +34,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     measurement_sigma,
 )
 from tsepm_ros.tools.simulation import Scenario
+from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.sensor import SensorModel
 
 SECONDS_PER_HOUR = 3600.0
@@ -92,7 +93,7 @@ def cramer_rao(
     range_ = np.hypot(offset[..., 0], offset[..., 1])
     variance = sensor.range_variance(range_)
     range_information = 1.0 / variance + 0.5 * np.square(
-        sensor.range_variance_slope(range_) / variance
+        2.0 * sensor.range_std_fraction**2 * range_ / variance
     )
     along = offset / range_[..., None]
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
@@ -487,3 +488,28 @@ def _errors(true: Sequence[StartSummary], pure: Sequence[StartSummary]) -> dict[
         "nees": mean([start.nees for start in true]),
         "pure_nees": mean([start.nees for start in pure]),
     }
+
+
+def closest_approach(relative: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Time until two targets on straight courses are closest, and their distance then.
+
+    ``T_cpa = -r.v / |v|^2``, ``d_cpa = |r + v T_cpa|``.
+
+    Parameters
+    ----------
+    relative : (..., 4) ndarray
+        State of one target less that of the other, at a common time.
+
+    Returns
+    -------
+    time : (...) ndarray
+        s; below 0 where they separate, 0 where they do not move against each other.
+    distance : (...) ndarray
+        m.
+    """
+    position, velocity = relative[..., 0::2], relative[..., 1::2]
+    square = np.square(velocity).sum(axis=-1)
+    approach = -(position * velocity).sum(axis=-1)
+    time = np.divide(approach, square, out=np.zeros_like(square), where=square > 0.0)
+    then = motion.position_after(relative, time)
+    return time, np.asarray(np.hypot(then[..., 0], then[..., 1]))

@@ -10,11 +10,12 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.session.inputs import Arrival
-from tsepm_ros.session.session import ScanResult, vessel_pose
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, judge_starts, origins_of
 from tsepm_ros.tools.replay.recording import Recording
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -234,3 +235,28 @@ def velocity_seconds(scene: RunScene) -> float:
     extent = float(np.ptp(everything, axis=0).max())
     wanted = extent / 30.0 / max(float(np.quantile(speeds, 0.9)), 1e-3)
     return max((second for second in ROUND_SECONDS if second <= wanted), default=ROUND_SECONDS[0])
+
+
+def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:
+    """Position of the sensor at the nearest echo, and the heading of the vessel.
+
+    Parameters
+    ----------
+    scan : Scan
+        Registered in the fixed frame.
+    mounting_yaw : float or None
+        Angle from the bow to the sensor's azimuth 0, rad; None if the detections need no heading
+        and the poses have none.
+
+    Returns
+    -------
+    (3,) ndarray or None
+        x, y (m) and heading (rad), nan if unknown; None without a sensor pose.
+    """
+    poses = np.reshape(scan.sensor_pose, (-1, 3))
+    if not len(poses):
+        return None
+    times = None if len(poses) == 1 else scan.time_offset
+    nearest = 0 if times is None else int(np.argmin(times))
+    yaw = np.nan if mounting_yaw is None else mounting_yaw
+    return np.asarray(poses[nearest] - [0.0, 0.0, yaw])

@@ -53,9 +53,10 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
 from tsepm_ros.session.inputs import Arrival
-from tsepm_ros.session.session import ScanResult, vessel_pose
+from tsepm_ros.session.session import ScanResult
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.pictures.run_scene import vessel_pose
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert
 from tsepm_ros.tracker.sensor import SensorModel
@@ -453,7 +454,7 @@ class RecordedScene:
     truth : sequence of (m, 3) ndarray, optional
         Time (s), x and y (m) of each target.
     mounting_yaw : float or None, optional
-        As for `tsepm_ros.session.session.vessel_pose`.
+        As for `tsepm_ros.tools.pictures.run_scene.vessel_pose`.
     sensor : SensorModel, optional
         Whose sector is drawn.
     origin : str, optional

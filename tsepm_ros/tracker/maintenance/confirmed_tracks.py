@@ -18,7 +18,6 @@ from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
 from tsepm_ros.tracker.maintenance import data_association, stationary
 from tsepm_ros.tracker.maintenance.data_association import (
-    GATE_PROBABILITY,
     SCANS_OF_FADING,
     SCANS_TO_FADE,
     SCANS_TO_VANISH,
@@ -30,7 +29,7 @@ from tsepm_ros.tracker.maintenance.stationary import (
 )
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.motion import InteractingModels
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
 from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
 LISTED = -math.inf

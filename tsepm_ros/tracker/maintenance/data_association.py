@@ -40,10 +40,9 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.discs import squared_distances
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import covariance_at
+from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.sensor import SensorModel
 
-GATE_PROBABILITY = 0.99
-"""P_G, probability that the gate holds a target's detection."""
 MAX_NEIGHBOURS = 8
 """Detections considered for each filter and each fit: the nearest."""
 MANY = 16_000

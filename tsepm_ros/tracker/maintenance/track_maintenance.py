@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import enum
 import math
-import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -19,7 +18,6 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    TimeLimit,
     changed,
     keep_best,
     taken,
@@ -28,8 +26,8 @@ from tsepm_ros.numerics.arrays import (
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.maintenance import data_association
 from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, SURE, ConfirmedTracks, Status
-from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY, GatedDetections
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.maintenance.data_association import GatedDetections
+from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import (
     MIN_EXISTENCE,
@@ -58,14 +56,6 @@ ENDS = {
     "cleared": "all tracks were cleared",
 }
 """Why a track ends, in words."""
-HOLDING_SHARE = 0.3
-"""Share of the time of a scan for which held tracks may be carried through it."""
-SECONDS_PER_TRACK = 5e-5
-"""Time to carry a track through a scan, at least: measured where thousands are held."""
-MANY = 1000
-"""Held tracks from which on the time that they took is measured."""
-LEAST_ROOM = 10
-"""Tracks that a scan may start in any case."""
 
 
 class ExternalTracker(enum.Enum):
@@ -493,22 +483,6 @@ class TrackMaintenance:
         reasons = np.broadcast_to(reason, len(kept))[over].tolist()
         ended |= dict(zip(ids, reasons, strict=True))
         self.held = self.held[kept]
-
-
-def room_for(limit: TimeLimit, held: int) -> int:
-    """Tracks that may be added to those held, so that all can be carried in time.
-
-    Parameters
-    ----------
-    limit : TimeLimit
-        Of the scan, through which the held tracks were just carried.
-    held : int
-        Their number.
-    """
-    if not limit.finite:
-        return sys.maxsize
-    each = max(limit.elapsed / held if held >= MANY else 0.0, SECONDS_PER_TRACK)
-    return max(int(HOLDING_SHARE * limit.seconds / each) - held, LEAST_ROOM)
 
 
 def best_held(existence: FloatArray, evaluation: FloatArray, number: int) -> IntArray:
