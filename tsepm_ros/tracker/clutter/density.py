@@ -349,9 +349,9 @@ class Bounds:
     def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
         _, held, row = along(self._cells[0], height, False)
-        values = np.maximum.reduce([values[one] for one in held])
+        values = values.take(held, axis=0).max(axis=0)
         _, held, column = along(self._cells[1], width, self._wraps)
-        values = np.maximum.reduce([values[:, one] for one in held])
+        values = values.take(held, axis=1).max(axis=1)
         return np.asarray(values[row][:, column])
 
 
