@@ -117,7 +117,9 @@ class Score(Method):
         new = [*starts, *(start for _, start in replaced)]
         given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
         ended = observed.scan_index + 1 - given.first_scan >= self.options.window
-        self.hypotheses = given[~ended]
+        # They leave with the next scan's pruning: a copy of all others would cost as much as it.
+        self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
+        terminated = int(np.count_nonzero(ended))
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
         target_hits = None
@@ -128,8 +130,8 @@ class Score(Method):
             tracks,
             changed(
                 counts,
-                potential_tracks=len(self.hypotheses),
-                terminated=int(np.count_nonzero(ended)),
+                potential_tracks=len(ended) - terminated,
+                terminated=terminated,
                 raw_confirmations=number + merged,
                 merged=merged,
                 confirmed=number,
@@ -160,7 +162,7 @@ class Score(Method):
         )
         parts = missed, score, started
         tree = splitting.expand(expected, parts, (parent, row), kept, observed)
-        first, left = len(observed.ids), len(missed)
+        first, left = len(observed.ids), int(np.count_nonzero(missed.score > -np.inf))
         split = int(np.count_nonzero(score > -np.inf)) + first
         return tree, ScanStatistics(
             scans=1,
@@ -218,7 +220,8 @@ class Score(Method):
         """
         window, hypotheses = observed.window, self.hypotheses
         min_time = MIN_TIME_SPAN * observed.median_interval
-        hypotheses = hypotheses[spans_time(hypotheses, 2, window, min_time)]
+        live = hypotheses.score > -np.inf
+        hypotheses = hypotheses[live & spans_time(hypotheses, 2, window, min_time)]
         held = held_hits(hypotheses, window)
         hypotheses = hypotheses[held <= confirmation.MAX_HELD_SHARE * hypotheses.hit_count]
         if not len(hypotheses):

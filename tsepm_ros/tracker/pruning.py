@@ -73,7 +73,9 @@ def prune(
         Further hypotheses, which were beyond the limit.
     """
     rows = np.flatnonzero(score > deletion)
-    rows = rows[np.argsort(newest[rows], kind="stable")]
+    place = newest[rows] - newest.min(initial=newest.max(initial=0))
+    # Numbers of 16 bits are sorted in half of the time.
+    rows = rows[np.argsort(place.astype(np.min_scalar_type(place.max(initial=0))), kind="stable")]
     begin = np.flatnonzero(np.diff(newest[rows], prepend=-1))  # of the runs
     number = np.diff(begin, append=len(rows))
     best = np.repeat(np.maximum.reduceat(score[rows], begin), number)

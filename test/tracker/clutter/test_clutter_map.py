@@ -16,6 +16,7 @@ from tsepm_ros.tracker.clutter.density import (
     Extent,
     SeenExtent,
     squares,
+    window_sums,
 )
 from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
 from tsepm_ros.tracker.polar_grid import INNER_RINGS, PolarGrid
@@ -225,7 +226,7 @@ def test_densities_are_those_of_a_loop_over_windows(sensor, kind, mean):
     if kind == "arcs":
         sizes = [(1, grid.shape[1] // parts) for parts in ARCS]
     start = np.full(grid.shape, counts.sum() / whole.sum())
-    bounds = Bounds(sizes, seen, whole, grid.wraps, 1.1)
+    bounds = Bounds(sizes, seen, window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1)
     found = bounds.moved(start, counts, 1.0, TARGET)
     expected = looped(grid.shape, sizes, counts, (seen, whole, 1.1), grid.wraps, start)
     np.testing.assert_allclose(found, expected, rtol=1e-11)

@@ -284,6 +284,22 @@ def along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, Int
     return begin, held, np.searchsorted(edges, np.arange(cells), side="right") - 1
 
 
+def window_sums(shapes: list[tuple[int, int]], values: FloatArray, wraps: bool) -> list[FloatArray]:
+    """Sums of values (r, c) over the windows of each shape, (i, j) each; see `Bounds`."""
+    sums, (rows, columns) = BlockSums(values, wraps), values.shape
+    return [
+        sums.windows(along(rows, height, False)[0], height, along(columns, width, wraps)[0], width)
+        for height, width in shapes
+    ]
+
+
+@lru_cache(maxsize=8)
+def whole_windows(grid: PolarGrid, shares: bytes) -> list[FloatArray]:
+    """The whole area of the windows of each size, times the shares of the columns (c,)."""
+    whole = grid.area * np.frombuffer(shares)
+    return window_sums(squares(*grid.shape), whole, grid.wraps)
+
+
 class Bounds:
     """Bounds of a density by the counts of windows.
 
@@ -291,8 +307,10 @@ class Bounds:
     ----------
     shapes : list of tuple of int
         Heights and widths of the windows, the largest first, cells.
-    seen, whole : (r, c) ndarray
-        Area of each cell in which clutter is seen, and all of it, m^2.
+    seen : (r, c) ndarray
+        Area of each cell in which clutter is seen, m^2.
+    whole : list of (i, j) ndarray
+        Whole area of the windows of each shape, m^2.
     wraps : bool
         Whether the last column is next to the first.
     widening : float
@@ -303,16 +321,13 @@ class Bounds:
         self,
         shapes: list[tuple[int, int]],
         seen: FloatArray,
-        whole: FloatArray,
+        whole: list[FloatArray],
         wraps: bool,
         widening: float,
     ) -> None:
         self._shapes, self._wraps, self._cells = shapes, wraps, seen.shape
-        seen_sums, whole_sums = BlockSums(seen, wraps), BlockSums(whole, wraps)
-        self._areas = [
-            counted_area(widening, self._of(seen_sums, *shape), self._of(whole_sums, *shape))
-            for shape in shapes
-        ]
+        of_seen = window_sums(shapes, seen, wraps)
+        self._areas = [counted_area(widening, *areas) for areas in zip(of_seen, whole, strict=True)]
 
     def moved(
         self, density: FloatArray, counts: FloatArray, scans: float, target: float
@@ -330,9 +345,9 @@ class Bounds:
         target : float
             Detections of an unknown target.
         """
-        sums = BlockSums(counts, self._wraps)
-        for shape, area in zip(self._shapes, self._areas, strict=True):
-            excess = Excess(self._of(sums, *shape), scans * area)
+        of_counts = window_sums(self._shapes, counts, self._wraps)
+        for shape, number, area in zip(self._shapes, of_counts, self._areas, strict=True):
+            excess = Excess(number, scans * area)
             low, high = excess.lower(target), excess.upper()
             if low.max() > density.min():  # a third of the time of a map in even clutter
                 density = np.maximum(density, self._largest(low, *shape))
@@ -340,18 +355,12 @@ class Bounds:
                 density = np.minimum(density, self._largest(high, *shape))
         return density
 
-    def _of(self, sums: BlockSums, height: int, width: int) -> FloatArray:
-        """Sums of the windows of a shape, (i, j)."""
-        row, *_ = along(self._cells[0], height, False)
-        column, *_ = along(self._cells[1], width, self._wraps)
-        return sums.windows(row, height, column, width)
-
     def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
         _, held, row = along(self._cells[0], height, False)
-        values = np.maximum.reduce([values[one] for one in held])
+        values = values.take(held, axis=0).max(axis=0)
         _, held, column = along(self._cells[1], width, self._wraps)
-        values = np.maximum.reduce([values[:, one] for one in held])
+        values = values.take(held, axis=1).max(axis=1)
         return np.asarray(values[row][:, column])
 
 
@@ -399,7 +408,8 @@ class SeenCells:
         self.widening = max(area / region.area, 1.0) if region.area else 1.0
         self.counted = counted_area(self.widening, seen, grid.area)
         self.seen, self.whole = seen * shares, grid.area * shares
-        self.bounds = Bounds(squares(*grid.shape), self.seen, self.whole, grid.wraps, self.widening)
+        windows = whole_windows(grid, shares.tobytes())
+        self.bounds = Bounds(squares(*grid.shape), self.seen, windows, grid.wraps, self.widening)
 
 
 class _Estimate:
@@ -450,8 +460,8 @@ class _Estimate:
         if not len(rings):
             return
         arcs = [(1, columns // parts) for parts in ARCS if columns >= parts]
-        seen, whole = cells.seen[rings], cells.whole[rings]
-        bounds = Bounds(arcs, seen, whole, self._grid.wraps, cells.widening)
+        whole = window_sums(arcs, cells.whole[rings], self._grid.wraps)
+        bounds = Bounds(arcs, cells.seen[rings], whole, self._grid.wraps, cells.widening)
         raised = bounds.moved(low[rings, None], self._counts[rings], self._scans, target)
         density[rings] = np.maximum(density[rings], raised)
 
