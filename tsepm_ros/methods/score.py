@@ -119,7 +119,6 @@ class Score(Method):
         ended = observed.scan_index + 1 - given.first_scan >= self.options.window
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
         self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
-        terminated = int(np.count_nonzero(ended))
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
         target_hits = None
@@ -130,8 +129,8 @@ class Score(Method):
             tracks,
             changed(
                 counts,
-                potential_tracks=len(ended) - terminated,
-                terminated=terminated,
+                potential_tracks=int(np.count_nonzero(~ended)),
+                terminated=int(np.count_nonzero(ended)),
                 raw_confirmations=number + merged,
                 merged=merged,
                 confirmed=number,
@@ -220,8 +219,9 @@ class Score(Method):
         """
         window, hypotheses = observed.window, self.hypotheses
         min_time = MIN_TIME_SPAN * observed.median_interval
-        live = hypotheses.score > -np.inf
-        hypotheses = hypotheses[live & spans_time(hypotheses, 2, window, min_time)]
+        hypotheses = hypotheses[
+            (hypotheses.score > -np.inf) & spans_time(hypotheses, 2, window, min_time)
+        ]
         held = held_hits(hypotheses, window)
         hypotheses = hypotheses[held <= confirmation.MAX_HELD_SHARE * hypotheses.hit_count]
         if not len(hypotheses):
