@@ -22,7 +22,7 @@ from tsepm_ros.ending_signals import (
     signals_held,
 )
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 
 
 def handlers() -> list:

@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of parameters."""
+"""Tables of parameters: fields, bounds and choices, and values that are refused with a sentence."""
 
 import math
 from dataclasses import dataclass

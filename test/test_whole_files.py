@@ -11,7 +11,7 @@ import pytest
 
 from tsepm_ros.whole_files import opened_whole, temporary_beside, write_text, written_whole
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 
 
 def test_a_file_appears_when_it_is_whole(tmp_path):

@@ -1,4 +1,4 @@
-"""Detections of packages beside ROS, on stand-ins with the fields of their files."""
+"""Detections in messages of every type but clouds: read, refused and written."""
 
 import math
 from typing import Any

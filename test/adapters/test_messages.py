@@ -1,6 +1,6 @@
-"""TODO: one sentence on what is shown of messages."""
+"""Classes of messages: each is imported from its package when it is used."""
 
-from typing import Any
+import importlib
 
 import numpy as np
 import pytest
@@ -11,19 +11,24 @@ from msg_adapters import (
     MessageError,
     make_header,
     message_class,
+    messages,
     write_detections,
 )
 from tsepm_ros import Scan
 
-START = 1_700_000_000
+HEADER = make_header(1_700_000_000 * 10**9, "sonar")
+NOTHING = Scan(1.7e9, np.zeros(0), np.zeros(0))
 
 
-def header_at(seconds: float, frame_id: str = "sonar") -> Any:
-    return make_header(round(seconds * 1e9), frame_id)
+@pytest.mark.parametrize("name", ["Time", "Point", "Odometry", "PointCloud2", "MarkerArray"])
+def test_a_class_is_that_of_its_package(name):
+    package = importlib.import_module(f"{messages.PACKAGES[name]}.msg")
+    assert getattr(messages, name) is getattr(package, name)
 
 
-def scan_of(range_: Any, azimuth: Any, **more: Any) -> Scan:
-    return Scan(START, range_, azimuth, **more)
+def test_a_name_that_is_no_message_is_no_attribute():
+    with pytest.raises(AttributeError, match="there is no class 'PointCloud3'"):
+        getattr(messages, "PointCloud" + "3")
 
 
 @pytest.mark.parametrize("type_name", [name for name in MAKERS if "sensor_msgs" not in name])
@@ -33,6 +38,5 @@ def test_a_package_that_is_not_installed_is_named(type_name, monkeypatch):
     with pytest.raises(MessageError, match=f"needs the package '{package}'") as error:
         message_class(type_name)
     assert error.value.reason == "package_not_installed"
-    nothing = np.zeros(0)
     with pytest.raises(MessageError, match=package):
-        write_detections(type_name, header_at(START), scan_of(nothing, nothing), sound_speed=1500.0)
+        write_detections(type_name, HEADER, NOTHING, sound_speed=1500.0)

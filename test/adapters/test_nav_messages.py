@@ -1,4 +1,4 @@
-"""The own ship's odometry, in and out."""
+"""Navigation messages: the own ship's odometry in and out, and charts."""
 
 import math
 from types import SimpleNamespace

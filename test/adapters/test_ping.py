@@ -1,5 +1,6 @@
-"""TODO: one sentence on what is shown of ping."""
+"""Readers by type, refused types, and conversions that all readers share."""
 
+import math
 import pickle
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +18,17 @@ from msg_adapters import (
     read_detections,
     supported_types,
 )
-from msg_adapters.ping import good_detections
+from msg_adapters.ping import (
+    ReadingOptions,
+    along_axes,
+    azimuth_of_bearing,
+    fitted,
+    good_detections,
+    in_plane,
+    intensity_feature,
+    stated_sound_speed,
+    turn_about_z,
+)
 from msg_adapters.stamps import time_to_ns
 
 START = 1_700_000_000
@@ -78,3 +89,65 @@ def test_a_later_reader_needs_one_row_and_no_installed_package(monkeypatch):
     np.testing.assert_array_equal(
         read_detections(message, bearing_reference="north").scan.azimuth, [1, 3]
     )
+
+
+def test_one_value_holds_for_all_detections_and_another_number_is_refused():
+    assert fitted("flags", [], 3) is None
+    assert fitted("flags", [2.0], 3).tolist() == [2.0, 2.0, 2.0]
+    assert fitted("flags", [[1.0, 2.0]] * 3, 3).shape == (3, 2)
+    with pytest.raises(MessageError, match="flags has 2 values for 3 detections") as error:
+        fitted("flags", [1.0, 2.0], 3)
+    assert error.value.reason == "wrong_length"
+    assert intensity_feature([1.0, 2.0], 3)[0] == {}
+
+
+@pytest.mark.parametrize(("stated", "used"), [(1400.0, 1400.0), (0.0, 1450.0), (math.nan, 1450.0)])
+def test_a_sound_speed_that_no_sea_has_is_replaced_and_that_is_said(stated, used):
+    message = foreign_messages.SonarDetections(
+        ping_info=foreign_messages.PingInfo(sound_speed=stated)
+    )
+    speed, said = stated_sound_speed(message, 1450.0)
+    assert speed == used
+    assert len(said) == (used != stated)
+
+
+def test_bearings_are_clockwise_from_the_bow_or_from_north():
+    bearing = np.array([0.0, math.pi / 2])
+    np.testing.assert_allclose(azimuth_of_bearing(bearing, "bow"), [0.0, -math.pi / 2])
+    np.testing.assert_allclose(azimuth_of_bearing(bearing, "north"), [math.pi / 2, 0.0])
+
+
+def test_a_frame_states_its_axes_by_its_name():
+    ahead, port, up = np.array([9.0]), np.array([3.0]), np.array([2.0])
+    frames = {
+        "sonar": (ahead, port, up),
+        "sonar_frd": (ahead, -port, -up),
+        "sonar_optical": (-port, -up, ahead),
+    }
+    for frame, position in frames.items():
+        assert along_axes(frame, *position) == (ahead, port, up)
+    assert (turn_about_z("sonar"), turn_about_z("sonar_frd")) == (1.0, -1.0)
+    with pytest.raises(MessageError, match="z ahead"):
+        turn_about_z("sonar_optical")
+
+
+def test_a_slant_range_has_a_part_in_the_plane_and_a_height():
+    range_, height = in_plane(np.array([100.0, 10.0]), np.array([math.pi / 6, 0.0]))
+    np.testing.assert_allclose(range_, [100.0 * math.sqrt(0.75), 10.0])
+    np.testing.assert_allclose(height, [50.0, 0.0])
+
+
+def test_a_detection_is_left_out_under_its_first_fault():
+    bad = {"flagged": np.array([False, True, False, False])}
+    ping = good_detections(
+        5,
+        "/sonar",
+        ReadingOptions(),
+        range=np.array([10.0, math.nan, -1.0, 40.0]),
+        azimuth=np.array([0.0, 0.0, math.nan, 2.0 * math.pi]),
+        faults=bad,
+    )
+    assert ping.dropped == {"flagged": 1, "range_not_positive": 1}
+    assert ping.index.tolist() == [0, 3]
+    assert ping.scan.azimuth == pytest.approx([0.0, 0.0])
+    assert (ping.sensor_scan.stamp_ns, ping.sensor_scan.frame_id) == (5, "sonar")

@@ -1,4 +1,4 @@
-"""Reading and writing PointCloud2 in every layout, and clouds of any layout and content."""
+"""PointCloud2 in every layout, and detections in it: read, refused and written."""
 
 import math
 import struct

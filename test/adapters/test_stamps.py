@@ -1,4 +1,4 @@
-"""Time messages, nanoseconds and seconds."""
+"""Stamps as time messages, nanoseconds and seconds; and health as diagnostic_msgs."""
 
 import math
 

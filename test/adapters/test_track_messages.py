@@ -1,4 +1,4 @@
-"""The layouts of the track cloud and of placed detections, byte by byte, and their inverses."""
+"""Tracks in messages: layouts of clouds byte by byte, markers, and other stacks' types."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of any_driver."""
+"""Messages of every supported type give the tracks of the core, and none does harm."""
 
 import dataclasses
 import math

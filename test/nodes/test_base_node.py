@@ -1,4 +1,4 @@
-"""Parameters: declared from their table, refused with a sentence, changed while running."""
+"""The base of the nodes: parameters and their files, refusals, and callbacks that fail."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Log lines of confirmed tracks, of their ends, of facts and of drops: never a flood."""
+"""Topics and log lines of the track initiator: tracks, odometry, markers, and their ends."""
 
 import math
 import re

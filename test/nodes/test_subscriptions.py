@@ -1,4 +1,4 @@
-"""Finding the driver: its type, its reliability, and what is said where they do not fit."""
+"""Subscriptions: the driver's type and reliability, queues, and own ship from tf."""
 
 import math
 from typing import Any

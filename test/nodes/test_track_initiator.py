@@ -1,4 +1,4 @@
-"""Bad input: counted, named, and without effect on what comes after it."""
+"""The track initiator: bad input, diagnostics, charts, learned values, tracker reports."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""Every reason that is counted is described, and no other; health as diagnostic_msgs."""
+"""Every reason that is counted is described, and no other."""
 
 import ast
 from collections.abc import Iterator

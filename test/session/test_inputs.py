@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of inputs."""
+"""What scans wait for: the order of stamps, own-ship data, frames, tracker reports and charts."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""The initiator in a session: changed options and methods, failures, limits, what it imports."""
+"""A session: the order of scans, changed options and methods, failures, limits, and imports."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Sweeps in parts in a session: a message per beam gives the tracks of a message per turn."""
+"""Sweeps: messages of parts of a turn are joined to scans, and give the tracks of whole turns."""
 
 from __future__ import annotations
 

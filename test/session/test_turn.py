@@ -1,4 +1,4 @@
-"""Bearings as they arrive, joined to images: learned turns, odd messages, and what repeats."""
+"""Turns of a beam: how they are learned, joined to images, and which messages are left out."""
 
 from __future__ import annotations
 

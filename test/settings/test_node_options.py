@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of node_options."""
+"""Groups of the nodes' options: each field is described and checked."""
 
 import dataclasses
 

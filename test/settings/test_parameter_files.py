@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of parameter_files."""
+"""Parameters as text: YAML files of nodes, and values on the command line."""
 
 from pathlib import Path
 

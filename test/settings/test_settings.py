@@ -1,4 +1,4 @@
-"""The nodes' parameters: types and bounds, tables, YAML and text, on the command line, in files."""
+"""Groups of a node from its values: shared files, other methods, names, and combinations."""
 
 from pathlib import Path
 

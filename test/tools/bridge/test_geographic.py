@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of geographic."""
+"""Places on the earth by the geodesic from a reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places of tracks on the earth, their approach, GeoJSON, and NMEA as another reader reads it."""
+"""Closest approach, NMEA sentences as another reader reads them, and Signal K deltas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `tsepm`, and those that detect and evaluate."""
+"""The command `tsepm`: lists, refusals, interrupts, pipes and threads."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of detect_command."""
+"""The command `tsepm detect`: folders of images in, detections and a picture out."""
 
 import argparse
 from contextlib import ExitStack

@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of evaluate_command."""
+"""The command `tsepm evaluate`: tables, pictures, and the work that it announces."""
 
 import sys
 

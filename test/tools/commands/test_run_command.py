@@ -1,4 +1,4 @@
-"""The command `tsepm run`: recordings, scenarios and bags; tracks with latitude and longitude."""
+"""The commands `tsepm run` and `tsepm watch`: sources, tracks, pages, and causes of losses."""
 
 import base64
 import csv

@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of plan_position."""
+"""Plan-position pictures: panels, trails, the legend, and labels that do not overlap."""
 
 import itertools
 from dataclasses import replace

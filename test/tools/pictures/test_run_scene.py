@@ -1,4 +1,4 @@
-"""What pictures show of a run, and the files that it leaves."""
+"""Content of a picture of a run: ships, hits, ways of tracks, and the headline."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The player of CSV recordings: what it publishes, and the recordings that it refuses."""
+"""The player of recordings and bags: messages as recorded, and what it refuses."""
 
 import math
 import time

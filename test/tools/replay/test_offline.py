@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of offline."""
+"""Recordings and bags of images through a session: poses, echo times, and the nodes' tracks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TODO: one sentence on what is shown of track_files."""
+"""Tracks as GeoJSON and as a terminal's table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page: its files, a scan as it draws it, health, and what each browser gets."""
+"""Content of the page: rows of tracks, health, files, kept frames, and a recorded run."""
 
 from __future__ import annotations
 
