@@ -9,7 +9,6 @@ import re
 
 import numpy as np
 import pytest
-from support.bag_files import STORE, Entry, header, write_bag
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
 from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
@@ -111,11 +110,12 @@ def pictures(number: int) -> list[np.ndarray]:
 
 
 def bag(folder, images):
+    bag_files = pytest.importorskip("support.bag_files")
     entries = []
     for k, picture in enumerate(images):
         shown = np.ascontiguousarray(picture[::-1].T[::-1])  # as displayed
-        message = STORE.types[IMAGE](
-            header=header(1000.0 + 0.2 * k, "sonar"),
+        message = bag_files.STORE.types[IMAGE](
+            header=bag_files.header(1000.0 + 0.2 * k, "sonar"),
             height=CELLS,
             width=BEAMS,
             encoding="mono8",
@@ -123,8 +123,8 @@ def bag(folder, images):
             step=BEAMS,
             data=shown.ravel(),
         )
-        entries.append(Entry(1000.0 + 0.2 * k, "/sonar/image", IMAGE, message))
-    return write_bag(folder / "bag", entries)
+        entries.append(bag_files.Entry(1000.0 + 0.2 * k, "/sonar/image", IMAGE, message))
+    return bag_files.write_bag(folder / "bag", entries)
 
 
 def parameters(folder):
