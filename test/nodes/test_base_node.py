@@ -124,7 +124,7 @@ def test_the_parameter_services_answer_and_refuse_what_is_not_live(world):
     assert answer.descriptors[0].integer_range[0].from_value == 2
     assert get_parameter(world, "tsepm.window") == 8
     assert get_parameter(world, "max_speed") == 10.0
-    assert get_parameter(world, "method") == "tsepm"
+    assert get_parameter(world, "method") == "score"
     assert {row.name for row in rows if node.describe_parameter(row.name).read_only} == READ_ONLY
     for name in sorted(READ_ONLY):
         [reason] = world.set_parameters(**{name: node.get_parameter(name).value})
@@ -243,7 +243,7 @@ def test_the_method_may_change_and_values_that_fit_only_together_are_set_in_one_
     assert world.dropped() == {}
     assert set_together(world, tsepm__min_hits=10, tsepm__window=12) == ""
     sent = sent[3 + len(methods) :]
-    assert_same(boat.send(sent), confirmed(sent, min_hits=10, window=12))
+    assert_same(boat.send(sent), confirmed(sent, method="tsepm", min_hits=10, window=12))
 
 
 def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):

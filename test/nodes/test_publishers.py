@@ -285,7 +285,7 @@ def test_markers_show_a_track_until_its_hold_time_is_over_also_to_who_was_away(w
     first = next(index for index, message in enumerate(tracks) if message.width)
     [track_id] = [point["track_id"] for point in points(tracks[first])]
     seen = [[one for one in array.markers if one.id == track_id] for array in markers]
-    shown, deleted = seen[first : first + 3], seen[first + 3]  # 24 and 36 s later
+    shown, deleted = seen[first:7], seen[7]  # 24 and 36 s after the last detection
     for ping, of_track in zip(sent[first:], shown, strict=False):
         assert sorted(marker.ns for marker in of_track) == PARTS
         assert {marker.action for marker in of_track} == {Marker.ADD}
@@ -294,7 +294,7 @@ def test_markers_show_a_track_until_its_hold_time_is_over_also_to_who_was_away(w
         }
     assert sorted(marker.ns for marker in deleted) == PARTS
     assert {marker.action for marker in deleted} == {Marker.DELETE}
-    assert not any(seen[first + 4 :])
+    assert not any(seen[8:])
     before = markers[: first + 1]
     assert drawn(before) == {track_id}
     again = world.listen(MarkerArray, "tracks/markers", LATCHED)
