@@ -389,13 +389,12 @@ def test_a_type_whose_package_is_missing_is_refused_with_its_name(world, monkeyp
 
 
 def test_the_simulator_as_a_laser_scan_gives_tracks(world):
-    simulator = {"detections_type": LASER_SCAN, "scenario": "four_targets"}
+    simulator = {"detections_type": LASER_SCAN, "scenario": "box"}
     world.make(TrackInitiator, named({"sensor.max_range": 12000.0}))
     tracks = world.listen(PointCloud2, "tracks")
     made = world.make(SonarSimulator, simulator | {"rate_factor": 1e5, "settling_time": 0.2})
     world.until(made.finished.done, "the end")
-    world.until(lambda: len(tracks) >= 8, "tracks")
-    assert sum(message.width for message in tracks) >= 1
+    world.until(lambda: any(message.width for message in tracks), "a track")
     assert world.dropped() == {}
 
 
