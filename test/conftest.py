@@ -13,6 +13,8 @@ from support.patience import LONG_TEST, TEST
 from tsepm_ros.session.drop_reasons import INTERNAL_ERROR
 from tsepm_ros.session.session import Session
 
+pytest_plugins = ["support.ros_fixtures"]
+
 
 def pytest_configure() -> None:
     heed_interrupts()

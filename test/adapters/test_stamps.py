@@ -1,11 +1,20 @@
-"""Time messages, nanoseconds and seconds."""
+"""Stamps as time messages, nanoseconds and seconds; and health as diagnostic_msgs."""
 
 import math
 
 import pytest
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import MessageError, ns_to_seconds, ns_to_time, seconds_to_ns, time_to_ns
+from msg_adapters import (
+    MessageError,
+    diagnostics,
+    ns_to_seconds,
+    ns_to_time,
+    seconds_to_ns,
+    time_to_ns,
+)
+from tsepm_ros.diagnostics.health_figures import Level, Status
 
 
 @pytest.mark.parametrize(
@@ -59,3 +68,15 @@ def test_a_stamp_of_a_second_of_nanoseconds_is_refused(nanosec):
     with pytest.raises(MessageError, match=f"nanosec of a stamp must be below 1e9; got {nanosec}"):
         time_to_ns(Time(sec=5, nanosec=nanosec))
     assert time_to_ns(Time(sec=5, nanosec=10**9 - 1)) == 6 * 10**9 - 1
+
+
+def test_health_is_a_message_of_its_levels_in_order_with_floats_of_six_digits(over_the_wire):
+    values = {"b": 1 / 3, "a": 7, "c": "text", "d": float("nan")}
+    statuses = [Status(level.name, level, "said", values) for level in Level]
+    message = over_the_wire(diagnostics(1_700_000_000_123_456_789, "node", statuses))
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
+    assert [(one.name, one.level, one.message) for one in message.status] == [
+        (f"node: {level.name}", getattr(DiagnosticStatus, level.name), "said") for level in Level
+    ]
+    found = [(value.key, value.value) for value in message.status[0].values]
+    assert found == [("b", "0.333333"), ("a", "7"), ("c", "text"), ("d", "nan")]

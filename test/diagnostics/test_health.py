@@ -393,9 +393,3 @@ def test_the_page_has_every_rule_with_its_remedy_and_every_threshold():
     assert unnamed == []
     of_rules = {name for rule in RULES for name in rule.thresholds}
     assert of_rules == THRESHOLDS - {"window"}, "the window says how long a finding stands"
-
-
-@pytest.mark.parametrize("number", [4, 7, 255])
-def test_a_level_of_another_node_that_is_none_is_the_worst(number):
-    assert Level(number) is Level.ERROR
-    assert [Level(one).value for one in range(4)] == [0, 1, 2, 3]

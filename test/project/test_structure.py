@@ -1,6 +1,7 @@
 """The house: packages import downwards only, and every module is a room of its own name."""
 
 import ast
+import re
 import shutil
 import subprocess
 from collections import Counter
@@ -59,8 +60,11 @@ MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*
 MAX_LINES = 900
 MAX_IN_PACKAGE = 22
 MAX_AT_THE_TOP = 22
-OTHER_TESTS = {"adapters", "benchmarks", "campaigns", "examples", "golden", "project", "support"}
-"""Folders of test/ that are no package of tsepm_ros."""
+OTHER_TESTS = {
+    *("benchmarks", "browser", "campaigns", "data", "examples", "golden", "messages", "processes"),
+    *("project", "scenarios", "support"),
+}
+"""Folders of test/ that mirror no package: their tests belong to no module."""
 PENDING_CONSTANTS = ("tsepm_ros/session/turn.py",)
 """PENDING: the modules whose constants are still between the functions."""
 BUDGETS = {"first": (85, 10_787), "tools": (46, 5_199), "studies": (14, 1_629)}
@@ -215,11 +219,40 @@ def test_the_verb_of_the_tracker_fits_a_screen_and_stands_on_the_page():
         assert line in shown
 
 
-def test_the_folders_of_the_tests_are_the_packages():
-    for path in ROOT.glob("test/*/**/*.py"):
-        folder = path.parent.relative_to(ROOT / "test")
-        if folder.parts[0] not in OTHER_TESTS:
-            assert (ROOT / "tsepm_ros" / folder / "__init__.py").exists(), path
+def tested_in(path: Path) -> str:
+    """The file that tests a module, in test/."""
+    package, *folders, name = path.relative_to(ROOT).parts
+    first = ["adapters"] if package == "msg_adapters" else []
+    return "/".join([*first, *folders, f"test_{name}"])
+
+
+def test_each_module_has_its_test_file_and_each_test_file_its_module():
+    modules = [path for path in MODULES if path.stem != "__init__"]
+    wanted = {tested_in(path): path for path in modules}
+    tests = [path.relative_to(ROOT / "test") for path in ROOT.glob("test/**/test_*.py")]
+    mirrored = {path.as_posix() for path in tests if path.parts[0] not in OTHER_TESTS}
+    pending = Path(PENDING_TESTS).name
+    wrong = [name for name in wanted.keys() ^ mirrored if name.partition("/")[0] != pending]
+    assert sorted(wrong) == []
+
+
+def test_the_folder_of_tests_without_a_module_is_known():
+    packages = {path.parent.name for path in ROOT.glob("tsepm_ros/*/__init__.py")} | {"adapters"}
+    folders = {path.name for path in (ROOT / "test").iterdir() if any(path.glob("**/*.py"))}
+    assert folders <= packages | OTHER_TESTS
+
+
+def test_checks_without_ros_leave_out_the_tests_of_what_needs_it():
+    if not (ROOT / ".ci" / "run").exists():
+        pytest.skip("only in the source tree")
+    text = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    (listed,) = re.findall(r"^with_ros=\((.*?)\)$", text, re.MULTILINE | re.DOTALL)
+    paths = listed.split()
+    assert all((ROOT / path).exists() for path in paths)
+    for path in MODULES:
+        if name_of(path).startswith((*WITH_ROS, "msg_adapters")) and path.stem != "__init__":
+            tested = f"test/{tested_in(path)}"
+            assert tested.startswith(tuple(paths)), f"{tested} needs ROS"
 
 
 def test_the_top_of_the_repository_is_read_at_a_glance():

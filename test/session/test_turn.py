@@ -1,4 +1,4 @@
-"""Bearings as they arrive, joined to images: learned turns, odd messages, and what repeats."""
+"""Turns of a beam: how they are learned, joined to images, and which messages are left out."""
 
 from __future__ import annotations
 
@@ -9,9 +9,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from support.sweeps import beam
 
+from tsepm_ros import Scan
+from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.drop_reasons import DROP_REASONS
-from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns
+from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns, TurnLearner
+from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
+from tsepm_ros.tracker.scan import Arc, arc_of
 
 CELLS = np.linspace(1.0, 5.0, 5)
 
@@ -175,6 +180,7 @@ GLITCHES = {
     twice: "image_repeated",
     twice_later: None,
 }
+
 HEADS = {
     "turns": lambda: Head(2.0 * math.pi),
     "to and fro": lambda: Head(1.5),
@@ -198,6 +204,7 @@ def images_of(head, glitches, *, share=0.05, number=5 * STEPS, seed=1):
 
 
 CASES = [(one, head) for one in GLITCHES for head in ("turns", "to and fro")]
+
 CASES += [("mixed", head) for head in HEADS]
 
 
@@ -371,3 +378,103 @@ def test_a_turn_of_many_bearings_is_learned_within_its_time():
         if turns.add(ping):
             break
     assert 990 < number < 1101
+
+
+def learned(messages):
+    """Number of messages until a sweep is seen, and its seconds; None if it is never."""
+    learner = TurnLearner()
+    for number, message in enumerate(messages):
+        turning = learner.take(message.scan.stamp, message.beams, message.scan.range)
+        if turning is not None:
+            return number, turning[0]
+    return None
+
+
+def echoes(stamp: float, azimuth, range) -> SensorScan:
+    """A message that lists its detections only."""
+    scan = Scan(stamp, range, azimuth)
+    return SensorScan(scan, "sonar", beams=arc_of(scan.azimuth))
+
+
+def turning(steps: float, direction: int = 1, *, whole: bool = True, seed: int = 0, share=1.0):
+    rng = np.random.default_rng(seed)
+    for number in range(int(4 * steps)):
+        azimuth = math.remainder(direction * number * 2 * math.pi / steps, 2 * math.pi)
+        if whole:
+            yield beam(2.5 * number / steps, azimuth)
+        elif rng.random() < share:
+            yield beam(2.5 * number / steps, azimuth, rng.uniform(10.0, 900.0), whole=False)
+        else:
+            yield beam(2.5 * number / steps, None)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("steps", [8, 36, 400, 4096])
+def test_a_turning_beam_is_a_sweep_after_a_turn(steps, direction):
+    number, seconds = learned(turning(steps, direction))
+    assert number <= steps + 1
+    assert seconds == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_detections_at_different_ranges_show_it_too(share):
+    number, seconds = learned(turning(180, whole=False, share=share))
+    assert number <= 1.1 * 180 + 10
+    assert seconds == pytest.approx(2.5, rel=0.02)
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_a_sector_is_a_sweep_after_two_passes(back):
+    there = np.linspace(-1.0, 1.0, 41)
+    azimuths = np.concatenate([there, there[::-1] if back else there] * 3)[17:]
+    number, seconds = learned([beam(0.1 * n, float(a)) for n, a in enumerate(azimuths)])
+    assert number <= 2.7 * 41
+    assert seconds == pytest.approx(4.1, rel=0.05)
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_no_shipped_scenario_is_one(name):
+    simulator = Simulator(load_scenario(name), 3)
+    assert (
+        learned(echoes(one.scan.stamp, one.scan.azimuth, one.scan.range) for one in simulator)
+        is None
+    )
+
+
+def test_a_fan_that_stays_or_is_panned_slowly_and_a_target_to_and_fro_are_none():
+    fans = [
+        SensorScan(Scan(float(n), [], []), "sonar", beams=Arc(-0.5, 1.0, True)) for n in range(500)
+    ]
+    assert learned(fans) is None
+    fans = [
+        SensorScan(Scan(float(n), [], []), "sonar", beams=Arc(0.05 * n, 1.0, True))
+        for n in range(1000)
+    ]
+    assert learned(fans) is None
+    pings = [echoes(float(n), [math.sin(0.05 * n)], [200.0]) for n in range(2000)]
+    assert learned(pings) is None
+
+
+@pytest.mark.long
+def test_few_detections_here_and_there_are_none():
+    rng = np.random.default_rng(1)
+    for number in (0.5, 1.0, 3.0):
+        pings = (
+            echoes(float(n), rng.uniform(-np.pi, np.pi, m), rng.uniform(1.0, 900.0, m))
+            for n, m in enumerate(rng.poisson(number, 8_000))
+        )
+        assert learned(pings) is None
+
+
+def test_a_buoy_seen_from_a_turning_vessel_is_none():
+    rng = np.random.default_rng(1)
+    for noise in (0.0, 0.01):
+        pings = [
+            echoes(
+                float(n),
+                [math.remainder(-0.1 * n + noise * rng.standard_normal(), 2 * math.pi)],
+                [200.0 + rng.standard_normal()],
+            )
+            for n in range(400)
+        ]
+        assert learned(pings) is None

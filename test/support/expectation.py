@@ -8,6 +8,7 @@ from sensor_msgs.msg import PointCloud2
 
 from support.sonar_driver import Ping, points, stamp_ns
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.tracker.tracker import Tracker
 
 STATE = ("state_x", "state_vx", "state_y", "state_vy")
@@ -23,8 +24,8 @@ def as_scan(ping: Ping, **more: Any) -> Scan:
     )
 
 
-def initiator(**options: Any) -> Tracker:
-    return make_initiator("tsepm", sensor=SensorModel(), **options)
+def initiator(method: str = SessionOptions().method, **options: Any) -> Tracker:
+    return make_initiator(method, sensor=SensorModel(), **options)
 
 
 def confirmed(pings: Iterable[Ping], **options: Any) -> list[list[ConfirmedTrack]]:

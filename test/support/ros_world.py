@@ -21,7 +21,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from support.patience import WAIT
-from tsepm_ros.nodes.track_initiator import TrackInitiator
 
 WARN, ERROR = 30, 40
 """Levels of rcl_interfaces/Log."""
@@ -104,10 +103,8 @@ class World:
         parameters: dict[str, Any] | None = None,
         **node_options: Any,
     ) -> NodeType:
-        """Make a node and spin it; a track initiator has the M/N rule if no method is given."""
-        values = {"method": "tsepm"} if kind is TrackInitiator else {}
-        values.update(parameters or {})
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        """Make a node and spin it."""
+        overrides = [Parameter(name, value=value) for name, value in (parameters or {}).items()]
         try:
             node = kind(context=self.context, parameter_overrides=overrides, **node_options)
         except Exception:

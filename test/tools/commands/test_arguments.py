@@ -1,4 +1,54 @@
-"""TODO: one sentence on what is shown of arguments."""
+"""Arguments that commands share: numbers with a least value, folders, and their defaults."""
+
+import argparse
+
+import pytest
+
+from tsepm_ros.tools.commands.arguments import (
+    add_arguments,
+    add_out,
+    add_runs,
+    in_folder,
+    positive,
+    scenario_names,
+    seed,
+)
+
+
+def test_a_number_is_not_below_its_least_value():
+    assert (positive("1"), seed("0")) == (1, 0)
+    with pytest.raises(argparse.ArgumentTypeError, match="at least 1"):
+        positive("0")
+    with pytest.raises(argparse.ArgumentTypeError, match="at least 0"):
+        seed("-1")
+    with pytest.raises(ValueError):
+        positive("1.5")
+
+
+def test_a_file_is_written_to_a_folder_that_exists(tmp_path):
+    assert in_folder(str(tmp_path / "out.csv")) == tmp_path / "out.csv"
+    with pytest.raises(argparse.ArgumentTypeError, match=r"the folder .*none does not exist"):
+        in_folder(str(tmp_path / "none" / "out.csv"))
+
+
+def test_runs_seed_workers_and_folder_have_defaults_that_help_tells():
+    parser = argparse.ArgumentParser()
+    add_runs(parser, 7, "passes")
+    add_out(parser, "results")
+    add_arguments(parser, {"--fast": {"action": "store_true"}})
+    given = parser.parse_args(["--fast"])
+    assert (given.runs, given.seed, str(given.out), given.fast) == (7, 1, "results", True)
+    assert given.workers >= 1
+    text = " ".join(parser.format_help().split())
+    assert "passes; default 7" in text and "default results" in text
+
+
+def test_shipped_scenarios_are_named():
+    assert "box" in scenario_names()
+    assert scenario_names().endswith("or a .yaml file")
+
+
+
 
 from pathlib import Path
 

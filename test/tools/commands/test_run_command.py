@@ -1,21 +1,27 @@
-"""The command `tsepm run`: recordings, scenarios and bags; tracks with latitude and longitude."""
+"""The commands `tsepm run` and `tsepm watch`: sources, tracks, pages, and causes of losses."""
 
+import base64
 import csv
+import gzip
 import io
 import json
+import math
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
-from unittest.mock import Mock
+import time
+import urllib.request
 
 import numpy as np
 import pynmea2
 import pytest
+from support.bag_files import ODOMETRY, PARAMETERS, POINTS, Entry, cloud, odometry, write_bag
+from support.patience import WAIT
 
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.track_files import track_listing
-from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 
 class Terminal(io.StringIO):
@@ -328,24 +334,6 @@ def test_a_recorded_own_ship_that_is_not_used_is_said(capsys, recording, tmp_pat
     assert "note: own_ship_source is none: the own ship" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("frame", "north", "heading", "angle"),
-    [
-        ("odom", True, "course [deg]", "90"),
-        ("odom_ned", True, "course [deg]", "0"),
-        ("sonar", False, "direction [deg]", "0"),
-    ],
-)
-def test_a_course_is_clockwise_from_north(frame, north, heading, angle):
-    """The track moves along x: east, north, or ahead of a sonar that knows no north."""
-    file = io.StringIO()
-    listing = track_listing(file, lambda track: "because", north=north)
-    track = ConfirmedTrack(3, 12.0, np.array([10.0, 2.0, 20.0, 0.0]), np.eye(4), (), 0.0)
-    listing(Mock(new=[track], frame_id=frame))
-    head, line = file.getvalue().splitlines()
-    assert heading in head and line.split()[-2:] == [angle, "because"]
-
-
 def test_geojson_and_sentences_of_a_scene_are_read_by_other_readers(tmp_path, capsys):
     arguments = ["run", "four_targets", "--as", "geojson", "--origin", "59.65,10.63"]
     assert main([*arguments, "--out", str(tmp_path / "run")]) == 0
@@ -396,3 +384,194 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
     assert truth == pytest.approx(np.array([[1000.0, 1000.0, -1000.0], [1010.0, 1010.0, -1010.0]]))
     assert main(["run", str(path), "--picture", str(tmp_path / "a.png")]) == 0
     assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+START, PERIOD, TARGET = 1000.0, 2.0, (900.0, -1.5, 300.0, 2.0)
+
+
+def entries(stamps=None, frame="odom", covariance=None, until=45.0):
+    """A target of 20 pings and clutter, beside odometry of a ship at rest."""
+    rng = np.random.default_rng(1)
+    for index in range(20):
+        time = START + PERIOD * index
+        x, vx, y, vy = TARGET
+        x, y = x + vx * PERIOD * index, y + vy * PERIOD * index
+        range_ = np.r_[np.hypot(x, y) + rng.normal(0, 5), rng.uniform(100, 2900, 3)]
+        azimuth = np.r_[np.arctan2(y, x) + rng.normal(0, 0.005), rng.uniform(-3, 3, 3)]
+        fields = {"range": range_, "azimuth": azimuth, "time_offset": range_ / 1500.0}
+        message = cloud(time if stamps is None else stamps(time), "sonar", **fields)
+        yield Entry(time + PERIOD, "/detections", POINTS, message)
+    for second in np.arange(0.0, until, 0.5):
+        message = odometry(START + second, 0.0, 0.0, 0.0)
+        message.header.frame_id = frame
+        if covariance is not None:
+            message.pose.covariance = np.asarray(covariance, float)
+        yield Entry(START + second + 0.01, "/own_ship/odometry", ODOMETRY, message)
+
+
+def run(tmp_path, *more, **changes):
+    """Code of a run of such a bag, and the number of its tracks."""
+    ordered = sorted(entries(**changes), key=lambda entry: entry.time)
+    bag = write_bag(tmp_path / "bag", ordered)
+    values = [argument for value in (*PARAMETERS, *more) for argument in ("-p", value)]
+    code = main(["run", str(bag), *values, "--out", str(tmp_path / "out")])
+    with (tmp_path / "out" / "tracks.csv").open() as file:
+        return code, list(csv.DictReader(file))
+
+
+MINUS_ONE = np.array([-1.0, *np.zeros(35)])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param({}, id="usual"),
+        pytest.param({"covariance": np.full(36, np.nan)}, id="covariance nan"),
+        pytest.param({"covariance": np.full(36, np.inf)}, id="covariance inf"),
+        pytest.param({"covariance": MINUS_ONE}, id="covariance -1"),
+        pytest.param({"frame": "/odom"}, id="slash"),
+    ],
+)
+def test_odometry_of_every_kind_of_driver_gives_the_track(capsys, tmp_path, changes):
+    code, (row,) = run(tmp_path, "fixed_frame:=odom", **changes)
+    assert code == 0
+    assert float(row["state_x"]) == pytest.approx(900.0, abs=40.0)
+    assert "dropped" not in capsys.readouterr().err
+
+
+def test_the_first_cause_is_named_with_its_sentence_and_remedy(capsys, tmp_path):
+    code, rows = run(tmp_path, "fixed_frame:=odom", frame="map")
+    error = capsys.readouterr().err
+    assert (code, rows) == (1, [])
+    sentence = "own-ship data is in frame 'map', the fixed frame is 'odom'"
+    assert f"dropped: 90 own_ship_frame: {sentence}" in error
+    last = error.splitlines()[-1]
+    assert last.startswith("failed: every scan was dropped, 20 as own_ship_missing after 90 ")
+    assert f"{sentence}. Remedy: Set `fixed_frame`" in last
+    assert error.count("Remedy") == 1
+
+
+def test_the_remedy_comes_with_half_of_the_scans_lost(capsys, tmp_path):
+    code, _ = run(tmp_path, until=16.0)
+    error = capsys.readouterr().err
+    assert code == 0
+    assert (
+        "of the last 14 scans were dropped, 7 as own_ship_stale" in error
+        and "Compare the clocks" in error
+    )
+
+
+@pytest.mark.parametrize("stamp", [0.0, 1234.5])
+def test_stamps_that_stand_still_are_said_with_the_remedy(capsys, tmp_path, stamp):
+    code, _ = run(tmp_path, "own_ship_source:=none", stamps=lambda time: stamp)
+    error = capsys.readouterr().err
+    assert code == 0
+    assert "scans were dropped" in error and "`header.stamp`" in error
+
+
+@pytest.fixture
+def recording(recording, tmp_path):
+    """The recording in a folder with a name, which is the page's title."""
+    folder = tmp_path / "trial"
+    folder.mkdir()
+    (tmp_path / "detections.csv").rename(folder / "detections.csv")
+    return str(folder)
+
+
+def held_by(page: str) -> dict:
+    """The recording in a self-contained page."""
+    data = re.search(r'id="recording">([^<]*)</script>', page)[1]
+    return json.loads(gzip.decompress(base64.b64decode(data)))
+
+
+def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
+    assert main(["run", recording]) == 0
+    plain = capsys.readouterr().out
+    path = tmp_path / "run.html"
+    assert main(["run", recording, "--html", str(path)]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == plain
+    assert captured.err == f"page: {path}\n"
+    page = held_by(path.read_text())
+    info = page["info"]
+    assert info.pop("sector") == [0.0, 9000.0, -math.pi, math.pi]
+    assert info.pop("mounting_yaw") == 0.0
+    assert info == {"kind": "recording", "title": "trial, method score", "north": False}
+    assert len(page["frames"]) == 8
+    ((track_id, facts),) = page["facts"].items()
+    assert facts["confirmed"] == 24.0 and len(facts["hits"]) == 3
+    assert [str(row[0]) for row in page["frames"][-1]["tracks"]] == [track_id]
+
+
+def test_the_page_of_a_run_says_what_was_dropped_and_has_the_places_of_its_origin(
+    capsys, recording, tmp_path
+):
+    path = tmp_path / "run.html"
+    assert main(["run", recording, "--html", str(path), "--origin", "59.65,10.63"]) == 0
+    info = held_by(path.read_text())["info"]
+    assert info["geographic"]["origin"] == [59.65, 10.63] and info["north"]
+    with open(f"{recording}/detections.csv", "a") as file:
+        file.write("\n90.0,-1.0,0.0\n")
+    assert main(["run", recording, "--html", str(path)]) == 0
+    health = held_by(path.read_text())["health"]
+    assert health["level"] == 1
+    assert any(entry["message"].startswith("1 detection dropped") for entry in health["entries"])
+
+
+@pytest.mark.long
+def test_watch_serves_a_recording_until_interrupted(recording):
+    command = [
+        sys.executable,
+        "-m",
+        "tsepm_ros.tools.commands.cli",
+        "watch",
+        recording,
+        "--port",
+        "0",
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            line = process.stdout.readline()
+            url = re.fullmatch(r"8 scans; open (http://127\.0\.0\.1:\d+/) \(Ctrl-C ends\)\n", line)[
+                1
+            ]
+            with urllib.request.urlopen(f"{url}recording", timeout=WAIT) as answer:
+                assert len(json.load(answer)["frames"]) == 8
+            time.sleep(0.1)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(WAIT) == 0
+            assert process.stderr.read() == "", "silent where it is not a terminal"
+        finally:
+            process.kill()
+
+
+def refused(capsys, *arguments: str) -> str:
+    assert main(["watch", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("refused: ")
+    return error
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket
+def test_a_port_in_use_is_refused_before_the_work(capsys, recording):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert "choose another port" in refused(capsys, recording, "--port", str(port))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["no_such_thing"], "no_such_thing is neither an existing path nor a shipped scenario"),
+        (["four_targets", "--token", "short"], "token must have at least 16 characters"),
+        (["four_targets", "--port", "70000"], "port must be from 0 to 65535"),
+        (["four_targets", "--origin", "89.5,0"], "near a pole"),
+        (["four_targets", "--origin", "Oslo"], "latitude,longitude in degrees, such as 59.65"),
+        (["-p", "max_speed:=5.0"], "-p sets parameters of the processing of a recording"),
+        (["four_targets", "--ros-args", "-r", "a:=b"], "--ros-args is for live topics"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(capsys, arguments, sentence):
+    assert sentence in refused(capsys, *arguments)

@@ -9,16 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.own_ship.registration import SensorScan
-from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import SessionOptions
-from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.replay.recording import (
     UNKNOWN_YAW_VARIANCE,
     RecordedScan,
-    Recording,
     read_recording,
     source_of,
 )
@@ -100,7 +94,9 @@ def test_motion_is_east_north_with_yaw_and_targets_are_told_apart_by_their_numbe
 
 
 HEADER = "time_s,range_m,bearing_rad\n"
+
 ONE_ANGLE = "must have one of the columns azimuth_rad and bearing_rad"
+
 LINE_2, LINE_3 = "line 2", "line 3"
 
 
@@ -143,9 +139,6 @@ def test_a_recording_without_rows_has_no_scans_and_says_so(write):
     assert recording.notes == ["detections.csv has no detections"]
 
 
-# The file that is named
-
-
 def test_a_file_is_read_by_its_name_and_no_other(write):
     folder = write(detections=DETECTIONS, run2=HEADER + "5,1,2\n", RUN3=HEADER + "7,1,2\n")
     (folder / "RUN3.csv").rename(folder / "RUN3.CSV")
@@ -162,9 +155,6 @@ def test_the_own_ship_beside_a_file_of_another_name_is_read_and_said(write):
     assert len(recording.own_ship) == 1
     assert recording.notes == ["the own ship of run2.csv is read from own_ship.csv beside it"]
     assert read_recording(write(detections=DETECTIONS)).notes == []
-
-
-# Times and counters
 
 
 def pings(times, scans=None, rows=2):
@@ -315,6 +305,7 @@ def test_milliseconds_since_the_start_are_asked_about(write):
 
 
 MCAP, SQLITE, ROS_1 = b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n"
+
 TABLE = b"time_s,range_m,azimuth_rad\n"
 
 
@@ -435,9 +426,6 @@ def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, reme
         source_of(path)
 
 
-MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
-
-
 def scans(number: int, angle: str = "azimuth") -> list[RecordedScan]:
     """One target that stands still ahead of a sensor that does."""
     return [
@@ -452,50 +440,3 @@ def own_ship(seconds: float, period: float = 1.0, yaw: float | None = 0.0):
         PoseSample(period * k, 100.0, 200.0, yaw or 0.0, covariance)
         for k in range(int(seconds / period) + 1)
     ]
-
-
-@pytest.mark.parametrize("angle", ["azimuth", "bearing"])
-def test_scans_that_need_a_heading_are_dropped_where_none_was_recorded(angle):
-    recording = Recording(scans(8, angle), own_ship(100.0, yaw=None))
-    results, dropped = process_recording(recording, MOVING, "bow")
-    assert results == []
-    assert dropped == {"heading_unknown": 8}
-
-
-def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
-    recording = Recording(scans(8), own_ship(100.0))
-    (at_stamp, *_), _ = process_recording(recording, MOVING, "bow")
-    (result, *_), dropped = process_recording(recording, MOVING, "bow", 1500.0)
-    assert at_stamp.scan.time_offset is None
-    np.testing.assert_allclose(result.scan.time_offset, [2000.0 / 1500.0])
-    assert result.scan.sensor_pose.shape == (1, 3)
-    assert not dropped
-
-
-def rated(stamp: float) -> RecordedScan:
-    values = {"range": [2000.0], "azimuth": [0.0], "range_rate": [1.0], "time_offset": [1.3]}
-    return RecordedScan(stamp, {name: np.array(value) for name, value in values.items()})
-
-
-def test_a_recorded_velocity_of_the_own_ship_is_the_sensor_s():
-    noise = np.random.default_rng(1).normal(0.0, 1.0, 30)
-    ship = [
-        PoseSample(float(k), x, 0.0, 0.0, rates=known_rates(3.0 + k, -1.0, 0.0))
-        for k, x in enumerate(noise.tolist())
-    ]
-    (result,), _ = process_recording(Recording([rated(10.5)], ship), MOVING, "bow")
-    np.testing.assert_allclose(result.scan.sensor_velocity, [[3.0 + 11.8, -1.0]])
-
-
-@pytest.mark.parametrize("period", [0.001, 0.005, 0.1])
-def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
-    noise = np.random.default_rng(2).normal(0.0, 1.0, round(20.0 / period)).tolist()
-    ship = [PoseSample(period * k, x, -x, 0.0) for k, x in enumerate(noise)]
-    (found,), _ = process_recording(Recording([rated(4.0004)], ship), MOVING, "bow")
-    one = Session(MOVING)
-    for k, x in enumerate(noise):
-        one.add_own_ship(PoseSample(period * k, x, -x, 0.0, frame_id="odom"))
-    one.add_scan(SensorScan(found.scan, "sonar"), 0.0)
-    (expected,) = one.process()
-    for name in ("sensor_pose", "sensor_velocity"):
-        np.testing.assert_array_equal(getattr(found.scan, name), getattr(expected.scan, name))

@@ -1,0 +1,113 @@
+"""Statistics of an image's clutter: background, pooled peaks, and cells that were not measured."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros import SonarImage, make_detector
+from tsepm_ros.detector.cfar import LIMIT, Peaks, Threshold, conditioned, found, measured
+
+B, M = 64, 200
+
+RANGE, AZIMUTH = 1.0 + 0.1 * np.arange(M), np.linspace(-1.0, 1.0, B)
+
+POINT = {"azimuth_extent": 1e-3, "range_extent": 1e-3}
+
+
+def noise(rng, gain=1.0):
+    """Rayleigh amplitudes of mean power 1."""
+    white = rng.standard_normal((2, B, M)) * np.sqrt(0.5)
+    return gain * np.hypot(*white)
+
+
+def with_echo(image, row, column, db, size=(1, 1)):
+    image[row : row + size[0], column : column + size[1]] = 10 ** (db / 20)
+    return image
+
+
+def images(count, make):
+    for k in range(count):
+        yield SonarImage(float(k), RANGE, AZIMUTH, make(k))
+
+
+def test_a_clutter_map_takes_away_what_stands_and_the_default_does_not():
+    rng = np.random.default_rng(8)
+    seen = []
+    for pings in (0, 20):
+        detector = make_detector(**POINT, clutter_map=pings)
+        picture = lambda k: with_echo(noise(rng), 30, 100, 15.0)  # noqa: E731
+        scans = [detector.process(image) for image in images(40, picture)]
+        seen.append(np.mean([(abs(s.range - RANGE[100]) < 0.15).any() for s in scans[20:]]))
+    assert seen[0] > 0.9
+    assert seen[1] < 0.6
+
+
+def test_nothing_is_detected_where_nothing_was_measured():
+    rng = np.random.default_rng(10)
+
+    def picture(k):
+        image = noise(rng)
+        image[:, :80] = np.nan
+        return image
+
+    detector = make_detector()
+    for image in images(5, picture):
+        scan = detector.process(image)
+        assert len(scan)
+        assert scan.range.min() > RANGE[78]
+
+
+def test_cells_that_tremble_are_the_same_cells():
+    rng = np.random.default_rng(16)
+    detector = make_detector(**POINT, false_detections_per_ping=5)
+    counts = set()
+    for k in range(12):
+        distance = RANGE * (1.0 + 1e-4 * rng.standard_normal())
+        counts.add(len(detector.process(SonarImage(float(k), distance, AZIMUTH, noise(rng)))))
+    assert len(counts) > 1  # of a single image exactly the stated number is taken
+
+
+BOX = (2, 3)
+EDGES = ("constant", "constant")
+
+
+def test_amplitudes_are_standardised_by_range_and_bearing_and_bounded():
+    rng = np.random.default_rng(2)
+    amplitude = (noise(rng) * np.logspace(0, 3, M)).astype(np.float32)
+    amplitude[5] *= 20.0
+    amplitude[:, 7] = 3.0
+    x, defined = conditioned(amplitude, np.ones((B, M), bool))
+    assert not defined[:, 7].any(), "a range of one value"
+    assert defined[:, 8:].all()
+    np.testing.assert_allclose(x[:, 8:].mean(axis=0), 0.0, atol=0.5)
+    assert abs(x[5, 8:].mean()) < 0.5
+    assert x.min() >= -LIMIT
+
+
+def test_the_highest_cells_of_a_box_are_found_from_the_highest_on():
+    z = np.zeros((20, 30), np.float32)
+    z[4, 5], z[5, 6], z[12, 20] = 5.0, 4.0, 9.0
+    peaks, cell = found(z, np.ones(z.shape, bool), BOX, EDGES, most=10)
+    assert cell.tolist() == [[12, 20], [4, 5]], "the second lies in the box of the first"
+    assert peaks.height.tolist() == [9.0, 5.0]
+    assert found(z, np.ones(z.shape, bool), BOX, EDGES, most=1)[1].tolist() == [[12, 20]]
+    hidden = z < 9.0
+    assert found(z, hidden, BOX, EDGES, most=10)[1].tolist() == [[4, 5]]
+
+
+def test_a_peak_is_measured_at_its_centroid_also_across_the_seam():
+    y = np.zeros((20, 30), np.float32)
+    y[0, 10:12] = y[19, 10:12] = 2.0
+    echoes = measured(y, np.array([[0, 10]]), BOX, wraps=True)
+    np.testing.assert_allclose(np.mod(echoes.cell, (20, 30)), [[19.5, 10.5]])
+    np.testing.assert_allclose(echoes.width, [[2.0, 2.0]])
+
+
+def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
+    rng, threshold, above = np.random.default_rng(3), Threshold(4.0), []
+    for ping in range(60):
+        height = np.sort(rng.exponential(1.0, 200))[::-1]
+        place = rng.uniform(0.0, 1000.0, (200, 2))
+        peaks = Peaks(height, place, 1e6, float(np.median(height)), 0.1, 200)
+        limit = threshold.update(peaks)
+        above += [np.count_nonzero(height > limit)] if ping >= 20 else []
+    assert np.mean(above) == pytest.approx(4.0, abs=0.8)

@@ -1,0 +1,97 @@
+"""Figures of health: levels, latencies, counts of a period, and intervals of scans."""
+
+import math
+from collections import Counter
+from types import SimpleNamespace
+
+import pytest
+
+from tsepm_ros.diagnostics.health_figures import (
+    Connections,
+    Counts,
+    HealthFigures,
+    Latency,
+    Level,
+    ScanRecord,
+    Status,
+    overall,
+)
+from tsepm_ros.session.drop_reasons import DETECTIONS
+from tsepm_ros.settings.node_options import DiagnosticsOptions
+
+
+def figures(scans=(), arrivals=(), time=100.0, dropped=None, **snapshot) -> HealthFigures:
+    return HealthFigures(
+        options=DiagnosticsOptions(),
+        snapshot=SimpleNamespace(**snapshot),
+        connections=Connections(),
+        recent=Counts(detections=60, dropped=Counter(dropped or {})),
+        scans=scans,
+        arrivals=arrivals,
+        since_scan=0.0,
+        since_own_ship=math.nan,
+        time=time,
+    )
+
+
+@pytest.mark.parametrize("number", [4, 7, 255])
+def test_a_level_of_another_node_that_is_none_is_the_worst(number):
+    assert Level(number) is Level.ERROR
+    assert [Level(one).value for one in range(4)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("levels", "worst"),
+    [
+        ((Level.OK, Level.OK), Level.OK),
+        ((Level.OK, Level.WARN), Level.WARN),
+        ((Level.STALE, Level.WARN), Level.STALE),
+        ((Level.STALE, Level.ERROR), Level.ERROR),
+    ],
+)
+def test_the_overall_status_is_the_worst_and_silence_is_less_than_an_error(levels, worst):
+    both = overall([Status(f"task {n}", level, "text", {}) for n, level in enumerate(levels)])
+    assert both.level == worst
+    assert both.message == (f"task {levels.index(worst)}: text" if worst else "every entry is OK")
+    assert list(both.values) == ["task 0", "task 1"]
+
+
+def test_latency_is_from_the_arrival_to_the_end_of_publishing():
+    assert Latency(to_tracks=0.5, to_all=1.0, waiting=2.0).total == 3.0
+
+
+def test_counts_of_a_period_are_differences_and_a_reset_gives_no_negative_ones():
+    before, now = Counts(100, 2, Counter(a=3)), Counts(140, 5, Counter(a=4, b=1))
+    assert now - before == Counts(40, 3, Counter(a=1, b=1))
+    assert (before - now).detections == 0
+
+
+def test_latencies_are_those_of_the_window():
+    late = [ScanRecord(time, 5, Latency(to_all=to)) for time, to in ((1.0, 9.0), (99.0, 1.0))]
+    now = figures(late)
+    assert now.longest_latency(lambda latency: latency.to_all) == 1.0
+    assert now.median_latency(lambda latency: latency.total) == 1.0
+    assert figures().longest_latency(lambda latency: latency.total) == 0.0
+
+
+def test_a_gap_is_an_interval_beyond_the_factor_of_the_median_and_no_return_of_a_stamp():
+    stamps = [0.0, 1.0, 2.0, 3.0, 9.0, 10.0, 11.0, 5.0, 12.0, 13.0]
+    now = figures(arrivals=[(91.0 + n, stamp) for n, stamp in enumerate(stamps)])
+    assert now.interval == 1.0
+    assert now.gaps == 1
+    assert math.isnan(figures().period)
+
+
+def test_the_density_is_that_of_the_detections_over_the_exposure():
+    scans = [ScanRecord(99.0, n, Latency()) for n in (10, 30)]
+    now = figures(scans, coverage_area=1e6, clutter_density=1e-5)
+    assert (now.detections, now.exposure) == (40, 2e6)
+    assert now.detection_density == 2e-5
+    assert now.clutter_expected == pytest.approx(20.0)
+
+
+def test_dropped_detections_are_told_from_dropped_scans():
+    now = figures(dropped={"range_not_positive": 20, "scan_late": 3})
+    assert now.recent_drops(DETECTIONS, of_detections=True) == {"range_not_positive": 20}
+    assert "range_not_positive" not in now.recent_drops(DETECTIONS)
+    assert now.dropped_share == 0.25

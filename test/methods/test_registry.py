@@ -1,0 +1,62 @@
+"""Methods by name: their classes, their options, and what is refused."""
+
+import pytest
+
+from tsepm_ros import LandMask, SensorModel
+from tsepm_ros.methods.registry import (
+    METHODS,
+    NODE_METHODS,
+    available_methods,
+    make_initiator,
+    make_method,
+    method_class,
+    option_names,
+)
+from tsepm_ros.methods.score import Score
+from tsepm_ros.methods.tsepm import Tsepm
+from tsepm_ros.tracker.method import Method
+
+
+def test_each_name_is_that_of_a_class_and_an_unknown_one_is_refused_with_all_names():
+    assert available_methods() == tuple(METHODS)
+    assert (method_class("tsepm"), method_class("score")) == (Tsepm, Score)
+    assert all(issubclass(method_class(name), Method) for name in METHODS)
+    assert set(NODE_METHODS) <= set(METHODS)
+    with pytest.raises(ValueError, match=r"method must be one of .*score.*; got 'scores'"):
+        method_class("scores")
+
+
+def test_a_method_has_the_common_options_and_its_own():
+    assert {"max_speed", "false_tracks_per_hour"} <= option_names("score")
+    assert "false_tracks_per_hour" not in option_names("tsepm")
+
+
+def test_options_go_to_the_group_that_has_them():
+    made = make_method("score", sensor=SensorModel(), max_speed=4.0, false_tracks_per_hour=9.0)
+    assert (made.common.max_speed, made.options.false_tracks_per_hour) == (4.0, 9.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"min_hits": 3}, "min_hits is not an option of method 'score'"),
+        ({"max_sped": 3.0}, "did you mean max_speed"),
+        ({"max_range": 3.0}, "did you mean sensor.max_range"),
+        ({"max_speed": -1.0}, "max_speed must be above 0"),
+    ],
+)
+def test_an_option_that_a_method_does_not_have_or_take_is_refused(options, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        make_method("score", sensor=SensorModel(), **options)
+
+
+def test_the_sensor_is_a_model():
+    with pytest.raises(TypeError, match="sensor must be a SensorModel; got float"):
+        make_method("score", sensor=3.0)
+
+
+def test_an_initiator_has_its_method_and_the_land():
+    land = LandMask([[True]], 10.0, (0.0, 0.0, 0.0))
+    made = make_initiator("tsepm", sensor=SensorModel(), land=land, min_hits=3, window=4)
+    assert isinstance(made.method, Tsepm)
+    assert (made.method.options.min_hits, made.land) == (3, land)

@@ -1,0 +1,167 @@
+"""Parameters as text: YAML files of nodes, and values on the command line."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tsepm_ros.settings.parameter_files import (
+    as_yaml,
+    fits,
+    load_yaml,
+    parameter_files,
+    parse_values,
+    unused_files,
+    values_for,
+    without_value,
+)
+from tsepm_ros.settings.settings import (
+    NODES,
+    full_table,
+)
+from tsepm_ros.tools.commands.cli import main
+
+EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@EVERY_NODE
+def test_yaml_reads_back_as_the_defaults_with_their_types(node):
+    content = yaml.safe_load(as_yaml(node, NODES[node]))
+    assert list(content) == ["/**"], "it fits any name and namespace of the node"
+    values = content["/**"]["ros__parameters"]
+    expected = {row.name: row.default for row in full_table(NODES[node])}
+    assert values == expected
+    assert {name: type(value) for name, value in values.items()} == {
+        name: type(value) for name, value in expected.items()
+    }
+
+
+@EVERY_NODE
+def test_the_shipped_parameter_file_is_up_to_date(node):
+    path = CONFIG / f"{node}.yaml"
+    if not path.exists():
+        pytest.skip("only in the source tree")
+    assert path.read_text(encoding="utf-8") == as_yaml(node, NODES[node])
+
+
+@pytest.mark.parametrize(
+    ("key", "node", "expected"),
+    [
+        ("/**", "/track_initiator", True),
+        ("/**", "/boat/port/other", True),
+        ("track_initiator", "/track_initiator", True),
+        ("/track_initiator", "/track_initiator", True),
+        ("track_initiator", "/boat/track_initiator", False),
+        ("track_initiator", "/starter", False),
+        ("boat/track_initiator", "/boat/track_initiator", True),
+        ("/*/track_initiator", "/boat/track_initiator", True),
+        ("/*/track_initiator", "/track_initiator", False),
+        ("/**/track_initiator", "/track_initiator", True),
+        ("/**/track_initiator", "/fleet/boat/track_initiator", True),
+        ("/boat/*", "/boat/track_initiator", True),
+        ("/boat/**", "/port/track_initiator", False),
+    ],
+)
+def test_keys_fit_the_names_of_nodes(key, node, expected):
+    assert fits(key, node) == expected
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text: str) -> list[str]:
+        path = tmp_path / "mine.yaml"
+        path.write_text(text)
+        return ["--ros-args", "-p", "a:=1", "--params-file", str(path)]
+
+    return write
+
+
+def test_a_file_without_a_section_for_the_node_in_its_namespace_is_named(written):
+    arguments = written("track_initiator:\n  ros__parameters: {max_speed: 4.0}\n")
+    assert len(parameter_files(arguments)) == 1
+    assert unused_files(arguments, "/track_initiator") == []
+    [sentence] = unused_files(arguments, "/boat/track_initiator")
+    assert "mine.yaml is not used: it has no section for /boat/track_initiator" in sentence
+    assert "only for track_initiator; the key /** fits any name" in sentence
+    arguments = written("boat:\n  track_initiator:\n    ros__parameters: {max_speed: 4.0}\n")
+    assert unused_files(arguments, "/boat/track_initiator") == []
+    assert len(unused_files(arguments, "/track_initiator")) == 1
+
+
+@pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 5_000])
+def test_what_is_no_parameter_file_is_left_to_ros(written, text):
+    assert unused_files(written(text), "/track_initiator") == []
+
+
+@pytest.mark.parametrize("section", ["5", "", "[max_speed]", "text"])
+def test_a_section_that_is_no_mapping_has_no_parameters(written, tmp_path, section):
+    arguments = written(f"/**:\n  ros__parameters: {section}\n")
+    assert without_value(arguments, "/node") == []
+    assert values_for(tmp_path / "mine.yaml", "/node") == {}
+
+
+def test_parameters_without_a_value_are_named(written):
+    arguments = written(
+        "/**:\n  ros__parameters:\n    max_speed: []\n    sensor:\n      max_range:\n"
+        "      min_range: 1.0\nother:\n  ros__parameters: {method: []}\n"
+    )
+    assert without_value(arguments, "/node") == ["max_speed", "sensor.max_range"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("a:=5", 5),
+        ("a:=5.0", 5.0),
+        ("a:=1.0e-6", 1e-6),
+        ("a:=true", True),
+        ("a:=north", "north"),
+        ("a:='5'", "5"),
+        ("a:=b:=c", "b:=c"),
+    ],
+)
+def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
+    (found,) = parse_values([text]).values()
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_the_last_of_two_values_on_the_command_line_counts():
+    assert parse_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
+
+
+@pytest.mark.parametrize("text", ["a=5", "a", ":=5", "", "a:={"])
+def test_what_is_no_assignment_is_refused(text):
+    with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
+        parse_values([text])
+
+
+BOMB = "a: &a {x: 1, y: 2}\n" + "".join(
+    f"{name}: &{name} {{{', '.join(f'{k}: *{before}' for k in range(10))}}}\n"
+    for before, name in zip("abcdefghijkl", "bcdefghijklm", strict=True)
+)
+
+CODE = "x: !!python/object/apply:os.system ['touch pwned']"
+
+
+def test_plain_values_are_those_of_safe_load():
+    text = "a: [1, 2.5, text, true, null]\nb: {c: 2024-01-01}\n"
+    assert load_yaml(text) == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("text", [BOMB, CODE, "a: &a [*a]"], ids=["bomb", "code", "cycle"])
+def test_no_reader_takes_it(tmp_path, monkeypatch, capsys, text):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "file.yaml"
+    path.write_text(text)
+    with pytest.raises(yaml.YAMLError):
+        load_yaml(text)
+    with pytest.raises(ValueError, match="parameter file"):
+        values_for(path, "/track_initiator")
+    assert main(["run", str(path)]) == 2
+    assert capsys.readouterr().err.startswith("refused: ")
+    with pytest.raises(ValueError):
+        parse_values([f"max_speed:={text}"])
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,139 @@
+"""Groups of a node from its values: shared files, other methods, names, and combinations."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tsepm_ros import SensorModel, available_methods
+from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
+from tsepm_ros.parameters import table
+from tsepm_ros.settings.node_options import (
+    InitiatorNodeOptions,
+)
+from tsepm_ros.settings.settings import (
+    NODES,
+    TRACK_INITIATOR,
+    full_table,
+    make_groups,
+    settings_from,
+    with_method,
+)
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.sensor import Coverage
+
+METHOD_NAMES = f"one of {', '.join(METHODS)}"
+
+DENSITY = "clutter_density must be a text, one of estimated, given"
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+def test_a_file_that_both_nodes_share_is_read_by_the_detector_without_the_sensor_s_errors():
+    errors = {row.name: row.default for row in full_table((("sensor.", SensorModel),))}
+    made = make_groups(NODES["sonar_detector"], errors | {"sensor.max_range": 40.0})
+    assert made[Coverage] == Coverage(max_range=40.0)
+    with pytest.raises(ValueError, match=r"sensor.max_rang is not a parameter; did you mean"):
+        make_groups(NODES["sonar_detector"], {"sensor.max_rang": 40.0})
+
+
+def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():
+    always = {row.name for row in full_table(TRACK_INITIATOR)}
+    assert len(always) <= 77
+    for method in available_methods():
+        names = {row.name for row in full_table(with_method(TRACK_INITIATOR, method))}
+        own = {name for name in names if name.startswith(f"{method}.")}
+        assert own
+        assert own <= always or method not in NODE_METHODS
+        assert names - always == (set() if method in NODE_METHODS else own)
+
+
+def test_parameters_of_a_method_that_is_not_chosen_are_not_used_and_misspelt_ones_refused():
+    made = make_groups(TRACK_INITIATOR, {"hough.min_hits": 4})
+    assert made == make_groups(TRACK_INITIATOR, {})
+    assert method_class("hough").Options not in made
+    with pytest.raises(ValueError, match=r"hough.min_hit is not a parameter"):
+        make_groups(TRACK_INITIATOR, {"hough.min_hit": 4})
+    chosen = make_groups(TRACK_INITIATOR, {"method": "hough", "hough.min_hits": 4})
+    assert settings_from(chosen).method_options.min_hits == 4
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"sensor.clutter_density": -1.0}, "sensor.clutter_density must be above 0"),
+        ({"tsepm.min_hits": 9}, "tsepm.window must be at least min_hits"),
+        ({"tsepm.min_hits": 2.5}, "tsepm.min_hits must be an integer"),
+        ({"max_speed": 0.0}, "max_speed must be above 0"),
+        ({"bearing_reference": "stern"}, "bearing_reference must be one of bow, north"),
+        ({"sensor.min_range": 1e4}, "sensor.min_range must be below max_range"),
+        ({"min_hits": 5}, "min_hits is not a parameter"),
+        ({"maxspeed": 5.0}, "maxspeed is not a parameter; did you mean max_speed?"),
+        ({"sensor": 5}, "sensor is not a parameter"),
+        ({"sensor.": 5}, "sensor. is not a parameter"),
+        ({"clutter_density": 2e-4}, f"{DENSITY}; got 0.0002; did you mean sensor.clutter_density?"),
+        ({"clutter_density": -1.0}, f"{DENSITY}; got -1.0"),
+        (
+            {"sensor.clutter_density": "given"},
+            "sensor.clutter_density must be a number; got 'given'; did you mean clutter_density?",
+        ),
+        ({"max_range": 300.0}, "max_range is not a parameter; did you mean sensor.max_range?"),
+        ({"max_rnge": 300.0}, "max_rnge is not a parameter; did you mean sensor.max_range?"),
+        ({"sensor.max_speed": 3.0}, "sensor.max_speed is not a parameter; did you mean max_speed?"),
+        (
+            {"false_tracks_per_hour": 3.0},
+            "false_tracks_per_hour is not a parameter; did you mean score.false_tracks_per_hour?",
+        ),
+        (
+            {"sensor.azimuth_max": 120.0},
+            "sensor.azimuth_max must be from -6.28319 to 6.28319; got 120.0 (in rad; 120 degrees "
+            "are 2.094 rad)",
+        ),
+        ({"method": "x" * 9000}, f"method must be {METHOD_NAMES}; got 'xxx"),
+    ],
+)
+def test_refusals_have_the_full_name(values, sentence):
+    with pytest.raises(ValueError) as refused:
+        make_groups(TRACK_INITIATOR, values)
+    said = str(refused.value)
+    assert said.startswith(sentence)
+    assert len(said) < 400, "a long value is cut short"
+    assert ("did you mean" in said) == ("did you mean" in sentence) or "not a parameter" in sentence
+
+
+def test_bearings_from_north_at_rest_need_a_fixed_frame_and_a_sensor_that_looks_all_round():
+    north = {"bearing_reference": "north"}
+    with pytest.raises(ValueError, match=r"fixed_frame must be given if bearing_reference is "):
+        make_groups(TRACK_INITIATOR, north)
+    for more in ({"fixed_frame": "map"}, {"own_ship_source": "odometry"}):
+        made = make_groups(TRACK_INITIATOR, {**north, **more})
+        assert made[InitiatorNodeOptions].bearing_reference == "north"
+    sector = {**north, "fixed_frame": "map", "sensor.azimuth_min": -1.0}
+    with pytest.raises(ValueError, match=r"own_ship_source must not be none if bearing_reference"):
+        make_groups(TRACK_INITIATOR, sector)
+    make_groups(TRACK_INITIATOR, {**sector, "own_ship_source": "odometry"})
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_method_has_an_option_of_a_common_ones_name(method):
+    own = {row.name for row in table(method_class(method).Options)}
+    common = {row.name for row in table(CommonOptions)}
+    assert not common & own
+
+
+@pytest.mark.parametrize("name", ["ping360", "marine_radar", "imaging_sonar"])
+def test_both_nodes_accept_their_section_and_agree_on_the_coverage(name):
+    sections = yaml.safe_load((CONFIG / f"{name}.yaml").read_text("utf-8"))
+    given = {}
+    for section, content in sections.items():
+        node, values = section.rpartition("/")[2], content["ros__parameters"]
+        flat = {
+            f"{key}.{inner}" if isinstance(value, dict) else key: one
+            for key, value in values.items()
+            for inner, one in (value.items() if isinstance(value, dict) else [("", value)])
+        }
+        make_groups(NODES[node], flat)
+        given[node] = {key: one for key, one in flat.items() if key.startswith("sensor.")}
+    assert set(given) == {"sonar_detector", "track_initiator"}
+    for key, one in given["sonar_detector"].items():
+        assert given["track_initiator"][key] == one

@@ -1,0 +1,78 @@
+"""Pairs of tracks and detections: gated in blocks, and assigned once or to several."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from tsepm_ros.studies import assignment
+from tsepm_ros.studies.assignment import (
+    Pairs,
+    best_of_each,
+    disjoint,
+    nearest_first,
+    oldest_first,
+    within,
+)
+from tsepm_ros.tracker.initial_state import NO_HIT
+
+
+def pairs(*rows: tuple[int, int, float]) -> Pairs:
+    parent, row, cost = (np.array(column) for column in zip(*rows, strict=True))
+    return Pairs(parent, row, cost.astype(float))
+
+
+def listed(found: Pairs) -> list[tuple[int, int]]:
+    return list(zip(found.parent.tolist(), found.row.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("block", [2, 50_000])
+def test_pairs_within_the_threshold_are_kept_with_their_distance(block, monkeypatch):
+    monkeypatch.setattr(assignment, "BLOCK", block)
+    parent, row = np.array([0, 0, 1, 2, 2]), np.array([0, 1, 1, 0, 1])
+    found, left = within(parent, row, lambda p, r: 1.0 * np.abs(p - r), 1.0)
+    assert listed(found) == [(0, 0), (0, 1), (1, 1), (2, 1)]
+    assert found.cost.tolist() == [0.0, 1.0, 0.0, 1.0]
+    assert left == 0
+
+
+def test_what_is_late_is_not_looked_at_and_counted(monkeypatch):
+    monkeypatch.setattr(assignment, "BLOCK", 2)
+    rows = np.arange(5)
+    found, left = within(rows, rows, lambda p, r: 0.0 * p, 1.0, late=lambda: True)
+    assert (len(found), left) == (2, 3)
+
+
+@pytest.mark.parametrize("block", [3, 50_000])
+def test_chosen_rows_are_those_of_a_plain_greedy_choice(block, monkeypatch):
+    monkeypatch.setattr(assignment, "BLOCK", block)
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        members = rng.integers(0, 12, (20, 3))
+        members[rng.random((20, 3)) < 0.3] = NO_HIT
+        cost = rng.integers(0, 6, 20).astype(float)
+        expected, used = [], set()
+        for row in np.argsort(cost, kind="stable"):
+            own = set(members[row].tolist()) - {NO_HIT}
+            if not own & used:
+                expected.append(row)
+                used |= own
+        assert disjoint(members, cost).tolist() == sorted(expected)
+
+
+def test_the_nearest_pair_goes_first_and_each_is_assigned_once():
+    given = pairs((0, 0, 2.0), (0, 1, 1.0), (1, 1, 0.5), (1, 2, 3.0))
+    assert listed(nearest_first(given)) == [(0, 0), (1, 1)]
+    for one, other in itertools.combinations(listed(nearest_first(given)), 2):
+        assert one[0] != other[0] and one[1] != other[1]
+
+
+def test_the_oldest_track_goes_first_and_of_equal_age_the_nearest():
+    given = pairs((0, 0, 9.0), (1, 0, 1.0), (2, 0, 5.0), (1, 1, 2.0), (2, 1, 1.0))
+    assert listed(oldest_first(given, np.array([0, 4, 4]))) == [(0, 0), (2, 1)]
+    assert listed(oldest_first(given, np.array([4, 4, 0]))) == [(2, 1), (1, 0)][::-1]
+
+
+def test_the_best_pair_of_each_track_may_share_a_detection():
+    given = pairs((0, 0, 2.0), (0, 1, 1.0), (1, 1, 0.5), (1, 2, 0.5))
+    assert listed(best_of_each(given)) == [(0, 1), (1, 1)]

@@ -1,0 +1,138 @@
+"""Ends by SIGINT and SIGTERM: held back while processes start, and an exception otherwise."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import pytest
+
+from tsepm_ros.ending_signals import (
+    ENDING_SIGNALS,
+    INTERRUPTED,
+    TERMINATED,
+    ending_on_termination,
+    ends_at_once,
+    handled,
+    signals_held,
+)
+
+ROOT = Path(__file__).parents[1]
+
+
+def handlers() -> list:
+    return [signal.getsignal(number) for number in ENDING_SIGNALS]
+
+
+@pytest.fixture
+def arrived():
+    """Signals that arrived at the handlers that were there before."""
+    numbers: list[int] = []
+    before = handlers()
+    for number in ENDING_SIGNALS:
+        signal.signal(number, lambda number, _: numbers.append(number))
+    yield numbers
+    for number, handler in zip(ENDING_SIGNALS, before, strict=True):
+        signal.signal(number, handler)
+
+
+def test_signals_that_are_held_arrive_after_the_block(arrived):
+    before = handlers()
+    with signals_held():
+        for number in ENDING_SIGNALS:
+            signal.raise_signal(number)
+        assert arrived == []
+    assert arrived == list(ENDING_SIGNALS) and handlers() == before
+
+
+def test_termination_is_an_exception_of_its_code_within_the_block(arrived):
+    before = handlers()
+    with pytest.raises(SystemExit) as end, ending_on_termination():
+        signal.raise_signal(signal.SIGTERM)
+    assert (end.value.code, arrived, handlers()) == (TERMINATED, [], before)
+
+
+@pytest.mark.parametrize(
+    "block", [signals_held, ending_on_termination, lambda: handled(ends_at_once())]
+)
+def test_another_thread_leaves_the_handlers_as_they_are(block):
+    before, seen = handlers(), []
+
+    def run(context: AbstractContextManager) -> None:
+        with context:
+            seen.append(handlers())
+
+    thread = threading.Thread(target=run, args=(block(),))
+    thread.start()
+    thread.join()
+    assert seen == [before] and handlers() == before
+
+
+def entry_points() -> dict[str, str]:
+    found = re.findall(r'"(\w+) = ([\w.]+):(\w+)"', (ROOT / "setup.py").read_text())
+    assert found and all(name == function for name, _, function in found)
+    return {name: module for name, module, _ in found}
+
+
+def test_what_colcon_installs_is_checked_for_every_executable():
+    text = (ROOT / ".ci" / "check_installed.py").read_text(encoding="utf-8")
+    (listed,) = re.findall(r"^EXECUTABLES = \[(.*?)\]", text, re.MULTILINE | re.DOTALL)
+    assert set(re.findall(r'"(\w+)"', listed)) == set(entry_points())
+
+
+@pytest.mark.parametrize("name", entry_points())
+def test_an_executable_begins_without_the_imports_that_take_their_time(name):
+    """An interrupt before its first line would be a traceback of Python itself."""
+    script = (
+        f"import sys; from {entry_points()[name]} import {name}; "
+        "sys.exit(any(one in sys.modules for one in ('numpy', 'scipy', 'rclpy', 'yaml')))"
+    )
+    assert subprocess.run([sys.executable, "-c", script], timeout=60, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", entry_points())
+def test_a_signal_during_the_imports_ends_the_process_at_once_with_its_code(name, ending):
+    script = (
+        "import importlib, signal, sys; from tsepm_ros import ending_signals; "
+        f"importlib.import_module = lambda module: (signal.raise_signal({int(ending)}), print(2)); "
+        f"sys.exit(ending_signals.{name}())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60
+    )
+    codes = {signal.SIGINT: INTERRUPTED, signal.SIGTERM: TERMINATED}
+    assert done.returncode == (codes[ending] if name.startswith("tsepm") else 0)
+    assert done.stdout == ""
+    assert done.stderr == ("interrupted\n" if ending == signal.SIGINT else "")
+
+
+def cpu_time(process: subprocess.Popen) -> float:
+    """CPU time of a process that runs, s."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize("name", ["tsepm", "track_initiator"])
+def test_an_executable_that_is_interrupted_in_its_imports_ends_at_once_without_a_traceback(
+    name, delay
+):
+    script = f"from tsepm_ros.ending_signals import {name}; print(1, flush=True); exit({name}())"
+    command = [sys.executable, "-c", script, *(["evaluate", "box"] if name == "tsepm" else [])]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    time.sleep(delay)
+    before = cpu_time(process)
+    process.send_signal(signal.SIGINT)
+    said = process.stderr.read()
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == (INTERRUPTED if name == "tsepm" else 0)
+    assert "Traceback" not in said
+    assert used.ru_utime + used.ru_stime - before <= 0.3

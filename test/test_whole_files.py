@@ -1,0 +1,134 @@
+"""Files are written whole or not at all."""
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tsepm_ros.whole_files import opened_whole, temporary_beside, write_text, written_whole
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path):
+    path = tmp_path / "a.csv"
+    with opened_whole(path) as file:
+        file.write("1,2\n")
+        file.flush()
+        assert not path.exists()
+    assert path.read_bytes() == b"1,2\n"
+    assert os.listdir(tmp_path) == ["a.csv"]
+
+
+@pytest.mark.parametrize("earlier", [None, "earlier"])
+def test_an_error_leaves_what_was_there(tmp_path, earlier):
+    path = tmp_path / "a.csv"
+    if earlier:
+        path.write_text(earlier)
+    with pytest.raises(OSError, match="full"), opened_whole(path) as file:
+        file.write("half")
+        raise OSError("disk full")
+    assert os.listdir(tmp_path) == (["a.csv"] if earlier else [])
+    assert not earlier or path.read_text() == earlier
+
+
+def test_the_file_of_a_living_writer_is_left_to_it(tmp_path):
+    path = tmp_path / "a.csv"
+    with written_whole(path) as one, written_whole(path) as other:
+        one.write_text("one")
+        other.write_text("other")
+        for process in (os.getpid(), os.getppid(), 1):  # the first process is root's
+            beside = tmp_path / f".a.csv.{process}-01234567.part.csv"
+            beside.touch()
+            temporary_beside(path)
+            assert beside.exists()
+            beside.unlink()
+    assert path.read_text() == "one"
+    assert os.listdir(tmp_path) == ["a.csv"]
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path):
+    """A limit on the size of files stands for the disk."""
+    path = tmp_path / "a.txt"
+    path.write_text("earlier")
+    script = (
+        "import resource, signal, pathlib, sys\n"
+        "sys.dont_write_bytecode = True\n"  # what the limit cuts would stay
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "from tsepm_ros.whole_files import write_text\n"
+        "write_text(pathlib.Path(sys.argv[1]), 'x' * 100000)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True)
+    assert ended.returncode == 1 and b"OSError" in ended.stderr
+    assert path.read_text() == "earlier"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_kill_leaves_what_was_there_and_the_next_writer_cleans_up(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("earlier")
+    script = (
+        "import os, signal, pathlib, sys\n"
+        "from tsepm_ros.whole_files import opened_whole\n"
+        "with opened_whole(pathlib.Path(sys.argv[1])) as file:\n"
+        "    file.write('half'); file.flush(); os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script, str(path)])
+    assert ended.returncode == -signal.SIGKILL
+    assert path.read_text() == "earlier"
+    assert len(os.listdir(tmp_path)) == 2
+    other = temporary_beside(tmp_path / "a.txt.b")  # of another file, and in use
+    other.touch()
+    write_text(path, "later")
+    assert path.read_text() == "later"
+    assert sorted(os.listdir(tmp_path)) == sorted(["a.txt", other.name])
+
+
+def test_links_devices_permissions_and_suffixes_are_as_with_a_plain_file(tmp_path):
+    plain, path = tmp_path / "plain", tmp_path / "a.txt"
+    plain.write_text("x")
+    write_text(path, "x")
+    assert path.stat().st_mode == plain.stat().st_mode
+    link = tmp_path / "link"
+    link.symlink_to(path)
+    write_text(link, "y")
+    assert link.is_symlink() and path.read_text() == "y"
+    write_text(Path(os.devnull), "z")
+    assert not Path(os.devnull).is_file()
+    with written_whole(tmp_path / "a.png") as temporary:
+        assert temporary.suffix == ".png" and temporary.parent == tmp_path
+        temporary.touch()
+
+
+def in_place(path: Path) -> list[str]:
+    """Calls that write a file in its place."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        modes = {str(one.value) for one in ast.walk(node) if isinstance(one, ast.Constant)}
+        method = isinstance(node.func, ast.Attribute)
+        if (
+            (name == "open" and modes & {"w", "wb", "x", "r+"})
+            or (name in ("write_text", "write_bytes") and method)
+            or name == "savefig"
+        ):
+            found.append(ast.unparse(node))
+    return [call for call in found if "temporary" not in call]
+
+
+@pytest.mark.parametrize("folder", ["tsepm_ros", "msg_adapters", "benchmarks", "docs"])
+def test_no_module_writes_a_file_in_place(folder):
+    if not (ROOT / folder).exists():
+        pytest.skip("only in the source tree")
+    assert {
+        str(path.relative_to(ROOT)): calls
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if (calls := in_place(path))
+    } == {}

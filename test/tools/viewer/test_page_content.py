@@ -1,0 +1,375 @@
+"""Content of the page: rows of tracks, health, files, kept frames, and a recorded run."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import json
+import math
+import re
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.builders import scan_at
+from support.pages import held, live_state, numbered
+from support.sessions import session
+
+from tsepm_ros import Scan
+from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.session.session import Session
+from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.replay.recording import simulated_recording
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.viewer.page_content import (
+    LIVE,
+    MAX_POTENTIAL,
+    SCRIPTS,
+    SHELL,
+    STYLE,
+    PageState,
+    RecordedScene,
+    encode,
+    geographic_terms,
+    health_of_message,
+    health_of_run,
+    make_frame,
+    page_file,
+    potential_rows,
+    self_contained_page,
+    served_page,
+    track_facts,
+    track_rows,
+)
+from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
+from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.tracks import TrackArrays
+
+
+def potential(x: float, score: float, newest: int, threshold: float = 10.0):
+    return held(0, x, 0.0, score=score, evaluation=score - threshold, hits=((0, 0), (1, newest)))
+
+
+def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last_detection():
+    track = replace(held(12, 1000.126, -2000.0, 3.0, 4.0), time_since_hit=2.5)
+    ((track_id, *numbers),) = track_rows([track])
+    # Along (0.6, 0.8): 0.36 * 1 + 0.64 * 4 = 2.92 m^2/s^2.
+    axes = 2.4477 * 30.0, 2.4477 * 20.0
+    expected = [1000.126, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92), 2.5]
+    units = [100, 100, 1000, 1000, 100, 100, 1000, 1000, 1000]
+    assert track_id == 12 and all(type(number) is int for number in numbers)
+    assert np.abs(numbers) == pytest.approx(np.abs(expected) * units, abs=0.51)
+
+
+def test_what_is_not_finite_is_left_out_and_what_is_far_beyond_any_sea_stays_a_number():
+    broken = held(1, math.nan, 0.0)
+    blind = held(2, 5.0, 6.0, covariance=np.full((4, 4), np.inf), time_since_hit=math.nan)
+    frame = make_frame(
+        3.0,
+        "odom",
+        detections=np.array([[1.0, 2.0], [np.nan, 1.0], [np.inf, 0.0]]),
+        tracks=[broken, blind],
+        potential=[broken],
+        fixed=[broken],
+        own_ship=(1.0, 2.0, math.nan),
+    )
+    assert json.loads(encode(frame)) == frame
+    assert frame["detections"] == [100, 200]
+    assert [row[0] for row in frame["tracks"]] == [2]
+    assert frame["tracks"][0][5:] == [0, 0, 0, 0, 0]
+    assert (frame["potential"], frame["fixed"]) == ([], [])
+    assert frame["own_ship"] == [100, 200, None]
+    assert make_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None
+    frame = make_frame(
+        0.0, "", detections=np.array([[1e300, -1e300]]), tracks=[held(1, 1e200, 0.0)]
+    )
+    assert frame["detections"] == [10**15, -(10**15)]
+    assert frame["tracks"][0][1] == 10**15
+
+
+def test_potential_tracks_are_drawn_with_their_evidence_and_only_the_nearest_to_confirmation():
+    tracks = [
+        potential(1.0, 4.0, 0),
+        potential(2.0, 4.0 - math.log(3.0), 0),
+        potential(3.0, 2.0, 1),
+    ]
+    rows = potential_rows(tracks)
+    assert [row[0] for row in rows] == [300, 100], "one per newest detection"
+    # log(exp(4) + exp(4) / 3) = 4 + log(4 / 3)
+    assert [row[4] for row in rows] == [20, 43]
+    rows = potential_rows([potential(1.0, 0.001 * k + 1.0, k) for k in range(MAX_POTENTIAL + 50)])
+    assert len(rows) == MAX_POTENTIAL
+    assert rows[-1][4] == max(row[4] for row in rows)
+
+
+def test_facts_of_a_message_say_why_as_far_as_it_tells():
+    facts = track_facts([held(4, 0.0, 0.0)], None)["4"]
+    assert facts == {
+        "first": 64.0,
+        "confirmed": None,
+        "hits": [],
+        "reason": "3 hits in 4 pings; log-likelihood ratio 10.5, threshold 10.0",
+        "revision": 0,
+    }
+    (track,) = TrackArrays.of([held(4, 0.0, 0.0, hits=(), age=math.nan)])
+    facts = track_facts([track], None)["4"]
+    assert (facts["reason"], facts["first"]) == ("", None)
+
+
+@pytest.mark.parametrize(
+    ("score", "evaluation", "reason"),
+    [
+        (math.nan, 1.234, "3 hits in 4 pings; evaluation 1.23"),
+        (math.nan, math.nan, "3 hits in 4 pings"),
+    ],
+)
+def test_facts_of_other_methods(score, evaluation, reason):
+    track = held(4, 0.0, 0.0, score=score, evaluation=evaluation)
+    assert track_facts([track], 100.0)["4"]["reason"] == reason
+
+
+def test_the_sector_is_from_the_bow_and_own_ship_s_velocity_in_mm_per_s_or_null():
+    assert make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, 1.5, -2.0))["own_ship"][3:] == [1500, -2000]
+    assert (
+        make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, math.nan, 1.0))["own_ship"][3:] == [None] * 2
+    )
+    sensor = SensorModel(min_range=2.0, max_range=80.0, azimuth_min=-1.0, azimuth_max=1.0)
+    for yaw, begin, end in ((0.5, -0.5, 1.5), (None, -1.0, 1.0)):
+        recorded = RecordedScene("", True, mounting_yaw=yaw, sensor=sensor).document({})
+        assert json.loads(recorded)["info"]["sector"] == [2.0, 80.0, begin, end]
+
+
+@pytest.mark.parametrize("origin", ["0,0", "59.65,10.63", "-75,-179.99", "80,179.9", "-89,10"])
+def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
+    pytest.importorskip("pyproj")
+    from pyproj import Geod
+
+    from tsepm_ros.tools.bridge.geographic import GeographicReference
+
+    info = geographic_terms(origin)
+    known = info["geographic"]
+    reach = known["reach"]
+    assert info["north"] and reach >= 11_000.0
+    points = np.random.default_rng(1).uniform(-reach, reach, (200, 2))
+    latitude, longitude = np.array(known["origin"])[:, None] + sum(
+        np.outer([a, b], (points[:, 0] / reach) ** i * (points[:, 1] / reach) ** j)
+        for i, j, a, b in known["terms"]
+    )
+    truth = GeographicReference.read(origin).geographic(points)
+    away = Geod(ellps="WGS84").inv(longitude, latitude, truth[:, 1], truth[:, 0])[2]
+    assert away.max() < 1.0
+
+
+def test_an_origin_needs_its_library_and_without_one_there_are_no_places(monkeypatch):
+    assert geographic_terms("") == {}
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with pytest.raises(ValueError, match="pip install pyproj"):
+        geographic_terms("59.65,10.63")
+
+
+TITLE = '<script>alert("1")</script> & "sea"'
+
+RECORDING = json.dumps({"all": True, "info": {"title": "</script><b>"}, "frames": []})
+
+ELSEWHERE = re.compile(
+    r"(?:https?:)?//[\w.-]+\.\w|@import|url\(|\beval\(|innerHTML|document\.write"
+)
+
+
+@pytest.mark.parametrize("name", [SHELL, STYLE, *SCRIPTS])
+def test_nothing_is_loaded_from_elsewhere_and_nothing_becomes_markup(name):
+    assert not ELSEWHERE.findall(page_file(name))
+
+
+def test_a_title_is_text():
+    for page in (served_page(LIVE, TITLE), self_contained_page(TITLE, RECORDING)):
+        assert TITLE not in page
+        assert "&lt;script&gt;alert(&quot;1&quot;)&lt;/script&gt; &amp; &quot;sea&quot;" in page
+
+
+def test_the_policy_of_the_file_names_exactly_its_scripts_and_style():
+    page = self_contained_page("title", RECORDING)
+    policy = re.search(r'Content-Security-Policy" content="([^"]+)"', page)[1]
+    rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+    assert rules["default-src"] == "'none'"
+    for rule, pattern in (
+        ("script-src", r"<script>(.*?)</script>"),
+        ("style-src", r"<style>(.*?)</style>"),
+    ):
+        found = re.findall(pattern, page, re.DOTALL)
+        digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()) for text in found]
+        assert rules[rule].split() == [f"'sha256-{digest.decode()}'" for digest in digests]
+    assert page.count("<script>") == len(SCRIPTS)
+
+
+def since(state: PageState, version: int = 0):
+    text, newest = state.since(version)
+    return json.loads(text), newest
+
+
+def numbers(message) -> list[int]:
+    return [frame["number"] for frame in message.get("frames", [])]
+
+
+def test_a_frame_with_the_same_number_replaces_the_last_one():
+    state = live_state(3)
+    _, version = since(state)
+    state.put(numbered(3, held(1, 0.0, 0.0), held(2, 0.0, 0.0)))
+    message, _ = since(state, version)
+    assert numbers(message) == [3] and len(message["frames"][0]["tracks"]) == 2
+    assert numbers(since(state)[0]) == [1, 2, 3]
+
+
+def test_the_number_and_the_size_of_the_frames_are_bounded_and_the_newest_is_kept():
+    assert numbers(since(live_state(50, kept=10))[0]) == list(range(41, 51))
+    state = PageState({}, 1000, max_bytes=20_000)
+    many = np.arange(2000.0).reshape(-1, 2)
+    for number in range(1, 30):
+        state.put(numbered(number, detections=many))
+        text, _ = state.since()
+        assert len(text) < 40_000
+    assert numbers(json.loads(text))[-1] == 29
+
+
+def test_facts_of_tracks_that_are_shown_nowhere_are_forgotten():
+    state = PageState({}, 10)
+    for number in range(1, 500):
+        track = held(number, 0.0, 0.0)
+        state.put(numbered(number, track), track_facts([track], None))
+        assert len(since(state)[0]["facts"]) <= 21
+    facts = since(state)[0]["facts"]
+    assert {str(number) for number in range(490, 500)} <= set(facts)
+
+
+def test_every_change_is_announced():
+    state, heard = live_state(), []
+    state.changed = lambda: heard.append(state.since()[1])
+    state.put(numbered(1))
+    state.put_health({"level": 0, "entries": []})
+    state.put_info(title="")
+    assert len(set(heard)) == 3
+    state.put_info(title="")
+    assert len(heard) == 3, "what is known already changes nothing"
+
+
+def status(name: str, level, message: str = "fine", **values: str):
+    pairs = [SimpleNamespace(key=key, value=value) for key, value in values.items()]
+    return SimpleNamespace(name=name, level=level, message=message, values=pairs)
+
+
+def array(*statuses):
+    return SimpleNamespace(status=list(statuses))
+
+
+def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_stale():
+    health = health_of_message(
+        array(
+            status("boat: track initiation", b"\x00", "3 scans", scans="3", empty=""),
+            status("boat: own ship", b"\x01", "no data yet"),
+            status("battery: charge", b"\x02", "empty"),
+        )
+    )
+    assert health["level"] == 1
+    assert health["entries"] == [
+        {"task": "track initiation", "level": 0, "message": "3 scans", "values": [["scans", "3"]]},
+        {"task": "own ship", "level": 1, "message": "no data yet", "values": []},
+    ]
+    levels = [("detections", 3), ("latency", 2), ("clutter", 0)]
+    health = health_of_message(array(*(status(f"n: {task}", level) for task, level in levels)))
+    assert health["level"] == 2
+
+
+def test_a_run_says_what_it_dropped_and_what_helps_and_without_scans_it_is_a_warning():
+    health = health_of_run(5, {"heading_unknown": 2, "of_an_adapter": 1}, ["gap before 3 s"])
+    assert health["level"] == 1
+    sentences = [entry["message"] for entry in health["entries"]]
+    assert sentences[0] == "5 scans processed"
+    assert any(s.startswith("2 scans dropped: ") and "Remedy: " in s for s in sentences)
+    assert "1 detection dropped: of_an_adapter" in sentences
+    assert "gap before 3 s" in sentences
+    assert health_of_run(0, {}, [])["level"] == 1
+    assert health_of_run(1, {}, [])["level"] == 0
+
+
+SCENARIO = load_scenario("four_targets")
+
+
+def recorded(scenario=SCENARIO, seed: int = 1):
+    """The page's recording of a run, and the new tracks of the run."""
+    recording, _ = simulated_recording(Simulator(scenario, seed))
+    options = SessionOptions(method="score", own_ship_source="odometry")
+    run = Session(Settings(session=options, sensor=scenario.sensor))
+    scene = RecordedScene("four targets", True, recording.truth)
+    tracks = []
+    for result in recording_results(recording, run, "bow"):
+        scene.add(result, run.tracker)
+        tracks += result.new
+    return json.loads(scene.document(run.dropped)), tracks, run
+
+
+def test_a_track_that_ends_says_when_and_why():
+    run, scene, ended = session(own_ship_source="none", method="score"), RecordedScene("", True), {}
+    seen = [SensorScan(scan_at(12.0 * k, [(3000.0, 0.0)]), "sonar") for k in range(16)]
+    gone = [SensorScan(Scan(12.0 * k, [], []), "sonar") for k in range(16, 90)]
+    for scan in seen + gone:
+        run.add_scan(scan, 0.0)
+        for result in run.process():
+            scene.add(result, run.tracker)
+            ended |= {key: [result.stamp, ENDS[end]] for key, end in result.ended.items()}
+    facts = json.loads(scene.document(run.dropped))["facts"]
+    assert ended
+    assert {int(key): fact["ended"] for key, fact in facts.items()} == ended
+
+
+def test_a_track_s_hits_and_reason_are_its_own():
+    page, tracks, run = recorded()
+    for track in tracks:
+        facts = page["facts"][str(track.track_id)]
+        assert facts["confirmed"] == track.stamp
+        assert facts["reason"] == run.tracker.reason(track)
+        assert len(facts["hits"]) == len(track.hits)
+        for (stamp, x, y), (scan, detection) in zip(facts["hits"], track.hits, strict=True):
+            frame = page["frames"][scan]
+            assert stamp == frame["stamp"]
+            cm = frame["detections"][2 * detection : 2 * detection + 2]
+            assert [100.0 * x, 100.0 * y] == pytest.approx(cm, abs=0.1)
+            predicted = track.predicted(stamp).position
+            assert np.hypot(x - predicted[0], y - predicted[1]) < 1500.0
+
+
+def test_after_a_restart_hits_are_those_of_the_new_run():
+    quiet = dataclasses.replace(SCENARIO, scans=8)
+    recording, _ = simulated_recording(Simulator(quiet, 3))
+    run = session(own_ship_source="none")
+    scene = RecordedScene("twice", False)
+    results = []
+    for _ in range(2):
+        for result in recording_results(recording, run, "bow"):
+            scene.add(result, run.tracker)
+            results.append(result)
+    page = json.loads(scene.document(run.dropped))
+    restart = [k for k, frame in enumerate(page["frames"]) if frame.get("restart")]
+    assert len(restart) == 1 and restart[0] > 0
+    again = [track for result in results[restart[0] :] for track in result.new]
+    assert again
+    for track in again:
+        first = page["facts"][str(track.track_id)]["hits"][0]
+        (scan, detection), frames = track.hits[0], page["frames"][restart[0] :]
+        cm = frames[scan]["detections"][2 * detection : 2 * detection + 2]
+        assert [100.0 * value for value in first[1:]] == pytest.approx(cm, abs=0.1)
+
+
+def test_the_velocity_of_own_ship_is_that_of_the_recorded_poses():
+    page, *_ = recorded(load_scenario("square_path"))
+    frames = page["frames"][1:]
+    x, y, vx, vy = np.array([[*f["own_ship"][:2], *f["own_ship"][3:]] for f in frames], float).T
+    stamps = np.array([frame["stamp"] for frame in frames])
+    # cm and mm/s; by the difference from the scan before.
+    np.testing.assert_allclose(vx[1:], 10.0 * np.diff(x) / np.diff(stamps), atol=2.0)
+    np.testing.assert_allclose(vy[1:], 10.0 * np.diff(y) / np.diff(stamps), atol=2.0)
+    assert np.hypot(vx, vy).max() > 1000.0
