@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
-from tsepm_ros.numerics.arrays import Rows, changed
+from tsepm_ros.numerics.arrays import Rows, changed, keep_best, summed
 
 
 @dataclass(frozen=True)
@@ -37,3 +38,20 @@ def test_rows_chosen_of_several_tables_follow_each_other(echoes):
     made = Echoes.chosen((echoes, np.array([2, 0])), (echoes[none], none), (echoes, np.array([1])))
     assert type(made) is Echoes
     assert (made.range.tolist(), made.azimuth.tolist()) == ([3.0, 1.0, 2.0], [0.3, 0.1, 0.2])
+
+
+@pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
+@pytest.mark.parametrize("values", [3, 10_000], ids=["many ties", "few ties"])
+def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
+    cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
+    expected = np.sort(np.argsort(cost, kind="stable")[:limit])
+    assert keep_best(cost, limit).tolist() == expected.tolist()
+
+
+def test_sums_are_of_the_ratios_not_of_their_logarithms():
+    rng = np.random.default_rng(1)
+    score = rng.uniform(-800.0, 800.0, 300)  # beyond what exp can hold
+    group = rng.integers(0, 20, 300)
+    group[group == 7] = 8
+    expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
+    np.testing.assert_allclose(summed(score, group, 20), expected)

@@ -23,6 +23,7 @@ from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     ExternalTracker,
     TrackMaintenance,
+    best_held,
 )
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -250,3 +251,8 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
     step(hold, 100.0)
     assert hold.tracker is ExternalTracker.SILENT
     assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
+
+
+def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
+    existence = np.array([0.5, 0.9, 0.9, 0.9])
+    assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]

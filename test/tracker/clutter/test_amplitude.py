@@ -21,9 +21,10 @@ from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.measurement import DETECTION
 
 BOX = load_scenario("box")
+
 MAP = ClutterMap(BOX.sensor)
+
 REACH = 120.0 * np.arange(LAGS + 1) + 380.0
-"""Of two detections of one target, m."""
 
 
 def judged(
@@ -243,8 +244,8 @@ def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
 
 
 ROWS = 20
+
 COUNT = np.full(ROWS, 30.0)
-"""Detections of each row."""
 
 
 @pytest.mark.parametrize(

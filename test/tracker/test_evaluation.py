@@ -1,0 +1,148 @@
+"""Scores of hypotheses: increments against sums, limits of time, the clutter statistic."""
+
+import dataclasses
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from scipy import stats
+from support.score_scenes import NEVER, SONAR, score, sea
+
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.numerics.arrays import TimeLimit
+from tsepm_ros.numerics.gaussian import gate_factor, log_density
+from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
+from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.options import ScoreOptions
+from tsepm_ros.tracker.tracks import TrackArrays
+
+
+def track(hits: int = 5) -> TrackArrays:
+    state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
+    pairs = tuple((scan, 7) for scan in range(hits))
+    return TrackArrays.of([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
+
+
+@pytest.mark.parametrize("hit_count", [2, 3, 5])
+def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
+    # Kennedy's null hypothesis: from point to nearest point of each new scan. 1000 independent
+    # tracks; a Kolmogorov-Smirnov test at 0.1 %, for which a density 12 % off is found.
+    rng = np.random.default_rng([12, hit_count])
+    density, half = 1e-6, 6000.0
+    positions = np.zeros((1000, hit_count, 2))
+    for track in positions:
+        for k in range(1, hit_count):
+            n = rng.poisson(density * (2 * half) ** 2)
+            points = track[k - 1] + rng.uniform(-half, half, (n, 2))
+            track[k] = points[np.argmin(np.square(points - track[k - 1]).sum(axis=1))]
+    statistic = clutter_statistic(positions, density)
+    assert stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue > 1e-3
+    wrong = stats.kstest(1.12 * statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
+    assert wrong < stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
+
+
+class Observed:
+    """What the evaluation of amplitudes takes of a scan."""
+
+    def __init__(self, exponents) -> None:
+        self.detections = np.zeros(len(exponents))
+        self.strengths = ScanAmplitudes.of(np.asarray(exponents, float), 250.0, 16)
+
+
+def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
+    exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
+    row, none = np.zeros(1, np.int64), np.zeros(1, np.int64)
+    begun = evaluation.path_amplitudes(Observed(exponents[:1]), row, none, np.zeros(1))
+    hypotheses = Hypotheses.none(16)
+    paths = dataclasses.replace(
+        hypotheses,
+        strength_count=begun.hits,
+        strength_total=begun.total,
+        strength_score=begun.increment,
+    )
+    score = begun.increment[0]
+    for exponent in exponents[1:]:
+        grown = evaluation.path_amplitudes(
+            Observed([exponent]), row, paths.strength_count, paths.strength_total
+        )
+        score += grown.increment[0]
+        paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
+    strengths = Observed(exponents).strengths
+    total = strengths.scaled.sum()
+    expected = log_ratio(np.array(4.0), np.array(total), strengths.ratio.count)
+    assert grown.hits[0] == 4
+    assert score == pytest.approx(float(expected), abs=0.01)
+
+
+SPREAD = np.array([[900.0, 300.0], [300.0, 400.0]])
+
+
+@pytest.mark.parametrize(("p_d", "p_g"), [(0.9, 0.99), (0.6, 0.9), (0.3, 0.999)])
+def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
+    # A scan of clutter: each detection in the gate gives a child, and there is the missed branch.
+    # Their expected sum, lambda times the integral over the gate and the miss, must be 1.
+    clutter = 1e-5
+    axis = np.linspace(-200.0, 200.0, 1601)
+    x, y = np.meshgrid(axis, axis)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    density, distance = log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
+    increment = hit_increment(density, p_d, np.full(len(points), clutter))
+    inside = distance <= gate_factor(p_g) ** 2
+    cell = (axis[1] - axis[0]) ** 2
+    children = clutter * cell * np.exp(increment[inside]).sum()
+    missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
+    assert children + missed == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_miss_of_a_sure_target_stays_possible():
+    assert np.isfinite(miss_increment(np.array([1.0]), 1.0 - 1e-12)).all()
+
+
+def test_no_clutter_at_all_does_not_make_a_detection_worth_everything():
+    assert np.isfinite(hit_increment(np.array([-10.0]), 0.9, np.array([0.0]))).all()
+
+
+def children(
+    seed: int, time_limit: TimeLimit | None = None, limit: int = 10**6
+) -> tuple[Hypotheses, int]:
+    """The children of the fourth scan of clutter, and how many were not scored or kept."""
+    scans = sea(np.random.default_rng(seed), 4, [])
+    initiator = score(false_tracks_per_hour=NEVER)
+    for scan in scans[:3]:
+        initiator.process(scan)
+    before = initiator.method.hypotheses
+    observed = initiator.observe(scans[3], time_limit or TimeLimit())
+    predicted = splitting.predict(before, observed.interval, 0.001)
+    expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, SONAR)
+    pairs = parent, row, _ = splitting.split(expected, 0.99)
+    missed, scores, unscored = evaluation.evaluate(expected, parent, row, observed, 0.99)
+    deletion = ScoreOptions().deletion_threshold
+    kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
+    started = splitting.start(observed, 10.0, 16)
+    parts = missed, scores, started
+    tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
+    return tree.hypotheses, unscored + cut
+
+
+@pytest.mark.parametrize("seconds", [math.inf, 1e6], ids=["no limit", "a limit not reached"])
+def test_blocks_do_not_change_the_children(monkeypatch, seconds):
+    expected, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 7)
+    monkeypatch.setattr(splitting, "MAX_PAIRS_TOGETHER", 7)
+    found, cut = children(5, TimeLimit(seconds))
+    assert len(found) > 100
+    assert cut == 0
+    for field in fields(Hypotheses):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
+
+
+def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_others(monkeypatch):
+    every, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 10)
+    found, cut = children(5, TimeLimit(1e-9))
+    assert 0 < len(found) <= 10
+    assert cut > 0
+    assert len(found) + cut >= len(every)
