@@ -2,20 +2,23 @@
 
 import dataclasses
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from scipy import stats
+from support.builders import detections
 from support.score_scenes import NEVER, SONAR, score, sea
 
-from tsepm_ros import ConfirmedTrack
+from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.numerics.gaussian import gate_factor, log_density
 from tsepm_ros.tracker import evaluation, pruning, splitting
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
 from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.initial_state import NO_HIT, fit
+from tsepm_ros.tracker.measurement import DetectionWindow
 from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -146,3 +149,88 @@ def test_a_time_limit_keeps_the_children_of_the_best_hypotheses_and_counts_the_o
     assert 0 < len(found) <= 10
     assert cut > 0
     assert len(found) + cut >= len(every)
+
+
+def test_increments_of_hits_and_misses_have_their_closed_forms():
+    gained = evaluation.hit_increment(np.array([-8.0, 0.0]), np.array([0.5, 1.0]), np.full(2, 1e-4))
+    np.testing.assert_allclose(gained, [np.log(0.5 / 1e-4) - 8.0, np.log(0.999 / 1e-4)])
+    lost = evaluation.miss_increment(np.array([0.0, 0.5, 1.0]), 0.9)
+    np.testing.assert_allclose(lost, np.log(1.0 - np.array([0.0, 0.5, 0.999]) * 0.9))
+
+
+def test_fading_is_the_bayes_of_a_chain_of_two_states():
+    share, factor, keep = evaluation.FADED_SHARE, evaluation.FADED_FACTOR, np.exp(-0.1)
+    faded = np.array([0.0, 0.2, share, 1.0])
+    np.testing.assert_allclose(evaluation.fading_predicted(faded), share + keep * (faded - share))
+    visible = faded * factor + (1.0 - faded)
+    np.testing.assert_allclose(evaluation.visible_share(faded), visible)
+    np.testing.assert_allclose(evaluation.fading_after_hit(faded), faded * factor / visible)
+    seen, gate = 0.8, 0.9
+    missed = faded * (1.0 - factor * seen * gate)
+    np.testing.assert_allclose(
+        evaluation.fading_after_miss(faded, seen * visible, gate),
+        missed / (missed + (1.0 - faded) * (1.0 - seen * gate)),
+    )
+    np.testing.assert_allclose(
+        evaluation.FADED_AT_START, share * factor / (share * factor + 1.0 - share)
+    )
+
+
+def test_the_distance_of_hits_from_a_fit_is_the_largest_of_each_alone():
+    rng = np.random.default_rng(2)
+    hits = detections(rng.normal(0.0, 30.0, (2, 4, 2)), [0.0, 1.0, 2.0, 3.0], variance=4.0)
+    fitted = fit(hits, 3.0, SensorModel(), "unweighted")
+    found = evaluation.normalized_distance(hits, fitted)
+    for track in range(2):
+        squares = []
+        for hit in hits[track]:
+            h = np.kron(np.eye(2), [1.0, hit["time"] - 3.0])
+            apart = hit["position"] - h @ fitted.state[track]
+            spread = h @ fitted.covariance[track] @ h.T + hit["covariance"]
+            squares.append(apart @ np.linalg.solve(spread, apart))
+        assert found[track] == pytest.approx(max(squares))
+
+
+def test_the_clutter_statistic_is_twice_the_clutter_expected_in_the_circles():
+    positions = np.array([[[0.0, 0.0], [3.0, 4.0], [3.0, 6.0]]])
+    expected = 2.0 * np.pi * (0.01 * 25.0 + 0.02 * 4.0)
+    density = np.array([[9.0, 0.01, 0.02]])
+    np.testing.assert_allclose(evaluation.clutter_statistic(positions, density), expected)
+
+
+def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
+    hypotheses = replace(
+        Hypotheses.none(3),
+        hits=np.array([[1, -1, -1], [1, 2, -1], [1, 2, -1]]),
+        hit_count=np.array([1, 2, 2]),
+        state=np.zeros((3, 4)),
+        covariance=np.broadcast_to(np.diag([1.0, 25.0, 1.0, 25.0]), (3, 4, 4)),
+        score=np.array([1.0, 2.0, 3.0]),
+        score_given_held=np.array([0.0, 1.0, 2.0]),
+    )
+    found = evaluation.within_max_speed(hypotheses, np.array([True, True, False]), 5.0)
+    # |v|^2 / 25 of two normal components is exponential of mean 2.
+    gain = np.log(-np.expm1(-0.5)) - np.log(-np.expm1(-2.0))
+    np.testing.assert_allclose(found.score, [1.0, 2.0 + gain, 3.0], rtol=1e-6)
+    np.testing.assert_allclose(found.score_given_held, [0.0, 1.0 + gain, 2.0], rtol=1e-6)
+
+
+def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
+    window = DetectionWindow()
+    first = window.append(detections([[0.0, 0.0]] * 2, 0.0))
+    found = detections([[0.0, 0.0]] * 2, 1.0)
+    found["scan"], found["index"] = 1, [0, 1]
+    second = window.append(found)
+    none = NO_HIT
+    hits = np.array([[first[0], second[1]], [first[1], none], [first[0], second[0]]])
+    paths = replace(
+        Hypotheses.none(2),
+        hits=hits,
+        hit_count=np.array([2, 1, 2]),
+        score=np.array([5.0, 0.3, 4.0]),
+        strength_score=np.array([3.0, 0.0, 0.0]),
+    )
+    scan, index, probability = evaluation.target_hits(paths, window)
+    assert (scan.tolist(), index.tolist()) == ([0, 1, 1], [0, 0, 1])
+    odds = evaluation.PATH_ODDS * np.exp([4.0, 4.0, 2.0])
+    np.testing.assert_allclose(probability, odds / (1.0 + odds))
