@@ -17,13 +17,17 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     ClusterDispersion,
     ExtendedTargets,
     MultiDetectionTest,
+    error_variances,
     extents_of,
+    further_plots,
     log_ratio,
+    may_repeat_older,
 )
 from tsepm_ros.tracker.clusters.grouping import (
     ClusterExtent,
     grouped,
 )
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -246,3 +250,44 @@ def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy)
     ]
     found = plots.of_one_hull(TrackArrays.of(held))
     assert found.tolist() == [False, not convoy, *[False] * convoy]
+
+
+def test_errors_of_detections_are_their_own_or_the_sensor_s():
+    scan = Scan(0.0, [50.0, 80.0], [0.0, 1.0])
+    along, across = error_variances(scan, TANK)
+    np.testing.assert_allclose(along, 0.04)
+    np.testing.assert_allclose(across, [0.2**2, 0.32**2])
+    own = scan.replaced(range_std=[1.0, 2.0], azimuth_std=[0.1, 0.01])
+    along, across = error_variances(own, TANK)
+    np.testing.assert_allclose(along, [1.0, 4.0])
+    np.testing.assert_allclose(across, [25.0, 0.64])
+
+
+def test_a_target_may_have_another_plot_within_its_extent_along_and_across():
+    held = ConfirmedTracks.of(tracks(3, x=2000.0), 0.8)
+    at = held.tracks.state[0, 0::2]
+    sight = at / np.hypot(*at)
+    across = np.array([-sight[1], sight[0]])
+    extent = ClusterExtent(10.0, 4.0, 0.001)  # 4 m and 0.001 rad across
+    wide = 4.0 + 0.001 * np.hypot(*at)
+    offsets = [(9.0, 0.0), (11.0, 0.0), (0.0, wide - 0.1), (0.0, wide + 0.1), (-9.9, 1 - wide)]
+    places = np.array([at + a * sight + b * across for a, b in offsets])
+    origin = np.array([0.0, 0.0])
+    density = further_plots(held, places, extent, origin)
+    value = 0.8 / (4.0 * 10.0 * wide)
+    np.testing.assert_allclose(density, [value, 0.0, value, 0.0, value])
+    moved = further_plots(held, places, extent, at - 100.0 * across)
+    assert (moved[:2] == 0.0).all(), "seen from elsewhere, across is along"
+
+
+def test_of_two_tracks_within_an_extent_the_younger_may_repeat_the_older():
+    state = np.array([2000.0, 0.0, 0.0, 0.0])
+    made = [
+        ConfirmedTrack(k, 0.0, state + np.array([x, 0, 0, 0]), np.eye(4), (), 0.0, age=100.0)
+        for k, x in enumerate([0.0, 6.0, 40.0])
+    ]
+    origin, group = np.zeros(2), TrackArrays.of(made)
+    # 6^2 / (2 + 2 size) is within 7.78 from a size of 1.4 m^2 on: from 2.9 m along or across.
+    assert may_repeat_older(group, ClusterExtent(2.7, 2.7), origin).tolist() == [False] * 3
+    assert may_repeat_older(group, ClusterExtent(3.0, 0.0), origin).tolist() == [False, True, False]
+    assert may_repeat_older(group, ClusterExtent(0.0, 1.0, 0.001), origin).tolist()[1]
