@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.sensor import echo_poses_of, goes_on, inside
+from tsepm_ros.tracker.sensor import FULL_TURN, Coverage, echo_poses_of, goes_on, inside
 
 
 def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
@@ -180,3 +180,12 @@ def test_a_turn_in_rounded_numbers_is_all_round():
         sensor = SensorModel(azimuth_min=-half, azimuth_max=half)
         assert sensor.all_round is all_round
         assert bool(sensor.covers([100.0], [math.pi])[0]) is all_round
+
+
+def test_a_coverage_is_all_round_from_a_full_turn_on():
+    whole = Coverage(azimuth_min=0.0, azimuth_max=FULL_TURN)
+    assert whole.all_round
+    assert whole.sector_width == 2 * math.pi
+    less = Coverage(azimuth_min=0.0, azimuth_max=FULL_TURN - 1e-6)
+    assert not less.all_round
+    assert less.sector_width == FULL_TURN - 1e-6

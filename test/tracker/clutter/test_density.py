@@ -317,3 +317,12 @@ def test_a_sector_that_is_seen_across_the_seam_of_the_coverage_is_not_cut(turn):
         region = seen.region
         assert region.contains(range_, azimuth + turn).mean() > 0.98
         assert region.extent.azimuth_max - region.extent.azimuth_min < 1.2
+
+
+def test_an_extent_has_the_area_of_its_sector_and_knows_a_whole_turn():
+    whole = Extent.of(SensorModel(min_range=10.0, max_range=50.0))
+    assert whole.all_round
+    assert whole.area == pytest.approx(math.pi * (50.0**2 - 10.0**2))
+    half = Extent.of(SensorModel(max_range=50.0, azimuth_min=-1.0, azimuth_max=0.5))
+    assert not half.all_round
+    assert half.area == pytest.approx(0.75 * 50.0**2)
