@@ -15,13 +15,7 @@ from support import foreign_messages as foreign
 from support.image_messages import BEAMS, CELLS, HEADER, TABLE, projected, raw
 
 from msg_adapters import MessageError
-from msg_adapters.sonar_images import (
-    DTYPES,
-    normalised_image,
-    plan_message,
-    plan_of,
-    read_image,
-)
+from msg_adapters.sonar_images import DTYPES, normalised_image, plan_message, plan_of, read_image
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout

@@ -60,3 +60,19 @@ def test_an_initiator_has_its_method_and_the_land():
     made = make_initiator("tsepm", sensor=SensorModel(), land=land, min_hits=3, window=4)
     assert isinstance(made.method, Tsepm)
     assert (made.method.options.min_hits, made.land) == (3, land)
+
+
+def test_an_unknown_method_is_refused_and_the_known_are_named():
+    with pytest.raises(ValueError, match=r"^method must be one of tsepm.*got 'kalman'"):
+        make_initiator("kalman", sensor=SensorModel())
+
+
+def test_an_option_that_the_method_does_not_have_is_refused_by_name():
+    with pytest.raises(ValueError, match=r"^colour is not an option of method 'tsepm'.*min_hits"):
+        make_initiator("tsepm", sensor=SensorModel(), colour="red", min_hits=4)
+
+
+@pytest.mark.parametrize("sensor", [None, {"range_std": 1.0}, SensorModel], ids=str)
+def test_a_wrong_sensor_is_refused_by_name(sensor):
+    with pytest.raises(TypeError, match="sensor must be a SensorModel"):
+        make_initiator("tsepm", sensor=sensor)

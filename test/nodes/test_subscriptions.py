@@ -22,14 +22,9 @@ from msg_adapters import MessageError, make_header, read_detections
 from tsepm_ros import Scan
 from tsepm_ros.nodes import subscriptions
 from tsepm_ros.nodes.base_node import ParameterError
-from tsepm_ros.nodes.subscriptions import (
-    DetectionsSubscription,
-    Pace,
-    QosWatch,
-    newest,
-    seconds_in_queue,
-    tf_look_up,
-)
+from tsepm_ros.nodes.pace import Pace, newest, seconds_in_queue
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
+from tsepm_ros.nodes.tf_own_ship import tf_look_up
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions

@@ -4,8 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
-from tsepm_ros.numerics.arrays import Rows, changed
+from tsepm_ros.numerics import arrays
+from tsepm_ros.numerics.arrays import (
+    Rows,
+    TimeLimit,
+    among_best,
+    changed,
+    complete_linkage,
+    keep_best,
+    members_of_groups,
+    summed,
+    sums_over_hits,
+)
 
 
 @dataclass(frozen=True)
@@ -37,3 +49,72 @@ def test_rows_chosen_of_several_tables_follow_each_other(echoes):
     made = Echoes.chosen((echoes, np.array([2, 0])), (echoes[none], none), (echoes, np.array([1])))
     assert type(made) is Echoes
     assert (made.range.tolist(), made.azimuth.tolist()) == ([3.0, 1.0, 2.0], [0.3, 0.1, 0.2])
+
+
+@pytest.mark.parametrize("limit", [1, 3, 50, 199, 200, 1000])
+@pytest.mark.parametrize("values", [3, 10_000], ids=["many ties", "few ties"])
+def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
+    cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
+    expected = np.sort(np.argsort(cost, kind="stable")[:limit])
+    assert keep_best(cost, limit).tolist() == expected.tolist()
+
+
+def test_sums_are_of_the_ratios_not_of_their_logarithms():
+    rng = np.random.default_rng(1)
+    score = rng.uniform(-800.0, 800.0, 300)  # beyond what exp can hold
+    group = rng.integers(0, 20, 300)
+    group[group == 7] = 8
+    expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
+    np.testing.assert_allclose(summed(score, group, 20), expected)
+
+
+def test_the_best_of_each_group_are_kept_and_of_ties_the_first():
+    group = np.array([0, 1, 0, 0, 1, 2, 0])
+    score = np.array([3.0, 1.0, 5.0, 3.0, 2.0, 0.0, 4.0])
+    assert np.flatnonzero(~among_best(group, score, 3)).tolist() == [3]
+    assert np.flatnonzero(~among_best(group, score, 2)).tolist() == [0, 3]
+    assert np.flatnonzero(~among_best(group, score, 1)).tolist() == [0, 1, 3, 6]
+
+
+def test_values_of_detections_are_summed_over_the_paths_that_have_them():
+    hits = np.array([[2, 5, 9], [3, 7, -1], [9, 12, -1]])
+    sums = sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
+    assert sums.tolist() == [1.5, 0.25, 1.0]
+
+
+def test_groups_are_in_the_order_of_their_first_rows():
+    groups = [rows.tolist() for rows in members_of_groups(np.array([4, 1, 4, 0, 1]))]
+    assert groups == [[0, 2], [1, 4], [3]]
+    assert members_of_groups(np.zeros(0, np.int64)) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_nearest_groups_are_joined_while_all_their_members_are_pairs(seed):
+    place = np.random.default_rng(seed).uniform(0.0, 6.0, 14)
+    apart = np.abs(place[:, None] - place)
+    first, second = np.nonzero(np.triu(apart <= 1.5, 1))
+    groups = [{k} for k in range(14)]
+    while True:
+        far = {
+            (a, b): max(apart[i, j] for i in groups[a] for j in groups[b])
+            for a in range(len(groups))
+            for b in range(a)
+        }
+        a, b = min(far, key=far.get)
+        if far[a, b] > 1.5:
+            break
+        groups[b] |= groups.pop(a)
+    labels = complete_linkage(14, first, second, apart[first, second])
+    assert labels.tolist() == [min(next(g for g in groups if k in g)) for k in range(14)]
+
+
+def test_a_time_limit_is_used_by_and_by(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(arrays.time, "perf_counter", lambda: now[0])
+    limit, none = TimeLimit(8.0), TimeLimit()
+    now[0] = 104.0
+    assert (limit.elapsed, limit.left) == (4.0, 4.0)
+    assert limit.used(0.49)
+    assert not limit.used(0.5)
+    assert not none.used(0.0)
+    assert (limit.finite, none.finite) == (True, False)

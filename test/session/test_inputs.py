@@ -21,7 +21,7 @@ from tsepm_ros.session.inputs import (
     ScanOrder,
     TrackerReport,
 )
-from tsepm_ros.session.session import Session, vessel_pose
+from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.options import CommonOptions

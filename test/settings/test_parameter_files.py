@@ -6,44 +6,20 @@ import pytest
 import yaml
 
 from tsepm_ros.settings.parameter_files import (
-    as_yaml,
     fits,
     load_yaml,
     parameter_files,
     parse_values,
     unused_files,
-    values_for,
     without_value,
 )
 from tsepm_ros.settings.settings import (
     NODES,
-    full_table,
 )
-from tsepm_ros.tools.commands.cli import main
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 
 CONFIG = Path(__file__).parents[2] / "config"
-
-
-@EVERY_NODE
-def test_yaml_reads_back_as_the_defaults_with_their_types(node):
-    content = yaml.safe_load(as_yaml(node, NODES[node]))
-    assert list(content) == ["/**"], "it fits any name and namespace of the node"
-    values = content["/**"]["ros__parameters"]
-    expected = {row.name: row.default for row in full_table(NODES[node])}
-    assert values == expected
-    assert {name: type(value) for name, value in values.items()} == {
-        name: type(value) for name, value in expected.items()
-    }
-
-
-@EVERY_NODE
-def test_the_shipped_parameter_file_is_up_to_date(node):
-    path = CONFIG / f"{node}.yaml"
-    if not path.exists():
-        pytest.skip("only in the source tree")
-    assert path.read_text(encoding="utf-8") == as_yaml(node, NODES[node])
 
 
 @pytest.mark.parametrize(
@@ -95,13 +71,6 @@ def test_what_is_no_parameter_file_is_left_to_ros(written, text):
     assert unused_files(written(text), "/track_initiator") == []
 
 
-@pytest.mark.parametrize("section", ["5", "", "[max_speed]", "text"])
-def test_a_section_that_is_no_mapping_has_no_parameters(written, tmp_path, section):
-    arguments = written(f"/**:\n  ros__parameters: {section}\n")
-    assert without_value(arguments, "/node") == []
-    assert values_for(tmp_path / "mine.yaml", "/node") == {}
-
-
 def test_parameters_without_a_value_are_named(written):
     arguments = written(
         "/**:\n  ros__parameters:\n    max_speed: []\n    sensor:\n      max_range:\n"
@@ -128,10 +97,6 @@ def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
     assert type(found) is type(value)
 
 
-def test_the_last_of_two_values_on_the_command_line_counts():
-    assert parse_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
-
-
 @pytest.mark.parametrize("text", ["a=5", "a", ":=5", "", "a:={"])
 def test_what_is_no_assignment_is_refused(text):
     with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
@@ -149,19 +114,3 @@ CODE = "x: !!python/object/apply:os.system ['touch pwned']"
 def test_plain_values_are_those_of_safe_load():
     text = "a: [1, 2.5, text, true, null]\nb: {c: 2024-01-01}\n"
     assert load_yaml(text) == yaml.safe_load(text)
-
-
-@pytest.mark.parametrize("text", [BOMB, CODE, "a: &a [*a]"], ids=["bomb", "code", "cycle"])
-def test_no_reader_takes_it(tmp_path, monkeypatch, capsys, text):
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "file.yaml"
-    path.write_text(text)
-    with pytest.raises(yaml.YAMLError):
-        load_yaml(text)
-    with pytest.raises(ValueError, match="parameter file"):
-        values_for(path, "/track_initiator")
-    assert main(["run", str(path)]) == 2
-    assert capsys.readouterr().err.startswith("refused: ")
-    with pytest.raises(ValueError):
-        parse_values([f"max_speed:={text}"])
-    assert list(tmp_path.iterdir()) == [path]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tsepm_ros import SensorModel, available_methods
+from tsepm_ros import available_methods
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
 from tsepm_ros.parameters import table
 from tsepm_ros.settings.node_options import (
@@ -20,21 +20,12 @@ from tsepm_ros.settings.settings import (
     with_method,
 )
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.sensor import Coverage
 
 METHOD_NAMES = f"one of {', '.join(METHODS)}"
 
 DENSITY = "clutter_density must be a text, one of estimated, given"
 
 CONFIG = Path(__file__).parents[2] / "config"
-
-
-def test_a_file_that_both_nodes_share_is_read_by_the_detector_without_the_sensor_s_errors():
-    errors = {row.name: row.default for row in full_table((("sensor.", SensorModel),))}
-    made = make_groups(NODES["sonar_detector"], errors | {"sensor.max_range": 40.0})
-    assert made[Coverage] == Coverage(max_range=40.0)
-    with pytest.raises(ValueError, match=r"sensor.max_rang is not a parameter; did you mean"):
-        make_groups(NODES["sonar_detector"], {"sensor.max_rang": 40.0})
 
 
 def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():

@@ -76,3 +76,23 @@ def test_the_oldest_track_goes_first_and_of_equal_age_the_nearest():
 def test_the_best_pair_of_each_track_may_share_a_detection():
     given = pairs((0, 0, 2.0), (0, 1, 1.0), (1, 1, 0.5), (1, 2, 0.5))
     assert listed(best_of_each(given)) == [(0, 1), (1, 1)]
+
+
+def plain_disjoint(members, cost):
+    taken, chosen = set(), []
+    for row in sorted(range(len(cost)), key=lambda one: (cost[one], one)):
+        mine = set(members[row].tolist()) - {NO_HIT}
+        if not mine & taken:
+            taken |= mine
+            chosen.append(row)
+    return sorted(chosen)
+
+
+@pytest.mark.parametrize("block", [1, 7, 50_000])
+@pytest.mark.parametrize("seed", range(5))
+def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
+    monkeypatch.setattr(assignment, "BLOCK", block)
+    rng = np.random.default_rng(seed)
+    members = rng.integers(-1, 40, (100, 3))
+    cost = rng.integers(0, 10, 100).astype(float)
+    assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)

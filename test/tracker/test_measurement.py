@@ -1,14 +1,15 @@
-"""Polar to Cartesian without bias, in the fixed frame."""
+"""Polar to Cartesian without bias, in the fixed frame; the window of detections."""
 
 import math
 
 import numpy as np
 import pytest
-from support.builders import whitened
+from support.builders import detections, whitened
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
+    DetectionWindow,
     convert,
     covariance_at,
     measured_polar,
@@ -18,8 +19,11 @@ from tsepm_ros.tracker.measurement import (
 )
 
 SENSOR = SensorModel(range_std=12.0, range_std_fraction=0.01, azimuth_std=math.radians(2.0))
+
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(60)
+
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
+
 """Quadrature over a standard normal variable."""
 
 
@@ -119,3 +123,38 @@ def test_an_intensity_that_no_square_holds_is_none():
     found = convert(scan, SENSOR, 0)["intensity"]
     np.testing.assert_array_equal(found, [5.0, np.nan, np.nan, np.nan])
     np.testing.assert_array_equal(convert(Scan(0.0, [1e3], [0.0]), SENSOR, 0)["intensity"], np.nan)
+
+
+def scan_of(n: int, scan: int) -> np.ndarray:
+    found = detections(np.zeros((n, 2)), float(scan))
+    found["scan"], found["index"] = scan, np.arange(n)
+    return found
+
+
+@pytest.fixture
+def window() -> DetectionWindow:
+    window = DetectionWindow()
+    for scan, n in enumerate([3, 0, 2, 4]):
+        window.append(scan_of(n, scan))
+    return window
+
+
+def test_what_several_tracks_claim_is_one_of_theirs(window):
+    window.note_held(np.array([4, 6, 6]), np.array([0.5, 0.5, 0.2]))
+    window.note_held(np.array([4]), np.array([0.5]))
+    np.testing.assert_allclose(
+        window.held_probability(np.array([[3, 4], [5, 6]])), [[0.0, 0.75], [0, 0.6]]
+    )
+
+
+def test_a_certain_claim_that_is_rounded_up_is_certain(window):
+    window.note_held(np.array([3]), np.array([1.0 + 1e-15]))
+    assert window.held_probability(np.array([3])) == [1.0]
+
+
+def test_claims_stay_with_their_detections(window):
+    window.note_held(np.array([2, 8]), np.array([0.25, 0.75]))
+    window.forget(2)
+    assert window.held_probability(np.array([8])) == [0.75]
+    added = window.append(scan_of(2, 4))
+    assert window.held_probability(added).tolist() == [0.0, 0.0]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.builders import scan_at
+from support.builders import detections, scan_at
 from support.plain_held_tracks import in_disc as plain_in_disc
 from support.score_scenes import score
 
@@ -145,3 +145,125 @@ def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
         np.testing.assert_allclose(found[row], F @ state[row])
         expected = F @ covariance[row] @ F.T + np.kron(np.eye(2), block)
         np.testing.assert_allclose(spread[row], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_gain_is_that_of_the_stacked_matrices_and_the_update_is_bayes():
+    rng = np.random.default_rng(8)
+    root = rng.normal(size=(3, 4, 4))
+    covariance = root @ np.swapaxes(root, 1, 2)
+    state, innovation = rng.normal(size=(3, 4)), rng.normal(size=(3, 2))
+    elapsed, error = np.array([0.0, 2.0, -1.5]), np.diag([2.0, 3.0])
+    h = np.stack([np.kron(np.eye(2), [1.0, t]) for t in elapsed])
+    spread = h @ covariance @ np.swapaxes(h, 1, 2) + error
+    np.testing.assert_allclose(
+        motion.position_covariance_after(covariance, elapsed), spread - error, atol=1e-9
+    )
+    np.testing.assert_array_equal(
+        motion.position_covariance_after(covariance, np.zeros(3)), covariance[:, 0::2, 0::2]
+    )
+    gain = covariance @ np.swapaxes(h, 1, 2) @ np.linalg.inv(spread)
+    np.testing.assert_allclose(motion.kalman_gain(covariance, elapsed, spread), gain)
+    found = motion.update(state, covariance, elapsed, innovation, spread)
+    np.testing.assert_allclose(found[0], state + np.einsum("nij,nj->ni", gain, innovation))
+    information = np.linalg.inv(covariance) + np.swapaxes(h, 1, 2) @ np.linalg.inv(error) @ h
+    np.testing.assert_allclose(found[1], np.linalg.inv(information), atol=1e-6)
+    np.testing.assert_allclose(
+        motion.position_after(state, elapsed), np.einsum("nij,nj->ni", h, state)
+    )
+
+
+def test_innovations_are_against_the_place_and_with_the_errors_there():
+    found = detections([[3000.0, 40.0]], 12.0)
+    found["range_std"], found["azimuth_std"] = 20.0, 0.01
+    state, covariance = np.array([[2990.0, 5.0, 10.0, 3.0]]), np.diag([9.0, 1.0, 4.0, 2.0])[None]
+    innovation, spread = motion.innovations(
+        state, covariance, np.array([2.0]), found, SensorModel()
+    )
+    np.testing.assert_allclose(innovation, [[0.0, 24.0]])
+    along, across = 20.0**2 + 9.0 + 4.0, (3000.0 * 0.01) ** 2 + 4.0 + 8.0
+    np.testing.assert_allclose(np.diagonal(spread[0]), [along, across], rtol=0.01)
+
+
+def test_the_likelihood_of_a_detection_is_gaussian_within_the_gate_and_nothing_beyond():
+    found = detections([[0.0, 0.0]] * 3, 0.0)
+    spread = np.diag([4.0, 9.0])
+    innovation = np.array([[2.0, 3.0], [4.0, 6.6], [4.0, 6.9]])  # squares 2, 8.84 and 9.29
+    density = motion.log_likelihood(
+        np.zeros((1, 4)),
+        np.eye(4)[None],
+        np.zeros(3, np.int64),
+        0.0,
+        innovation,
+        np.broadcast_to(spread, (3, 2, 2)),
+        found,
+        np.arange(3),
+        0.99,
+    )
+    at_zero = -np.log(2.0 * np.pi * 6.0)
+    np.testing.assert_allclose(density[:2], at_zero - 0.5 * np.array([2.0, 8.84]))
+    assert density[2] == -np.inf
+    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
+    found["range_rate_std"] = 0.5
+    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(11.345), rel=1e-4)
+
+
+def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
+    found = detections([[1000.0, 0.0]] * 3, 2.0)
+    found["range_rate"], found["range_rate_std"] = [3.0, 4.0, 15.0], 0.5
+    state, covariance = np.array([[994.0, 3.0, 0.0, 0.0]]), np.diag([9.0, 4.0, 9.0, 4.0])[None]
+    owner, row = np.zeros(3, np.int64), np.arange(3)
+    spread = np.broadcast_to(np.diag([26.0, 26.0]), (3, 2, 2))
+    density = motion.log_likelihood(
+        state, covariance, owner, 0.0, np.zeros((3, 2)), spread, found, row, 0.99
+    )
+    # The velocity along the line of sight after the position: variance 4 - 8^2 / 26.
+    along = 4.0 - 8.0**2 / 26.0 + 0.25
+    expected = -np.log(2 * np.pi * 26.0) - 0.5 * np.log(2 * np.pi * along)
+    assert density[0] == pytest.approx(expected, abs=1e-3)
+    assert density[1] == pytest.approx(expected - 0.5 / along, abs=1e-3)
+    assert density[2] == -np.inf
+
+
+def test_the_closest_approach_is_where_a_fine_grid_of_times_has_it():
+    relative = np.array([[100.0, -3.0, 40.0, 1.0], [50.0, 2.0, 20.0, 0.5], [5.0, 0.0, 6.0, 0.0]])
+    time, distance = motion.closest_approach(relative)
+    times = np.linspace(-60.0, 60.0, 120_001)
+    for row in range(2):
+        apart = np.hypot(
+            relative[row, 0] + times * relative[row, 1], relative[row, 2] + times * relative[row, 3]
+        )
+        assert times[apart.argmin()] == pytest.approx(time[row], abs=1e-3)
+        assert apart.min() == pytest.approx(distance[row], abs=1e-5)
+    assert (time[2], distance[2]) == (0.0, np.hypot(5.0, 6.0))
+
+
+def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
+    state, covariance = np.array([[100.0, 3.0, 50.0, -2.0]]), np.diag([9.0, 1.0, 9.0, 1.0])[None]
+    begun = motion.InteractingModels.of(state, covariance)
+    goes_on, begins = motion.GOES_ON, 1.0 / motion.SCANS_TO_TURN
+    chain = np.array([[1.0 - begins, begins], [1.0 - goes_on, goes_on]])
+    np.testing.assert_allclose(begun.probability @ chain, begun.probability, err_msg="stationary")
+    models = motion.InteractingModels(
+        np.array([[0.7, 0.3]]), np.stack([state, state + 1.0], axis=1), begun.covariance
+    )
+    for elapsed, longest in [(2.0, motion.TURN_TIME), (-8.0, 8.0)]:
+        found = models.predicted(np.array([elapsed]), 10.0)
+        np.testing.assert_allclose(found.probability, models.probability @ chain)
+        step = np.kron(np.eye(2), [[1.0, elapsed], [0.0, 1.0]])
+        for mode in range(2):
+            weight = models.probability[0] * chain[:, mode] / found.probability[0, mode]
+            mean = weight @ models.state[0]
+            apart = models.state[0] - mean
+            spread = covariance[0] + sum(
+                w * np.outer(d, d) for w, d in zip(weight, apart, strict=True)
+            )
+            np.testing.assert_allclose(found.state[0, mode], step @ mean)
+            noise = motion.PROCESS_NOISE + (25.0 / longest if mode else 0.0)
+            t = elapsed
+            each = abs(t) * noise * np.array([[t * t / 3.0, t / 2.0], [t / 2.0, 1.0]])
+            np.testing.assert_allclose(
+                found.covariance[0, mode], step @ spread @ step.T + np.kron(np.eye(2), each)
+            )
+    mean, spread = models.combined()
+    np.testing.assert_allclose(mean, state + 0.3)
+    np.testing.assert_allclose(spread[0], covariance[0] + 0.21)

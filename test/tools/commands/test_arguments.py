@@ -1,18 +1,31 @@
 """Arguments that commands share: numbers with a least value, folders, and their defaults."""
 
 import argparse
+from pathlib import Path
 
 import pytest
+import yaml
 
+from tsepm_ros import SensorModel
+from tsepm_ros.settings.parameter_files import load_yaml, parse_values, without_value
+from tsepm_ros.settings.settings import (
+    NODES,
+    full_table,
+    make_groups,
+)
 from tsepm_ros.tools.commands.arguments import (
     add_arguments,
     add_out,
     add_runs,
+    as_yaml,
     in_folder,
     positive,
     scenario_names,
     seed,
+    values_for,
 )
+from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tracker.sensor import Coverage
 
 
 def test_a_number_is_not_below_its_least_value():
@@ -47,28 +60,6 @@ def test_shipped_scenarios_are_named():
     assert "box" in scenario_names()
     assert scenario_names().endswith("or a .yaml file")
 
-
-
-
-from pathlib import Path
-
-import pytest
-import yaml
-
-from tsepm_ros import SensorModel
-from tsepm_ros.settings.parameter_files import (
-    load_yaml,
-    parse_values,
-    without_value,
-)
-from tsepm_ros.settings.settings import (
-    NODES,
-    full_table,
-    make_groups,
-)
-from tsepm_ros.tools.commands.arguments import as_yaml, values_for
-from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tracker.sensor import Coverage
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 

@@ -10,7 +10,8 @@ from msg_adapters.sonar_images import located
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
-from tsepm_ros.tools.replay.recording import read_images, read_recording
+from tsepm_ros.tools.replay.image_folder import read_images
+from tsepm_ros.tools.replay.recording import read_recording
 
 GEOMETRY = "range: [1.0, 20.9]\nazimuth: [-1.0, 1.0]\nfalse_detections_per_ping: 5\n"
 

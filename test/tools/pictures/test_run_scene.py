@@ -99,6 +99,8 @@ def test_the_headline_has_the_result(outcomes):
 def test_the_headline_of_a_recording_counts_tracks():
     scans = [view(1, [track_at(1, 0.0)]), view(2, held=[track_at(1, 1.0)])]
     assert headline(RunScene("run", scans)) == "1 track in 2 pings, 1 held at the end"
+
+
 POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
 
 

@@ -18,11 +18,7 @@ from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.replay.offline import process_recording
-from tsepm_ros.tools.replay.recording import (
-    UNKNOWN_YAW_VARIANCE,
-    RecordedScan,
-    Recording,
-)
+from tsepm_ros.tools.replay.recording import UNKNOWN_YAW_VARIANCE, RecordedScan, Recording
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import LandMask, Scan, SensorModel
 from tsepm_ros.tracker.clutter import fixed_places
+from tsepm_ros.tracker.clutter import fixed_places as module
 from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, poisson_bound
 from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
@@ -20,6 +21,7 @@ from tsepm_ros.tracker.clutter.fixed_places import (
     SIDE,
     FixedPlaces,
 )
+from tsepm_ros.tracker.scan import placed as in_fixed_frame
 from tsepm_ros.tracker.sensor import View
 
 SECTOR = SensorModel(
@@ -243,49 +245,6 @@ def test_where_the_fixed_frame_begins_does_not_matter():
     np.testing.assert_allclose(moved(far), moved(np.zeros(2)), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("seed", "most"), [(3, 1), *(pytest.param(seed, 2, marks=pytest.mark.long) for seed in (4, 5))]
-)
-def test_hardly_a_track_starts_on_the_piles_of_a_quay_once_they_are_learned(seed, most):
-    """40 piles, each seen in one ping of 4 on average; with the map alone 5, 16 and 11 starts."""
-    rng = np.random.default_rng(seed)
-    piles = np.stack([np.full(40, 150.0), rng.uniform(-150.0, 150.0, 40)], axis=1)
-    seen = rng.uniform(0.05, 0.45, 40)
-    initiator = make_initiator("score", sensor=SECTOR, min_speed=0.5)
-    starts = 0
-    for ping in range(200):
-        echoes = piles[rng.random(40) < seen]
-        range_, azimuth = detected(echoes, (0.0, 0.0, 0.0), rng)
-        tracks = initiator.process(Scan(float(ping), range_, azimuth))
-        starts += len(tracks) if ping >= 40 else 0
-    assert starts <= most
-    assert len(initiator.current) <= 1
-
-
-@pytest.mark.long
-def test_a_target_that_moves_to_and_fro_stays_held_under_its_id():
-    """It has detections on both sides of every place; counted as clutter, it lost its track."""
-    near, ids = [], []
-    for seed in range(3, 8):  # in the first, five misses in a row as it turns
-        rng = np.random.default_rng(seed)
-        initiator = make_initiator("score", sensor=SECTOR, plots="off")
-        found = set()
-        for ping in range(240):
-            away = abs(ping % 80 - 40.0)
-            place = np.array([150.0, -20.0 + away])
-            echoes = place[None][: int(rng.random() < 0.6)]
-            clutter = rng.uniform(-290.0, 290.0, (rng.poisson(8), 2))
-            range_, azimuth = detected(np.concatenate([echoes, clutter]), (0.0, 0.0, 0.0), rng)
-            initiator.process(Scan(float(ping), range_, azimuth))
-            apart = np.hypot(*(initiator.current.state[:, 0::2] - place).T)
-            if ping >= 80:
-                near.append(apart.min(initial=math.inf) < 8.0)
-                found |= set(initiator.current.track_id[apart < 8.0].tolist())
-        ids.append(len(found))
-    assert np.mean(near) > 0.95
-    assert ids == [1] * 5
-
-
 def test_a_scan_that_is_observed_again_is_not_counted_again():
     learned, rng = FixedPlaces(SensorModel()), np.random.default_rng(5)
     for stamp in (*range(40), *range(30, 40), *range(40, 80)):
@@ -312,3 +271,57 @@ def test_of_many_views_in_a_period_the_share_of_each_counts():
     # A line of 40 echoes on 399 m, as wide as 4 m or more.
     assert np.mean(np.array(found) > 0.0) > 0.75
     assert max(found) < 2.0 * 40.0 / 398.5 / 4.0
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_a_place_is_on_land_where_its_cell_is(yaw):
+    """Against a loop over the cells, each of which knows its own places."""
+    rng = np.random.default_rng(1)
+    occupied = rng.random((7, 13)) < 0.4
+    mask = LandMask(occupied, 2.5, (100.0, -40.0, yaw))
+    assert mask.cells == occupied.sum()
+    assert mask.area == pytest.approx(6.25 * occupied.sum())
+    along, across = (
+        np.array([math.cos(yaw), math.sin(yaw)]),
+        np.array([-math.sin(yaw), math.cos(yaw)]),
+    )
+    for row, column in np.ndindex(occupied.shape):
+        u, v = rng.uniform(0.01, 0.99, (2, 5))
+        places = np.array([100.0, -40.0])
+        places = places + 2.5 * ((column + u)[:, None] * along + (row + v)[:, None] * across)
+        assert mask.covers(places).tolist() == [bool(occupied[row, column])] * 5
+    outside = np.array([[-0.1, 3.0], [13.1, 3.0], [5.0, -0.1], [5.0, 7.1]]) * 2.5
+    assert not mask.covers(np.array([100.0, -40.0]) + outside @ np.stack([along, across])).any()
+    assert not mask.covers(np.array([[1e300, 0.0], [-1e300, 1e300]])).any()
+
+
+def test_detections_are_judged_where_they_are_in_the_fixed_frame():
+    mask = LandMask([[True]], 10.0, (95.0, 45.0, 0.0))
+    scan = Scan(0.0, [50.0, 50.0, 50.0], [0.0, -1.0, 2.0], sensor_pose=(100.0, 0.0, math.pi / 2))
+    assert mask.covers(in_fixed_frame(scan)).tolist() == [True, False, False]
+    poses = [(100.0, 0.0, math.pi / 2), (50.0, 50.0, 1.0), (0.0, 0.0, 0.0)]
+    scan = Scan(0.0, [50.0, 50.0, 50.0], [0.0, -1.0, 2.0], sensor_pose=poses)
+    assert mask.covers(in_fixed_frame(scan)).tolist() == [True, True, False]
+
+
+BAD = {
+    "resolution": (math.nan, 0.0, -1.0, math.inf, 1e-9, 1e7),
+    "origin": ((math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan), (1e12, 0, 0), (0, 0)),
+    "occupied": ([True, False], np.zeros((1, 1, 1))),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [(name, value) for name, values in BAD.items() for value in values]
+)
+def test_a_chart_that_is_none_is_refused(name, value):
+    good = {"occupied": [[True]], "resolution": 1.0, "origin": (0.0, 0.0, 0.0)}
+    with pytest.raises(ValueError, match=f"^{name} "):
+        LandMask(**{**good, name: value})
+
+
+def test_a_chart_is_bounded():
+    wide = np.broadcast_to(np.array(False), (20_000, 20_000))  # takes no memory
+    with pytest.raises(ValueError, match=r"^occupied must have two axes and at most"):
+        LandMask(wide, 1.0)
+    assert module.MAX_CELLS <= 1e8

@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import sys
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,10 @@ import pytest
 from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, published, step, tracks
+from support.held_scenes import compare
 
+from tsepm_ros import ConfirmedTrack, SensorModel
+from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
@@ -23,6 +28,7 @@ from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     ExternalTracker,
     TrackMaintenance,
+    best_held,
 )
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -250,3 +256,44 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
     step(hold, 100.0)
     assert hold.tracker is ExternalTracker.SILENT
     assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
+
+
+def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
+    existence = np.array([0.5, 0.9, 0.9, 0.9])
+    assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
+
+
+def test_a_step_is_that_of_plain_loops(monkeypatch):
+    nodes, weights = np.polynomial.legendre.leggauss(80)  # as exact as the plain integrals
+    monkeypatch.setattr(motion, "NODES", nodes)
+    monkeypatch.setattr(motion, "WEIGHTS", weights)
+    counts = sum((compare(seed) for seed in range(3)), Counter())
+    assert {"tracks", "associations", "missed"} <= set(+counts)
+
+
+def test_there_is_room_for_the_tracks_that_can_be_carried_in_time():
+    limit = TimeLimit(10.0)
+    most = int(track_maintenance.HOLDING_SHARE * 10.0 / track_maintenance.SECONDS_PER_TRACK)
+    assert track_maintenance.room_for(limit, 0) == most
+    assert track_maintenance.room_for(limit, 100) == most - 100
+    assert track_maintenance.room_for(limit, most) == track_maintenance.LEAST_ROOM
+    assert track_maintenance.room_for(TimeLimit(math.inf), 10**6) == sys.maxsize
+
+
+def test_of_targets_that_move_the_detections_are_told():
+    hold = TrackMaintenance(CommonOptions())
+    moving = ConfirmedTrack(3, 0.0, np.array([0.0, 8.0, 3e3, 0.0]), 4.0 * np.eye(4), (), 0.0)
+    still = ConfirmedTrack(5, 0.0, np.array([3e3, 0.0, 0.0, 0.0]), 4.0 * np.eye(4), (), 0.0)
+    hold.add(TrackArrays.of([moving, still]), 0.99)
+    found = detections([[3e3, 0.0], [80.0, 3e3], [5e3, 5e3]], 10.0, 25.0)
+    found["range_std"], found["azimuth_std"] = 5.0, 0.002
+    density = hold.step(
+        10.0, found, np.full(3, 1e-7), lambda at: np.full(len(at), 0.9), SensorModel(), 10.0
+    )
+    assert sorted(zip(*hold.probable_detections, strict=True)) == [(3, 1), (5, 0)]
+    assert sorted(zip(*hold.nearest_detections, strict=True)) == [(3, 1), (5, 0)]
+    assert hold.detections_of_moving().tolist() == [1]
+    assert (density[:2] > 1e-4).all()
+    assert density[2] == 0.0
+    assert (hold.held.existence > 0.99).all()
+    assert hold.held.hit_sigma.tolist() == [5.0, 5.0]

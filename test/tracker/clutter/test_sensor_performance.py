@@ -1,14 +1,11 @@
-"""What held tracks tell of the sensor: errors of range and azimuth, and detection probability."""
+"""Errors and detection probability of the sensor, learned from held tracks."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import reconfigured
-from support.score_scenes import clutter, score
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clutter.sensor_performance import (
     DATA_SHEET_SCANS,
     DetectionProbability,
@@ -16,10 +13,8 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     MeasurementErrors,
 )
 from tsepm_ros.tracker.measurement import convert
-from tsepm_ros.tracker.tracker import Tracker
 
 HELD = np.array([7, 9, 11]), np.array([True, True, False])
-"""Ids of the held tracks, and which move."""
 
 
 def fitted(
@@ -164,6 +159,7 @@ def test_a_target_that_turns_does_not_make_errors_larger():
 
 
 SENSOR = SensorModel(clutter_density=3e-7)
+
 TARGETS = np.array(
     [[3000.0, 3.0, 2000.0, -2.0], [-4000.0, 2.0, 1000.0, 3.0], [500.0, -3.0, -4500.0, 1.0]]
 )
@@ -183,13 +179,6 @@ def seen(detected: float, seed: int, scans: int = 80) -> list[Scan]:
         azimuth = np.append(azimuth, np.arctan2(y, x) + SENSOR.azimuth_std * error[1])
         made.append(Scan(12.0 * index, range_, azimuth))
     return made
-
-
-def run(scans: list[Scan], how: str, method: str = "score") -> Tracker:
-    initiator = make_initiator(method, sensor=SENSOR, detection_probability=how)
-    for scan in scans:
-        initiator.process(scan)
-    return initiator
 
 
 def test_the_data_sheet_counts_until_tracks_tell_otherwise():
@@ -215,48 +204,3 @@ def test_a_miss_and_a_detection_stay_possible():
     for _ in range(500):
         known.update(np.ones(1), np.array([1000.0]), 0.9)
     assert known.estimate(0.9) == 0.05
-
-
-@pytest.mark.parametrize(
-    "true", [0.6, *(pytest.param(true, marks=pytest.mark.long) for true in (0.8, 0.95))]
-)
-def test_the_estimate_comes_near_the_truth(true):
-    # 3 targets in 80 scans: 0.03 is the standard error of a share of 0.6 in 200 scans.
-    found = [run(seen(true, seed), "estimated") for seed in range(4)]
-    estimates = [one.estimated_detection_probability for one in found]
-    assert max(abs(estimate - true) for estimate in estimates) < 0.1
-    assert abs(np.mean(estimates) - true) < 0.04
-    assert [one.detection_probability for one in found] == estimates
-
-
-def test_targets_that_vanish_are_not_missed():
-    initiator = run(seen(0.8, 1), "estimated")
-    before = initiator.estimated_detection_probability
-    for index in range(80, 110):
-        initiator.process(Scan(12.0 * index, [], []))
-    assert not len(initiator.current)
-    assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
-
-
-def test_forgetting_all_forgets_it_and_another_data_sheet_counts_at_once():
-    initiator = run(seen(0.6, 3), "given")
-    before = initiator.estimated_detection_probability
-    sheet = replace(SENSOR, detection_probability=0.5)
-    reconfigured(initiator, sheet, initiator.common, initiator.options)
-    assert initiator.estimated_detection_probability < before
-    initiator.reset()
-    assert initiator.estimated_detection_probability == pytest.approx(0.5)
-
-
-@pytest.mark.long
-def test_a_sea_without_targets_leaves_the_detection_probability_as_given():
-    # Five false tracks a minute are allowed; each is missed most of the time.
-    sensor = SensorModel(max_range=4000.0, clutter_density=2e-6, detection_probability=0.8)
-    initiator = score(sensor, false_tracks_per_hour=300.0)
-    rng = np.random.default_rng(4)
-    for k in range(60):
-        range_, azimuth = clutter(rng, 2e-6)
-        near = range_ < 4000.0
-        initiator.process(Scan(12.0 * k, range_[near], azimuth[near]))
-    assert initiator.totals.confirmed > 15
-    assert initiator.detection_probability > 0.65

@@ -19,14 +19,14 @@ from fixed_echoes_scenes import (
 from support.builders import reconfigured
 
 from tsepm_ros import make_initiator
-from tsepm_ros.tracker.options import CommonOptions
 
 REFLECTORS = Scene(detection_probability=0.8, pings=40)
+
 SURE = 0.9
+
 SHARE = 0.9
-"""Prior share of what stands still, as in the package."""
+
 PARTS = 0.5, 0.25, 0.125, 0.125
-"""Shares of moving targets of at most MAX_SPEED, half of it, ..., as in the package."""
 
 
 def oracle(pings: list[Ping], target: int, known: Target | None = None) -> Iterator[float]:
@@ -182,10 +182,3 @@ def test_min_speed_may_change_between_scans():
     assert set(echoes.track_id) <= set(new.track_id)
     assert len(initiator.fixed_echoes) == 0
     assert initiator.statistics.confirmed == len(new)
-
-
-def test_min_speed_must_be_below_max_speed():
-    with pytest.raises(ValueError, match="min_speed must be below max_speed"):
-        CommonOptions(min_speed=5.0, max_speed=5.0)
-    with pytest.raises(ValueError, match="min_speed"):
-        CommonOptions(min_speed=-1.0)

@@ -1,4 +1,4 @@
-"""Splitting and merging: who may extend whom, which tracks are one target's, and thresholds."""
+"""Merging: which tracks are one target's, against a look at every pair."""
 
 import itertools
 from dataclasses import replace
@@ -8,17 +8,10 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import multivariate_normal
-from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.studies import assignment
-from tsepm_ros.studies.assignment import disjoint
-from tsepm_ros.tracker import merging, splitting
-from tsepm_ros.tracker.hypotheses import Hypotheses, Start, given_starts
-from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.merging import groups, merging_threshold
-from tsepm_ros.tracker.splitting import Gated, children, gate, split_paths
 from tsepm_ros.tracker.tracks import TrackArrays
 
 P_TM = 0.9
@@ -59,26 +52,6 @@ def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread)
     monkeypatch.setattr(merging, "PAIR_BLOCK", block)
     scene = crowd(m, spread)
     assert partition(groups(*scene, P_TM)) == partition(every_pair(*scene))
-
-
-def plain_disjoint(members, cost):
-    taken, chosen = set(), []
-    for row in sorted(range(len(cost)), key=lambda one: (cost[one], one)):
-        mine = set(members[row].tolist()) - {NO_HIT}
-        if not mine & taken:
-            taken |= mine
-            chosen.append(row)
-    return sorted(chosen)
-
-
-@pytest.mark.parametrize("block", [1, 7, 50_000])
-@pytest.mark.parametrize("seed", range(5))
-def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
-    monkeypatch.setattr(assignment, "BLOCK", block)
-    rng = np.random.default_rng(seed)
-    members = rng.integers(-1, 40, (100, 3))
-    cost = rng.integers(0, 10, 100).astype(float)
-    assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
 
 
 def agrees(*offsets: float, explained: float = 0.0) -> list[bool]:
@@ -136,21 +109,6 @@ def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
     assert merging.published_owners(starts, few).tolist() == [-1]
 
 
-def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own():
-    of, none = Hypotheses.none(3), NO_HIT
-    hypotheses = replace(
-        of,
-        hits=np.array([[1, 2, none], [1, 3, none], [2, none, none]]),
-        hit_count=np.array([2, 2, 1]),
-        score_given_held=np.array([6.0, 6.0, -1.0]),
-    )
-    start = Start(
-        np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
-    )
-    given = given_starts(hypotheses, [start])
-    np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
-
-
 def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continued_once():
     starts = starts_at((1.0, 0.0), (0.0, 0.0))
     lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
@@ -182,41 +140,3 @@ def test_continuations_by_a_bound_are_those_of_all_pairs():
         free.discard(expected[-1])
     assert 3 < expected.count(-1) < 20
     assert merging.continued(starts, lost, existence, {}, births).tolist() == expected
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_residual_detections_are_those_in_no_gate(seed):
-    rng = np.random.default_rng(seed)
-    last = detections(rng.uniform(-1000, 1000, (30, 2)), 0.0, variance=1.0)
-    last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
-    found = detections(rng.uniform(-1000, 1000, (200, 2)), 6.0)
-    gated = gate(last, found, 10.0, 0.9)
-    radius = 60.0 + gate_factor(0.9) * last["major_sigma"]
-    distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
-    expected = np.flatnonzero((distance > radius).all(axis=1))
-    assert 20 < len(expected) < 180
-    assert np.delete(np.arange(200), gated.detection).tolist() == expected.tolist()
-
-
-def random_split(seed: int, ties: bool):
-    rng = np.random.default_rng([4, seed])
-    counts = rng.integers(0, 6, 30)
-    start = np.concatenate([[0], np.cumsum(counts)])
-    gated = Gated(start, rng.integers(0, 50, start[-1]))
-    gates = rng.integers(0, 30, 80)
-    prices = rng.integers(0, 8, (80, 50)) if ties else rng.random((80, 50))
-    return gates, gated, lambda parent, detection: prices[parent, detection].astype(float)
-
-
-@pytest.mark.parametrize("block", [1, 7, 64, 1_000_000])
-@pytest.mark.parametrize("ties", [False, True], ids=["distinct", "ties"])
-@pytest.mark.parametrize("limit", [1, 10, 100])
-def test_split_within_keeps_exactly_the_best_children(monkeypatch, block, ties, limit):
-    monkeypatch.setattr(splitting, "SPLIT_BLOCK", block)
-    gates, gated, cost = random_split(limit, ties)
-    everyone = children(gates, gated)
-    best = np.sort(np.argsort(cost(*everyone), kind="stable")[:limit])
-    parent, detection, cut = split_paths(gates, gated, limit, cost)
-    assert parent.tolist() == everyone[0][best].tolist()
-    assert detection.tolist() == everyone[1][best].tolist()
-    assert cut == len(everyone[0]) - limit

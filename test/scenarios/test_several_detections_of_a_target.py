@@ -1,4 +1,4 @@
-"""Plots before every method: one start for a target of several echoes, and off is as without."""
+"""Targets of several detections in whole scenes: one start each."""
 
 import math
 from dataclasses import replace
@@ -13,9 +13,6 @@ from tsepm_ros.methods.registry import make_method
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
-from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 MANY = [
     pytest.param(spread, common, id=f"{spread:g}m-{'common' if common else 'independent'}")
@@ -71,25 +68,6 @@ def test_a_vessel_longer_than_a_plot_is_one(hull):
     assert all(run.held == 1 for run in runs)
     # A first start on its end may be lost.
     assert sum(len(run.starts) for run in runs) <= 4
-
-
-@pytest.mark.parametrize("convoy", [False, True])
-def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy):
-    """Two tracks 36 m apart: 5 detections a ping between them, or a boat with a track there."""
-    sensor = Swimmers().sensor
-    plots = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
-    rng = np.random.default_rng(1)
-    middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
-    for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
-        scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
-        plots.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
-    places = [100.0, 136.0, *[118.0] * convoy]
-    held = [
-        ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), np.eye(4), ((0, 0),), 0.0)
-        for number, x in enumerate(places)
-    ]
-    found = plots.of_one_hull(TrackArrays.of(held))
-    assert found.tolist() == [False, not convoy, *[False] * convoy]
 
 
 def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():

@@ -1,4 +1,4 @@
-"""Strengths along the paths of the tree, and what they do to the starts."""
+"""Strengths of echoes in whole scenes: what they do to the starts."""
 
 import dataclasses
 import math
@@ -11,9 +11,7 @@ from tsepm_ros import make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tracker import evaluation
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
 from tsepm_ros.tracker.evaluation import PATH_ODDS
-from tsepm_ros.tracker.hypotheses import Hypotheses
 
 BOX = load_scenario("box")
 
@@ -49,39 +47,6 @@ def with_strength(scans, strength_of):
 def started(scans, **options):
     initiator = make_initiator("score", sensor=BOX.sensor, **options)
     return [track for scan in scans for track in initiator.process(scan)], initiator
-
-
-class Observed:
-    """What the evaluation of amplitudes takes of a scan."""
-
-    def __init__(self, exponents) -> None:
-        self.detections = np.zeros(len(exponents))
-        self.strengths = ScanAmplitudes.of(np.asarray(exponents, float), 250.0, 16)
-
-
-def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
-    exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
-    row, none = np.zeros(1, np.int64), np.zeros(1, np.int64)
-    begun = evaluation.path_amplitudes(Observed(exponents[:1]), row, none, np.zeros(1))
-    hypotheses = Hypotheses.none(16)
-    paths = dataclasses.replace(
-        hypotheses,
-        strength_count=begun.hits,
-        strength_total=begun.total,
-        strength_score=begun.increment,
-    )
-    score = begun.increment[0]
-    for exponent in exponents[1:]:
-        grown = evaluation.path_amplitudes(
-            Observed([exponent]), row, paths.strength_count, paths.strength_total
-        )
-        score += grown.increment[0]
-        paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
-    strengths = Observed(exponents).strengths
-    total = strengths.scaled.sum()
-    expected = log_ratio(np.array(4.0), np.array(total), strengths.ratio.count)
-    assert grown.hits[0] == 4
-    assert score == pytest.approx(float(expected), abs=0.01)
 
 
 def test_strong_echoes_start_a_track_sooner_and_their_ratio_is_published():

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from support.lumpy_seas import LumpySea
 
-from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros import SensorModel
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
     HALF_WIDTHS,
@@ -187,9 +187,6 @@ def test_new_targets_in_a_calm_sea_make_no_lumps():
     assert variance_of((*places, np.full(10, float(scan < 3))) for scan in range(8)) < 0.2
 
 
-RADAR = SensorModel(
-    range_std=8.0, range_std_fraction=0.0, max_range=500.0, detection_probability=0.9
-)
 NO_TARGETS = HeldTargets(np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
@@ -280,30 +277,3 @@ def test_a_second_target_behind_a_held_one_is_not_taken_for_its_ghost():
         where = np.array([5000.0]), np.array([bearing])
         factor = sea.echoes.behind_targets(held(2000.0, bearing), sea.map.grid.cells(*where))
         assert factor[0] < 1.2
-
-
-def ghost_scene(seed: int, ghosts: float) -> tuple[list[np.ndarray], int]:
-    """Places of the starts in 45 scans: a vessel passes 60 m off, with ghosts behind it."""
-    rng = np.random.default_rng(seed)
-    initiator = make_initiator("score", sensor=RADAR, max_speed=15.0, false_tracks_per_hour=10.0)
-    on_vessel, elsewhere = 0, []
-    for index in range(45):
-        vessel = np.array([60.0, -90.0 + 4.0 * index])
-        bearing = math.atan2(vessel[1], vessel[0])
-        own = np.hypot(*vessel) + 5.0 * rng.standard_normal()
-        number = rng.poisson(ghosts)
-        behind = rng.uniform(350.0, 490.0, number), bearing + 0.1 * rng.standard_normal(number)
-        places = np.concatenate([[[own], [bearing]], behind, disc(rng, 2.0, 500.0)], axis=1)
-        for track in initiator.process(Scan(1.7 * index, *places)):
-            near = math.dist(track.position, vessel) < 40.0
-            on_vessel += near
-            elsewhere += [] if near else [track.position]
-    return elsewhere, on_vessel
-
-
-@pytest.mark.long
-def test_few_tracks_start_on_ghosts_and_the_vessel_is_started_once():
-    found = [ghost_scene(seed, 5.0) for seed in range(2)]
-    assert [number for _, number in found] == [1, 1]
-    # 9 where the density does not count what is behind targets.
-    assert sum(len(elsewhere) for elsewhere, _ in found) <= 5

@@ -8,6 +8,7 @@ import pytest
 
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength
+from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import (
     LAGS,
     RINGS,
@@ -21,9 +22,10 @@ from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.measurement import DETECTION
 
 BOX = load_scenario("box")
+
 MAP = ClutterMap(BOX.sensor)
+
 REACH = 120.0 * np.arange(LAGS + 1) + 380.0
-"""Of two detections of one target, m."""
 
 
 def judged(
@@ -243,8 +245,8 @@ def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
 
 
 ROWS = 20
+
 COUNT = np.full(ROWS, 30.0)
-"""Detections of each row."""
 
 
 @pytest.mark.parametrize(
@@ -278,3 +280,38 @@ def test_an_unknown_target_is_no_change_with_range():
     count[3] += 6.0
     total[3] += 6.0 * 2.0
     assert not level_by_range(count, total - count * total.sum() / count.sum(), 2.0, 1.0).any()
+
+
+def test_the_level_of_a_window_moves_only_where_too_few_values_are_on_one_side():
+    values = np.arange(100.0)
+    # A target of 16 detections does not count in a rise: the median is that of 84 values.
+    for level in (30.0, 42.0, 50.0, 62.0):
+        assert amplitude.window_level(level, values, 100) == level
+    low = math.floor(42.0 - 12.5)
+    assert amplitude.window_level(low - 1.0, values, 100) == 42.0
+    assert amplitude.window_level(float(low), values, 100) == low
+    assert amplitude.window_level(63.5, values, 100) == 50.0
+    assert amplitude.window_level(62.5, values, 100) == 62.5
+    assert amplitude.window_level(-9.0, values[:5], 2) == -9.0, "too few to tell"
+
+
+def test_keys_ascend_with_the_scan_and_then_with_the_index():
+    keys = amplitude.keys_of(np.array([0, 0, 1, 7]), np.array([3, 4, 0, 2]))
+    assert (np.diff(keys) > 0).all()
+    assert keys[0] == 3
+    assert keys[2] == 2**amplitude.INDEX_BITS
+
+
+def test_the_last_pings_are_those_of_so_many_numbers():
+    references = np.zeros(6, amplitude.REFERENCE)
+    references["ping"] = [3, 4, 4, 5, 7, 7]
+    assert amplitude.last_pings(references, 1)["ping"].tolist() == [7, 7]
+    assert amplitude.last_pings(references, 3)["ping"].tolist() == [5, 7, 7]
+    assert len(amplitude.last_pings(references, 5)) == 6
+
+
+def test_the_end_of_the_scale_is_seen_by_a_few_values_at_it():
+    weight = np.array([1.0, 1.0, 1.0, 0.5, 0.5])
+    assert amplitude._top(np.array([1.0, 9.0, 9.0, 9.0, 3.0]), weight) == (math.inf, 1.0)
+    top, share = amplitude._top(np.array([9.0, 9.0, 9.0, 9.0, 3.0]), weight)
+    assert (top, share) == (9.0, pytest.approx(4.5 / 5.0))

@@ -1,17 +1,15 @@
-"""The fits against general solvers, far from the origin, and consistent; figures of their hits."""
+"""The fits against general solvers, far from the origin, and consistent; figures of hits."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy import stats
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 from support.builders import detections, fit_matrix
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao
-from tsepm_ros.tracker.evaluation import clutter_statistic
 from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
     figures_of_hits,
@@ -81,7 +79,9 @@ def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
 # The estimation experiment of the design, section 6: 5 hits in 6 scans (the third one missed),
 # T = 10 s, 5 km, sigma_r = 10 m, sigma_az = 2 degrees, 5 m/s.
 TIMES = np.array([0.0, 10.0, 30.0, 40.0, 50.0])
+
 STATE = np.array([5000.0, 5.0, 0.0, 0.0])
+
 RUNS = 20_000
 
 
@@ -168,21 +168,3 @@ def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
     assert number.tolist() == [2.0, 1.0]
     assert total.tolist() == [5.5, 1.5]
     assert sigma.tolist() == [2.0, 2.0], "of the last hit, whose variance is 4"
-
-
-@pytest.mark.parametrize("hit_count", [2, 3, 5])
-def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
-    # Kennedy's null hypothesis: from point to nearest point of each new scan. 1000 independent
-    # tracks; a Kolmogorov-Smirnov test at 0.1 %, for which a density 12 % off is found.
-    rng = np.random.default_rng([12, hit_count])
-    density, half = 1e-6, 6000.0
-    positions = np.zeros((1000, hit_count, 2))
-    for track in positions:
-        for k in range(1, hit_count):
-            n = rng.poisson(density * (2 * half) ** 2)
-            points = track[k - 1] + rng.uniform(-half, half, (n, 2))
-            track[k] = points[np.argmin(np.square(points - track[k - 1]).sum(axis=1))]
-    statistic = clutter_statistic(positions, density)
-    assert stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue > 1e-3
-    wrong = stats.kstest(1.12 * statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
-    assert wrong < stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue

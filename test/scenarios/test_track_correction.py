@@ -13,6 +13,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.01, clutter_density=1e-5)
+
 X = 3000.0
 
 
@@ -113,7 +114,7 @@ def test_a_track_is_not_corrected_once_its_hits_leave_the_window():
 
 
 SILENT = range(30, 42)
-"""Scans in which the target is not detected."""
+
 SONARS = {
     0.1: SensorModel(
         range_std_fraction=0.005,
@@ -124,7 +125,6 @@ SONARS = {
     ),
     12.0: SensorModel(),
 }
-"""By the interval of their scans, s."""
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

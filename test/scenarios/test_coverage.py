@@ -1,4 +1,4 @@
-"""The sensor's coverage: sectors that turn with the ship, whole turns, any order of the echoes."""
+"""Coverage in whole scenes: sectors that turn with the ship, whole turns, what is outside."""
 
 import dataclasses
 import functools
@@ -17,7 +17,6 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
-from tsepm_ros.tracker.sensor import echo_poses_of, inside
 
 SECTOR = SensorModel(
     max_range=4000.0,
@@ -26,7 +25,9 @@ SECTOR = SensorModel(
     detection_probability=0.8,
     clutter_density=2e-6,
 )
+
 WEST = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(0.5))
+
 AHEAD = np.array([-2500.0, -3.0, 300.0, 1.0])
 
 
@@ -99,42 +100,6 @@ def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source
         np.testing.assert_array_equal(result.scan.azimuth, scan.azimuth)
 
 
-def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
-    """Azimuths, times and poses of a beam that turns once in 2.5 s above a ship."""
-    time = np.arange(number) * 2.5 / number
-    azimuth = np.remainder(seam + time * 2 * np.pi / 2.5 + np.pi, 2 * np.pi) - np.pi
-    yaw = 3.0 + turn_rate * time
-    pose = np.stack([8.0 * time, 2.0 * time, np.remainder(yaw + np.pi, 2 * np.pi) - np.pi], axis=1)
-    return azimuth, time, pose
-
-
-@pytest.mark.parametrize("seam", [-3.1, 0.0, 2.0])
-@pytest.mark.parametrize("turn_rate", [0.0, 0.2, -0.2])
-def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn_rate, seam):
-    rng = np.random.default_rng(3)
-    azimuth, time, pose = sweep(120, turn_rate, seam)
-    range_ = rng.uniform(50.0, 900.0, 120)
-    order = rng.permutation(120)
-    scan = Scan(
-        0.0,
-        range_[order],
-        azimuth[order],
-        time_offset=(time + range_ / 1500.0)[order],
-        sensor_pose=pose[order],
-    )
-    poses = echo_poses_of(scan)
-    assert poses.by_azimuth
-    # Places where the beam looks once, and when it does.
-    when = rng.uniform(0.3, 2.2, 50)
-    beam, far = seam + when * 2 * np.pi / 2.5, rng.uniform(100.0, 900.0, 50)
-    sight = beam + 3.0 + turn_rate * when
-    place = np.stack([8.0 * when, 2.0 * when], axis=1)
-    place = place + far[:, None] * np.stack([np.cos(sight), np.sin(sight)], axis=1)
-    found = poses.polar(place)
-    np.testing.assert_allclose(found[0], far, atol=0.05)
-    np.testing.assert_allclose(np.cos(found[1] - beam), 1.0, atol=1e-6)
-
-
 def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator = make_initiator("score", sensor=SECTOR)
     initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
@@ -145,6 +110,7 @@ def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
 
 
 DISC = SensorModel(max_range=4000.0, clutter_density=2e-6)
+
 EDGE = SensorModel(
     range_std=10.0,
     range_std_fraction=0.0,
@@ -179,22 +145,6 @@ def test_a_coverage_given_too_small_does_not_flood_false_tracks(given):
     initiator = make_initiator("score", sensor=sensor, false_tracks_per_hour=20.0)
     found = sum(len(initiator.process(scan)) for scan in clutter(3, 600))
     assert found <= 35, "20 wished for in an hour: Poisson, 99.9 %"
-
-
-def test_detections_may_be_three_deviations_beyond_the_edge():
-    range_ = [1029.0, 471.0, 1031.0, 469.0]
-    used = inside(Scan(0.0, range_, np.zeros(4)), EDGE)
-    assert used.tolist() == [True, True, False, False]
-    azimuth = [1.029, -1.029, 1.031, -1.031, math.pi]
-    used = inside(Scan(0.0, np.full(5, 700.0), azimuth), EDGE)
-    assert used.tolist() == [True, True, False, False, False]
-    own = {"range_std": [11.0, 10.0], "azimuth_std": [0.01, 0.011]}
-    assert inside(Scan(0.0, [1031.0, 700.0], [0.0, -1.031], **own), EDGE).all()
-
-
-def test_errors_wider_than_a_sector_leave_no_azimuth_out():
-    scan = Scan(0.0, np.full(5, 700.0), np.linspace(-3.0, 3.0, 5), azimuth_std=np.full(5, 1.0))
-    assert inside(scan, EDGE).all()
 
 
 @pytest.mark.parametrize("method", available_methods())

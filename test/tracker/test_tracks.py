@@ -1,4 +1,4 @@
-"""Confirmed tracks carried in time."""
+"""Confirmed tracks carried in time, as arrays and for other libraries."""
 
 import sys
 from datetime import UTC, datetime, timedelta

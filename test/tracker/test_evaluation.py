@@ -1,0 +1,231 @@
+"""Scores of hypotheses: increments against sums, limits of time, the clutter statistic."""
+
+import dataclasses
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from support.builders import detections
+from support.score_scenes import NEVER, SONAR, score, sea
+
+from tsepm_ros import ConfirmedTrack, SensorModel
+from tsepm_ros.numerics.gaussian import gate_factor, log_density
+from tsepm_ros.tracker import evaluation, pruning, splitting
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
+from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
+from tsepm_ros.tracker.initial_state import NO_HIT, fit
+from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.options import ScoreOptions
+from tsepm_ros.tracker.tracks import TrackArrays
+
+
+def track(hits: int = 5) -> TrackArrays:
+    state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
+    pairs = tuple((scan, 7) for scan in range(hits))
+    return TrackArrays.of([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
+
+
+@pytest.mark.parametrize("hit_count", [2, 3, 5])
+def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
+    # Kennedy's null hypothesis: from point to nearest point of each new scan. 1000 independent
+    # tracks; a Kolmogorov-Smirnov test at 0.1 %, for which a density 12 % off is found.
+    rng = np.random.default_rng([12, hit_count])
+    density, half = 1e-6, 6000.0
+    positions = np.zeros((1000, hit_count, 2))
+    for track in positions:
+        for k in range(1, hit_count):
+            n = rng.poisson(density * (2 * half) ** 2)
+            points = track[k - 1] + rng.uniform(-half, half, (n, 2))
+            track[k] = points[np.argmin(np.square(points - track[k - 1]).sum(axis=1))]
+    statistic = clutter_statistic(positions, density)
+    assert stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue > 1e-3
+    wrong = stats.kstest(1.12 * statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
+    assert wrong < stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
+
+
+class Observed:
+    """What the evaluation of amplitudes takes of a scan."""
+
+    def __init__(self, exponents) -> None:
+        self.detections = np.zeros(len(exponents))
+        self.strengths = ScanAmplitudes.of(np.asarray(exponents, float), 250.0, 16)
+
+
+def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
+    exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
+    row, none = np.zeros(1, np.int64), np.zeros(1, np.int64)
+    begun = evaluation.path_amplitudes(Observed(exponents[:1]), row, none, np.zeros(1))
+    hypotheses = Hypotheses.none(16)
+    paths = dataclasses.replace(
+        hypotheses,
+        strength_count=begun.hits,
+        strength_total=begun.total,
+        strength_score=begun.increment,
+    )
+    score = begun.increment[0]
+    for exponent in exponents[1:]:
+        grown = evaluation.path_amplitudes(
+            Observed([exponent]), row, paths.strength_count, paths.strength_total
+        )
+        score += grown.increment[0]
+        paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
+    strengths = Observed(exponents).strengths
+    total = strengths.scaled.sum()
+    expected = log_ratio(np.array(4.0), np.array(total), strengths.ratio.count)
+    assert grown.hits[0] == 4
+    assert score == pytest.approx(float(expected), abs=0.01)
+
+
+SPREAD = np.array([[900.0, 300.0], [300.0, 400.0]])
+
+
+@pytest.mark.parametrize(("p_d", "p_g"), [(0.9, 0.99), (0.6, 0.9), (0.3, 0.999)])
+def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
+    # A scan of clutter: each detection in the gate gives a child, and there is the missed branch.
+    # Their expected sum, lambda times the integral over the gate and the miss, must be 1.
+    clutter = 1e-5
+    axis = np.linspace(-200.0, 200.0, 1601)
+    x, y = np.meshgrid(axis, axis)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    density, distance = log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
+    increment = hit_increment(density, p_d, np.full(len(points), clutter))
+    inside = distance <= gate_factor(p_g) ** 2
+    cell = (axis[1] - axis[0]) ** 2
+    children = clutter * cell * np.exp(increment[inside]).sum()
+    missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
+    assert children + missed == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_miss_of_a_sure_target_stays_possible():
+    assert np.isfinite(miss_increment(np.array([1.0]), 1.0 - 1e-12)).all()
+
+
+def test_no_clutter_at_all_does_not_make_a_detection_worth_everything():
+    assert np.isfinite(hit_increment(np.array([-10.0]), 0.9, np.array([0.0]))).all()
+
+
+def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hypotheses, int]:
+    """The children of the fourth scan of clutter, and how many were not made or kept."""
+    scans = sea(np.random.default_rng(seed), 4, [])
+    initiator = score(false_tracks_per_hour=NEVER)
+    for scan in scans[:3]:
+        initiator.process(scan)
+    before = initiator.method.hypotheses
+    observed = initiator.observe(scans[3])
+    predicted = splitting.predict(before, observed.interval, 0.001)
+    expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, SONAR)
+    pairs = parent, row, unmade = splitting.split(expected, 0.99, most)
+    missed, scores = evaluation.evaluate(expected, parent, row, observed, 0.99)
+    deletion = ScoreOptions().deletion_threshold
+    kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
+    started = splitting.start(observed, 10.0, 16)
+    parts = missed, scores, started
+    tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
+    return tree.hypotheses, unmade + cut
+
+
+@pytest.mark.parametrize("most", [math.inf, 1e6], ids=["no limit", "a limit not reached"])
+def test_blocks_do_not_change_the_children(monkeypatch, most):
+    expected, _ = children(5)
+    monkeypatch.setattr(evaluation, "MAX_PAIRS_TOGETHER", 7)
+    monkeypatch.setattr(splitting, "MAX_PAIRS_TOGETHER", 7)
+    found, cut = children(5, most)
+    assert len(found) > 100
+    assert cut == 0
+    for field in fields(Hypotheses):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
+
+
+def test_a_limit_on_pairs_keeps_the_nearest_child_of_each_hypothesis_and_counts_the_others():
+    every, _ = children(5)
+    found, cut = children(5, 1.0)
+    assert 0 < len(found) < len(every)
+    assert len(found) + cut >= len(every)
+
+
+def test_increments_of_hits_and_misses_have_their_closed_forms():
+    gained = evaluation.hit_increment(np.array([-8.0, 0.0]), np.array([0.5, 1.0]), np.full(2, 1e-4))
+    np.testing.assert_allclose(gained, [np.log(0.5 / 1e-4) - 8.0, np.log(0.999 / 1e-4)])
+    lost = evaluation.miss_increment(np.array([0.0, 0.5, 1.0]), 0.9)
+    np.testing.assert_allclose(lost, np.log(1.0 - np.array([0.0, 0.5, 0.999]) * 0.9))
+
+
+def test_fading_is_the_bayes_of_a_chain_of_two_states():
+    share, factor, keep = evaluation.FADED_SHARE, evaluation.FADED_FACTOR, np.exp(-0.1)
+    faded = np.array([0.0, 0.2, share, 1.0])
+    np.testing.assert_allclose(evaluation.fading_predicted(faded), share + keep * (faded - share))
+    visible = faded * factor + (1.0 - faded)
+    np.testing.assert_allclose(evaluation.visible_share(faded), visible)
+    np.testing.assert_allclose(evaluation.fading_after_hit(faded), faded * factor / visible)
+    seen, gate = 0.8, 0.9
+    missed = faded * (1.0 - factor * seen * gate)
+    np.testing.assert_allclose(
+        evaluation.fading_after_miss(faded, seen * visible, gate),
+        missed / (missed + (1.0 - faded) * (1.0 - seen * gate)),
+    )
+    np.testing.assert_allclose(
+        evaluation.FADED_AT_START, share * factor / (share * factor + 1.0 - share)
+    )
+
+
+def test_the_distance_of_hits_from_a_fit_is_the_largest_of_each_alone():
+    rng = np.random.default_rng(2)
+    hits = detections(rng.normal(0.0, 30.0, (2, 4, 2)), [0.0, 1.0, 2.0, 3.0], variance=4.0)
+    fitted = fit(hits, 3.0, SensorModel(), "unweighted")
+    found = evaluation.normalized_distance(hits, fitted)
+    for track in range(2):
+        squares = []
+        for hit in hits[track]:
+            h = np.kron(np.eye(2), [1.0, hit["time"] - 3.0])
+            apart = hit["position"] - h @ fitted.state[track]
+            spread = h @ fitted.covariance[track] @ h.T + hit["covariance"]
+            squares.append(apart @ np.linalg.solve(spread, apart))
+        assert found[track] == pytest.approx(max(squares))
+
+
+def test_the_clutter_statistic_is_twice_the_clutter_expected_in_the_circles():
+    positions = np.array([[[0.0, 0.0], [3.0, 4.0], [3.0, 6.0]]])
+    expected = 2.0 * np.pi * (0.01 * 25.0 + 0.02 * 4.0)
+    density = np.array([[9.0, 0.01, 0.02]])
+    np.testing.assert_allclose(evaluation.clutter_statistic(positions, density), expected)
+
+
+def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
+    hypotheses = replace(
+        Hypotheses.none(3),
+        hits=np.array([[1, -1, -1], [1, 2, -1], [1, 2, -1]]),
+        hit_count=np.array([1, 2, 2]),
+        state=np.zeros((3, 4)),
+        covariance=np.broadcast_to(np.diag([1.0, 25.0, 1.0, 25.0]), (3, 4, 4)),
+        score=np.array([1.0, 2.0, 3.0]),
+        score_given_held=np.array([0.0, 1.0, 2.0]),
+    )
+    found = evaluation.within_max_speed(hypotheses, np.array([True, True, False]), 5.0)
+    # |v|^2 / 25 of two normal components is exponential of mean 2.
+    gain = np.log(-np.expm1(-0.5)) - np.log(-np.expm1(-2.0))
+    np.testing.assert_allclose(found.score, [1.0, 2.0 + gain, 3.0], rtol=1e-6)
+    np.testing.assert_allclose(found.score_given_held, [0.0, 1.0 + gain, 2.0], rtol=1e-6)
+
+
+def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
+    window = DetectionWindow()
+    first = window.append(detections([[0.0, 0.0]] * 2, 0.0))
+    found = detections([[0.0, 0.0]] * 2, 1.0)
+    found["scan"], found["index"] = 1, [0, 1]
+    second = window.append(found)
+    none = NO_HIT
+    hits = np.array([[first[0], second[1]], [first[1], none], [first[0], second[0]]])
+    paths = replace(
+        Hypotheses.none(2),
+        hits=hits,
+        hit_count=np.array([2, 1, 2]),
+        score=np.array([5.0, 0.3, 4.0]),
+        strength_score=np.array([3.0, 0.0, 0.0]),
+    )
+    scan, index, probability = evaluation.target_hits(paths, window)
+    assert (scan.tolist(), index.tolist()) == ([0, 1, 1], [0, 0, 1])
+    odds = evaluation.PATH_ODDS * np.exp([4.0, 4.0, 2.0])
+    np.testing.assert_allclose(probability, odds / (1.0 + odds))

@@ -1,0 +1,29 @@
+"""What every method gives of a scan: counts, and a step with its new tracks."""
+
+import numpy as np
+
+from tsepm_ros import ConfirmedTrack
+from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, TrackArrays
+
+
+def tracks(number: int) -> TrackArrays:
+    return TrackArrays.of(
+        [ConfirmedTrack(k, 0.0, np.zeros(4), np.eye(4), ((0, k),), 0.0) for k in range(number)]
+    )
+
+
+def test_counts_add_up_but_for_the_potential_tracks_held_at_once():
+    one = ScanStatistics(scans=1, detections=5, potential_tracks=7, merged=1)
+    two = ScanStatistics(scans=1, detections=2, potential_tracks=3, confirmed=4)
+    total = ScanStatistics(scans=2, detections=7, potential_tracks=7, merged=1, confirmed=4)
+    assert one + two == two + one == total
+
+
+def test_new_tracks_exist_with_the_method_s_probability_or_with_the_usual_one():
+    assert Step(tracks(2)).existences.tolist() == [NEW_TRACK_EXISTENCE] * 2
+    step = Step(tracks(3), existence=np.array([0.1, 0.2, 0.3]))
+    part = step.where(np.array([True, False, True]))
+    assert part.existences.tolist() == [0.1, 0.3]
+    assert part.tracks.track_id.tolist() == [0, 2]
+    assert Step(tracks(3)).where(np.array([1])).existence is None

@@ -1,0 +1,273 @@
+"""The tracker's verb stage by stage on made scans; its ids, refusals and options."""
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
+
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracks import TrackArrays
+
+HERE = (3000.0, 0.0)
+
+
+def initiator(**options):
+    return make_initiator(
+        "tsepm", sensor=FIXED_RANGE_ERROR, **{"min_hits": 3, "window": 4, **options}
+    )
+
+
+def test_what_is_no_scan_is_refused():
+    with pytest.raises(ValueError, match=r"scan must be a tsepm_ros\.Scan; got list"):
+        initiator().process([1.0, 2.0])
+
+
+def test_an_initiator_is_shown_in_one_line():
+    made = initiator()
+    for k in range(3):
+        made.process(scan_at(12.0 * k, [HERE]))
+    assert repr(made) == "Tracker(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
+
+
+def test_track_ids_fit_32_bits():
+    made = initiator()
+    made.next_track_id = 2**32 - 1
+    ids = []
+    for k in range(6):
+        ids += [track.track_id for track in made.process(scan_at(12.0 * k, [HERE]))]
+    assert ids == [2**32 - 1, 0]
+
+
+def test_ids_in_use_are_passed_over():
+    made = initiator()
+    confirmed, others = [], [(-3000.0, 0.0), (0.0, 3000.0)]
+    for k in range(3):
+        if k == 2:  # a downstream tracker has come to use ids that were not given yet
+            far = ConfirmedTrack(0, 12.0, np.array([9e3, 0, 9e3, 0]), np.eye(4), (), 0.0)
+            used = [replace(far, track_id=track_id) for track_id in (0, 2, 500)]
+            made.maintenance.follow(12.0, TrackArrays.of(used))
+        confirmed += made.process(scan_at(12.0 * k, [HERE, *others]))
+    assert [track.track_id for track in confirmed] == [1, 3, 4]
+    assert made.next_track_id == 5
+    assert sorted(made.maintenance.held.tracks.track_id) == [0, 1, 2, 3, 4, 500]
+
+
+def test_a_track_says_when_where_and_from_what():
+    made = initiator(window=5)
+    for stamp, positions in [(100.0, [HERE]), (112.0, []), (130.0, [(-3000.0, 0.0), HERE])]:
+        assert not made.process(scan_at(stamp, positions))
+    (track,) = made.process(scan_at(140.0, [(0.0, 3000.0), (3000.0, 10.0)]))
+    assert track.hits == ((0, 0), (2, 1), (3, 1))
+    assert (track.stamp, track.age, track.scan_count) == (140.0, 40.0, 4)
+    assert np.isnan(track.score)
+    assert track.covariance.shape == (4, 4)
+    np.testing.assert_allclose(track.position, [3000.0, 10.0], atol=5.0)
+
+
+def test_a_changed_speed_counts_at_the_next_scan():
+    made = initiator(max_speed=1.0)
+    made.process(scan_at(0.0, [HERE]))
+    kept = reconfigured(made, made.sensor, CommonOptions(max_speed=50.0), made.options)
+    assert kept
+    made.process(scan_at(12.0, [(3000.0, 500.0)]))
+    assert made.statistics.started == 0
+
+
+def test_a_smaller_window_ends_tracks_at_once_and_a_larger_one_keeps_them():
+    made = initiator(min_hits=3, window=6)
+    for k, seen in enumerate([[HERE], [], []]):
+        made.process(scan_at(12.0 * k, seen))
+    assert reconfigured(
+        made, made.sensor, made.common, dataclasses.replace(made.options, window=20)
+    )
+    for k in range(3, 9):
+        made.process(Scan(12.0 * k, [], []))
+    assert made.statistics.potential_tracks == 1
+    assert reconfigured(made, made.sensor, made.common, dataclasses.replace(made.options, window=9))
+    made.process(scan_at(108.0, [HERE]))
+    assert made.statistics.started == 1, "nothing of before is there to gate"
+
+
+def test_another_number_of_hits_starts_over_and_says_so():
+    made = initiator()
+    for k in range(2):
+        made.process(scan_at(12.0 * k, [HERE]))
+    options = dataclasses.replace(made.options, min_hits=2)
+    assert not reconfigured(made, made.sensor, made.common, options)
+    tracks = [made.process(scan_at(24.0 + 12.0 * k, [HERE])) for k in range(2)]
+    assert [len(new) for new in tracks] == [0, 1]
+
+
+def test_a_figure_of_the_sensor_is_asked_for_where_it_belongs():
+    with pytest.raises(ValueError, match=r"clutter_density must be a text.*sensor.clutter_density"):
+        make_initiator("score", sensor=SensorModel(), clutter_density=2e-4)
+    with pytest.raises(ValueError, match=r"max_range is not an option.*mean sensor.max_range"):
+        make_initiator("score", sensor=SensorModel(), max_range=300.0)
+
+
+def test_a_limit_keeps_the_tightest_tracks():
+    initiator = make_initiator(
+        "tsepm", sensor=FIXED_RANGE_ERROR, min_hits=2, window=2, max_potential_tracks=1
+    )
+    initiator.process(scan_at(0.0, [(2000.0, 0.0)]))
+    (track,) = initiator.process(scan_at(12.0, [(2000.0, 90.0), (2000.0, 5.0), (2000.0, -60.0)]))
+    assert track.hits == ((0, 0), (1, 1))
+
+
+def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
+    made = make_initiator("clutter_test", sensor=SensorModel(), plots="off", clutter_test_size=0.9)
+    made.max_scan_time = 0.004
+    rng = np.random.default_rng(1)
+    for k in range(5):
+        made.process(Scan(12.0 * k, 5000 + rng.uniform(-100, 100, 5), rng.uniform(-0.02, 0.02, 5)))
+    assert len(made.current) == made.statistics.confirmed == 0.05 * 0.004 * 100_000
+    assert made.statistics.raw_confirmations == 0.25 * 0.004 * 100_000
+    assert made.statistics.raw_confirmations + made.statistics.cut_confirmations > 5**5
+
+
+def taken(made, scenes, interval=12.0):
+    """Counts and new tracks of scans with detections at places, in order."""
+    found = []
+    for k, places in enumerate(scenes):
+        new = made.process(scan_at(interval * k, places))
+        found.append((made.statistics, new))
+    return found
+
+
+def test_measured_are_the_detections_in_the_coverage_at_their_places_in_the_fixed_frame():
+    made, pose = initiator(plots="off"), [1000.0, 0.0, np.pi / 2]
+    made.process(scan_at(0.0, [HERE, (9500.0, 0.0), (9050.0, 0.0)], sensor_pose=pose))
+    counts = made.statistics
+    assert (counts.detections, counts.outside_coverage, counts.plots) == (2, 1, 2)
+    seen = made.window[np.arange(2)]
+    np.testing.assert_allclose(seen["position"], [[1000, 3000], [1000, 9050]], rtol=1e-3)
+    assert seen["index"].tolist() == [0, 2]
+    assert seen["scan"].tolist() == [0, 0]
+
+
+def test_associated_are_detections_with_the_held_tracks_which_follow_them():
+    made = initiator(plots="off")
+    taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(3)])
+    made.process(scan_at(36.0, [(0.0, 5000.0), (3150.0, 20.0)]))
+    maintenance = made.maintenance
+    row, probability = maintenance.held_association
+    assert row.tolist() == [1]
+    assert 0.9 < probability[0] < 1.0
+    assert maintenance.held.last_detected.tolist() == [36.0]
+    x, y = made.current[0].position
+    assert (3100.0 < x < 3200.0, 0.0 < y < 20.0) == (True, True), "between prediction and detection"
+    made.process(scan_at(48.0, [(0.0, 5000.0)]))
+    assert maintenance.held.last_detected.tolist() == [36.0]
+    assert made.current[0].position[0] == pytest.approx(x + 12.0 * 4.2, abs=5.0)
+
+
+def test_learned_is_the_clutter_from_what_is_no_held_target_s():
+    targets = [(-3000.0, 0.0), (0.0, 3000.0), (-4000.0, 4000.0)]
+    sensor = replace(FIXED_RANGE_ERROR, clutter_density=1e-7)
+    made = make_initiator("score", sensor=sensor, plots="off", clutter_density="estimated")
+    taken(made, [targets] * 12)
+    assert len(made.maintenance.held) == 3
+    quiet = made.clutter_density
+    assert quiet * made.covered_area < 1.5, "the targets are not counted"
+    rng = np.random.default_rng(0)
+    for k in range(12, 24):
+        clutter = rng.uniform(-6000.0, 6000.0, (200, 2)).tolist()
+        made.process(scan_at(12.0 * k, [*targets, *clutter]))
+    inside = 200.0 / 12_000.0**2
+    assert 0.3 * inside < made.clutter_density < 1.5 * inside
+    assert made.clutter_density > 10.0 * quiet
+
+
+def test_split_is_a_potential_track_by_each_detection_in_its_gate():
+    made = initiator(plots="off")
+    first, second = taken(made, [[HERE], [(3060.0, 0.0), (3000.0, 60.0), (0.0, 5000.0)]])
+    assert (first[0].started, first[0].split) == (1, 1)
+    assert (second[0].started, second[0].split, second[0].potential_tracks) == (1, 3, 3)
+    assert {track.hits for track in made.potential_tracks()} == {((0, 0), (1, 0)), ((0, 0), (1, 1))}
+
+
+def test_evaluated_and_pruned_are_paths_that_fit_no_straight_course():
+    straight, bent = [[(3000.0, 100.0 * k)] for k in range(3)], [[HERE], [(3000.0, 200.0)]]
+    (counts, new) = taken(initiator(plots="off"), straight)[-1]
+    assert (counts.evaluated, counts.raw_confirmations, counts.pruned) == (1, 1, 0)
+    assert len(new) == 1
+    (counts, new) = taken(initiator(plots="off"), [*bent, [(3000.0, -20.0)]])[-1]
+    assert (counts.evaluated, counts.pruned, counts.confirmed) == (1, 1, 0)
+    assert len(new) == 0
+
+
+def test_pruned_are_hypotheses_of_score_that_have_lost_their_target():
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    taken(made, [[HERE], *[[]] * 20])
+    assert made.statistics.potential_tracks == 0
+    assert (made.totals.started, made.totals.pruned, made.totals.terminated) == (1, 1, 0)
+
+
+def test_confirmed_is_a_path_of_enough_hits_with_its_state_and_hits():
+    made = initiator(plots="off")
+    before, now = taken(made, [[(3000.0, 60.0 * k)] for k in range(3)])[1:]
+    assert (before[0].confirmed, now[0].confirmed) == (0, 1)
+    (track,) = now[1]
+    assert track.hits == ((0, 0), (1, 0), (2, 0))
+    np.testing.assert_allclose(track.state, [3000.0, 0.0, 120.0, 5.0], atol=1.0)
+    assert made.statistics.potential_tracks == 0, "the path is a track now"
+
+
+def test_merged_are_the_tracks_of_one_target_in_a_scan():
+    scenes = [[HERE], [(3050.0, 0.0)], [(3100.0, 0.0), (3110.0, 10.0)]]
+    made = initiator(plots="off")
+    counts, new = taken(made, scenes)[-1]
+    assert (counts.raw_confirmations, counts.merged, counts.confirmed) == (2, 1, 1)
+    assert len(new) == 1
+    assert 3100.0 < new[0].position[0] < 3110.0
+    apart = [[place, (-x, y)] for ((x, y), *_) in scenes for place in [(x, y)]]
+    counts, new = taken(initiator(plots="off"), apart)[-1]
+    assert (counts.merged, counts.confirmed) == (0, 2)
+
+
+def test_held_is_a_track_until_its_target_has_been_missed_for_long():
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(6)])
+    (track,) = made.current
+    assert track.existence_probability > 0.9
+    for k in range(6, 60):
+        made.process(scan_at(12.0 * k, []))
+        if not len(made.maintenance.held):
+            break
+        ended = made.maintenance.held.existence[0]
+    assert 10 < k < 40
+    assert ended < 0.05
+    assert made.maintenance.ended == {track.track_id: "missed"}
+
+
+def test_a_scan_that_is_not_later_changes_nothing():
+    made = initiator(plots="off")
+    taken(made, [[HERE]] * 2)
+    with pytest.raises(ValueError, match="stamp"):
+        made.process(scan_at(12.0, [HERE]))
+    assert (made.stamp, made.scan_index, made.totals.scans) == (12.0, 1, 2)
+
+
+def test_what_is_estimated_is_in_use_where_it_is_not_given():
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    taken(made, [[(3000.0 + 50.0 * k, 0.0)] if k % 4 else [] for k in range(1, 40)])
+    estimate = made.estimated_detection_probability
+    assert made.detection_probability == estimate < 0.9
+    assert made.covered_area == made.learned.clutter_map.seen.area
+    given = make_initiator(
+        "score",
+        sensor=FIXED_RANGE_ERROR,
+        detection_probability="given",
+        clutter_density="given",
+        intensity="off",
+    )
+    taken(given, [[HERE]] * 3)
+    assert given.detection_probability == 0.9
+    assert given.clutter_density == 1e-6
+    assert given.covered_area == FIXED_RANGE_ERROR.coverage_area
+    assert given.intensity == "not used: off"
+    at = np.array([[3000.0, 0.0], [2e4, 0.0]])
+    assert given.detection_probability_at(at).tolist() == [0.9, 0.0]
