@@ -1,34 +1,24 @@
 """Subscriptions: the driver's type and reliability, queues, and own ship from tf."""
 
-import math
 from typing import Any
 
-import numpy as np
 import pytest
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image, LaserScan, PointCloud2
 from support import foreign_messages
 from support.boat import Boat, named
-from support.driver_messages import MAKERS, Echo, echoes_of
+from support.driver_messages import MAKERS, echoes_of
 from support.expectation import assert_same, confirmed, initiator
 from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World, remapped
-from support.sonar_driver import START_NS, Driver, Ping, cloud, pings, points
-from support.transforms import Transforms
+from support.sonar_driver import START_NS, Driver, pings
 
-from msg_adapters import MessageError, make_header, read_detections
+from msg_adapters import MessageError, make_header
 from tsepm_ros import Scan
 from tsepm_ros.nodes import subscriptions
 from tsepm_ros.nodes.base_node import ParameterError
-from tsepm_ros.nodes.pace import Pace, newest, seconds_in_queue
 from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
-from tsepm_ros.nodes.tf_own_ship import tf_look_up
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import SessionOptions
-from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
@@ -258,90 +248,6 @@ def test_two_sonars_are_tracked_apart_by_two_nodes_in_two_namespaces(world):
         assert {status.hardware_id for status in message.status} == {boat}
 
 
-NOW = 1_700_000_000_000_000_000
-
-
-def about(waited: float, received: bool = True) -> dict[str, int]:
-    stamp = NOW - round(waited * 1e9)
-    return {"received_timestamp": stamp * received, "source_timestamp": stamp - 7 * received}
-
-
-@pytest.mark.parametrize("received", [True, False])
-def test_the_time_in_the_queue_is_from_the_arrival_or_else_from_the_publication(
-    monkeypatch, received
-):
-    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
-    assert seconds_in_queue(about(1.5, received)) == pytest.approx(1.5)
-
-
-@pytest.mark.parametrize("waited", [-3.0, 1e4])
-def test_clocks_that_differ_tell_nothing(monkeypatch, waited):
-    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
-    assert seconds_in_queue(about(waited)) == 0.0
-    assert seconds_in_queue({"received_timestamp": 0, "source_timestamp": 0}) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("waited", "interval", "taken"),
-    [(1.0, 0.05, "oldest"), (3.0, 0.05, "newest"), (3.0, 12.0, "oldest"), (3.0, 0.0, "oldest")],
-)
-def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waited, interval, taken):
-    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
-    others: list[tuple[Any, Any]] = [("middle", about(2.0)), ("newest", about(0.5))]
-    message, late, skipped = newest("oldest", about(waited), interval, lambda: others)
-    assert message == taken
-    expected = (waited, []) if taken == "oldest" else (0.5, ["oldest", "middle"])
-    assert (late, skipped) == (pytest.approx(expected[0]), expected[1])
-
-
-def test_alone_in_the_queue_it_is_taken_however_late(monkeypatch):
-    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
-    assert newest("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), [])
-
-
-def passed(pace: Pace, *batches: list[float], seconds: float) -> list[int]:
-    """Images passed over, of batches that wait; each batch's last takes so long."""
-    numbers = []
-    for stamps in batches:
-        numbers.append(pace.came(stamps))
-        pace.arrived = pace._free
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(subscriptions.time, "monotonic", lambda: pace._free + seconds)
-            pace.done()
-    return numbers
-
-
-def test_images_faster_than_they_are_processed_are_counted_with_those_overwritten():
-    pace = Pace()
-    assert passed(pace, [0.0], [0.1], seconds=0.3) == [0, 0]
-    assert pace.is_behind and (pace.interval, pace.time) == pytest.approx((0.1, 0.3))
-    assert passed(pace, [0.2, 0.3, 0.4], seconds=0.3) == [2]
-    assert passed(pace, [1.9, 2.0, 2.1, 2.2], seconds=0.3) == [17], "14 never waited here"
-    assert passed(pace, [9.0], seconds=0.3) == [0], "a sonar that paused has lost nothing"
-    assert pace.age == pytest.approx(0.3)
-
-
-@pytest.mark.parametrize("step", [12.0, 0.0, -1.0])
-def test_a_slow_sonar_and_one_without_stamps_are_never_behind(step):
-    pace = Pace()
-    assert sum(passed(pace, *[[step * k] for k in range(20)], seconds=1.0)) == 0
-    assert not pace.is_behind
-
-
-def test_a_sonar_that_becomes_slower_is_followed():
-    pace = Pace()
-    passed(pace, *[[0.1 * k] for k in range(20)], seconds=0.5)
-    assert pace.is_behind
-    passed(pace, *[[2.0 + 1.0 * k] for k in range(9)], seconds=0.5)
-    assert not pace.is_behind
-
-
-def test_who_is_behind_takes_the_newest_at_once(monkeypatch):
-    monkeypatch.setattr(subscriptions.time, "time_ns", lambda: NOW)
-    others = [("newest", about(0.0))]
-    assert newest("oldest", about(0.2), 0.1, lambda: others, True)[::2] == ("newest", ["oldest"])
-
-
 SONAR_DETECTIONS = "marine_acoustic_msgs/msg/SonarDetections"
 
 PERIOD_NS = 12 * 10**9
@@ -390,136 +296,4 @@ def test_the_simulator_as_a_laser_scan_gives_tracks(world):
     made = world.make(SonarSimulator, simulator | {"rate_factor": 1e5, "settling_time": 0.2})
     world.until(made.finished.done, "the end")
     world.until(lambda: any(message.width for message in tracks), "a track")
-    assert world.dropped() == {}
-
-
-START = START_NS * 1e-9
-
-SENSOR = np.array([10.0, 20.0])
-
-
-def turning(begin: Rotation, rate: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Transforms:
-    """A frame that turns at a constant rate about some axis."""
-
-    def pose(seconds: float) -> tuple[Any, list[float]]:
-        return SENSOR, (begin * Rotation.from_rotvec(np.array(rate) * seconds)).as_quat().tolist()
-
-    return Transforms(pose)
-
-
-def session_with(buffer: Any) -> Session:
-    session = Session(Settings(SessionOptions(own_ship_source="tf", fixed_frame="map")))
-    session.own_ship.look_up = tf_look_up(None, session, buffer)
-    return session
-
-
-def placed(message: Any, buffer: Any) -> np.ndarray:
-    session = session_with(buffer)
-    session.add_scan(read_detections(message).sensor_scan, 0.0)
-    (result,) = session.process()
-    assert session.dropped == {}
-    scan = result.scan
-    pose = np.broadcast_to(scan.sensor_pose, (len(scan), 3))
-    angle = scan.azimuth + pose[:, 2]
-    return pose[:, :2] + scan.range[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
-BODY = np.array([[900.0, 300.0, -200.0], [-500.0, 700.0, 100.0], [40.0, -60.0, 5.0]])
-
-HEADER = make_header(START_NS, "sonar")
-
-ECHOES = [
-    Echo(math.hypot(x, y), math.atan2(y, x), math.atan2(z, math.hypot(x, y))) for x, y, z in BODY
-]
-
-
-def vectors(axes: np.ndarray, frame_id: str) -> Any:
-    columns = dict(zip("xyz", (BODY @ axes).T.tolist(), strict=True))
-    return cloud(START_NS, columns, frame_id=frame_id), axes
-
-
-LEVEL = np.eye(3)
-
-OPTICAL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-
-LOOKS_UP = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
-
-FRAMES = {
-    "PointCloud2": vectors(LEVEL, "sonar"),
-    "PointCloud2 of a camera": vectors(OPTICAL, "camera_optical"),
-    "SonarRanges": (MAKERS["marine_acoustic_msgs/msg/SonarRanges"](HEADER, ECHOES)[0], LOOKS_UP),
-    "Detection3DArray": (MAKERS["vision_msgs/msg/Detection3DArray"](HEADER, ECHOES)[0], LEVEL),
-}
-
-TILTS = {
-    "level": (0.7, 0.0, 0.0),
-    "roll": (0.7, 0.0, 0.35),
-    "pitch": (-2.0, -0.3, 0.0),
-    "both": (2.5, 0.2, -0.5),
-    "upside down": (1.0, 0.1, 3.1),
-}
-
-
-@pytest.mark.parametrize("tilt", TILTS)
-@pytest.mark.parametrize("frame", FRAMES)
-def test_vectors_are_turned_by_the_frame_s_whole_rotation_once(frame, tilt):
-    message, axes = FRAMES[frame]
-    board = Rotation.from_euler("ZYX", TILTS[tilt])
-    found = placed(message, turning(board * Rotation.from_matrix(axes)))
-    # The message has vectors in the frame's own axes, which tf turns into those of the map.
-    expected = SENSOR + board.apply(BODY)[:, :2]
-    np.testing.assert_allclose(found, expected, atol=1e-3)
-
-
-def test_echoes_take_the_attitude_of_their_arrival():
-    buffer = turning(Rotation.from_euler("ZYX", [0.3, 0.1, 0.2]), (0.4, -0.1, 0.02))
-    slant = 1500.0 * np.array([0.5, 1.0, 2.0])
-    azimuth, elevation = np.array([0.2, 1.4, -2.0]), np.array([0.1, -0.3, 0.2])
-    columns = {"range": slant, "azimuth": azimuth, "elevation": elevation}
-    message = cloud(START_NS, {**columns, "time_offset": slant / 1500.0})
-    level = slant * np.cos(elevation)
-    echoes = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), slant * np.sin(elevation)])
-    expected = [
-        SENSOR + Rotation.from_quat(buffer.pose(2.0 * r / 1500.0)[1]).apply(echo)[:2]
-        for r, echo in zip(slant, echoes.T, strict=True)
-    ]
-    # Angles are interpolated over 0.2 s, in which the frame turns by 5 degrees.
-    np.testing.assert_allclose(placed(message, buffer), expected, atol=1.5)
-
-
-@pytest.mark.parametrize(
-    ("rotation", "axes"),
-    [([0.0, 0.0, 0.0, 0.0], "body"), ([0.0, 0.0, 0.0, 1.0], "sonar")],
-    ids=["nothing", "forward axis points up"],
-)
-def test_a_rotation_that_gives_no_heading_places_nothing(rotation, axes):
-    session = session_with(Transforms(lambda _: ((0.0, 0.0), rotation)))
-    session.own_ship.look_up("sonar", START, START + 0.1, axes)
-    assert session.own_ship.poses.last_stamp is None
-    assert set(session.dropped) == {"own_ship_invalid"}
-
-
-def test_the_node_uses_roll_pitch_and_the_mounting(world):
-    turned = math.pi / 2
-    boat = Boat(
-        world,
-        own_ship_source="odometry",
-        own_ship_max_gap=100.0,
-        mounting__x=30.0,
-        mounting__y=5.0,
-        mounting__yaw=turned,
-    )
-    attitude = Rotation.from_euler("ZYX", [0.4, 0.1, -0.3])
-    for seconds in (-1, 70):
-        message = Odometry(child_frame_id="base_link")
-        message.header = make_header(START_NS + seconds * 10**9, "odom")
-        for name, value in zip("xyzw", attitude.as_quat().tolist(), strict=True):
-            setattr(message.pose.pose.orientation, name, value)
-        boat.driver.odometry.publish(message)
-    sent = [Ping(START_NS + 12 * 10**9 * index, [3000.0], [0.2]) for index in range(6)]
-    received = boat.send(sent, elevation=[0.15])
-    [point] = [point for message in received for point in points(message)]
-    direction = Rotation.from_euler("z", turned + 0.2).apply([math.cos(0.15), 0.0, math.sin(0.15)])
-    x, y, _ = attitude.apply([30.0, 5.0, 0.0] + 3000.0 * direction)
-    assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
     assert world.dropped() == {}

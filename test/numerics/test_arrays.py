@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from tsepm_ros.numerics import arrays
 from tsepm_ros.numerics.arrays import (
     Rows,
-    TimeLimit,
     among_best,
     changed,
     complete_linkage,
@@ -106,15 +104,3 @@ def test_the_nearest_groups_are_joined_while_all_their_members_are_pairs(seed):
         groups[b] |= groups.pop(a)
     labels = complete_linkage(14, first, second, apart[first, second])
     assert labels.tolist() == [min(next(g for g in groups if k in g)) for k in range(14)]
-
-
-def test_a_time_limit_is_used_by_and_by(monkeypatch):
-    now = [100.0]
-    monkeypatch.setattr(arrays.time, "perf_counter", lambda: now[0])
-    limit, none = TimeLimit(8.0), TimeLimit()
-    now[0] = 104.0
-    assert (limit.elapsed, limit.left) == (4.0, 4.0)
-    assert limit.used(0.49)
-    assert not limit.used(0.5)
-    assert not none.used(0.0)
-    assert (limit.finite, none.finite) == (True, False)

@@ -8,7 +8,6 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
@@ -142,7 +141,7 @@ def test_a_hypothesis_is_predicted_with_its_fading():
 def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
-    observed = made.observe(scan, TimeLimit(np.inf))
+    observed = made.observe(scan)
     observed = replace(observed, held_density=np.array([0.0, 3.0]) * observed.clutter_density)
     started = splitting.start(observed, 10.0, 4)
     assert started.hits[:, 0].tolist() == observed.ids.tolist()

@@ -49,10 +49,7 @@ from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
 PAIRS_PER_SECOND = 100_000.0
-"""Pairs of potential tracks and detections that a slow computer processes, 1/s.
-
-Measured: 300 000 to 500 000 on a processor of 2020.
-"""
+"""Pairs of potential tracks and detections that a slow computer processes, 1/s: a choice."""
 HELD_PER_PAIR = 0.05
 """Confirmed tracks that are held, per pair that a scan may have, at most: each costs as much."""
 LEAST_ROOM = 10

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import sys
 from collections import Counter
 from dataclasses import replace
 
@@ -14,7 +13,6 @@ from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, publishe
 from support.held_scenes import compare
 
 from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.numerics.arrays import TimeLimit
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
@@ -269,15 +267,6 @@ def test_a_step_is_that_of_plain_loops(monkeypatch):
     monkeypatch.setattr(motion, "WEIGHTS", weights)
     counts = sum((compare(seed) for seed in range(3)), Counter())
     assert {"tracks", "associations", "missed"} <= set(+counts)
-
-
-def test_there_is_room_for_the_tracks_that_can_be_carried_in_time():
-    limit = TimeLimit(10.0)
-    most = int(track_maintenance.HOLDING_SHARE * 10.0 / track_maintenance.SECONDS_PER_TRACK)
-    assert track_maintenance.room_for(limit, 0) == most
-    assert track_maintenance.room_for(limit, 100) == most - 100
-    assert track_maintenance.room_for(limit, most) == track_maintenance.LEAST_ROOM
-    assert track_maintenance.room_for(TimeLimit(math.inf), 10**6) == sys.maxsize
 
 
 def test_of_targets_that_move_the_detections_are_told():
