@@ -48,7 +48,7 @@ def run_quay(args: argparse.Namespace) -> None:
         print(
             f"{name}: {early.mean():.2f} tracks a run in the first minute, {late.mean():.2f} in "
             f"the next four; swimmer held from ping {np.median(delay):.0f} on in "
-            f"{held.mean():.3f} of the pings; plots on in {on.sum():.0f} of {args.runs}",
+            f"{held.mean():.3f} of the pings; clusters on in {on.sum():.0f} of {args.runs}",
             flush=True,
         )
 
@@ -64,8 +64,8 @@ def quay_run(kind: Scene, seed: int, args: argparse.Namespace) -> tuple[int, int
         Pings from the swimmer's first to a track near it.
     held : float
         Share of the pings from then on with a track near it.
-    plots_on : bool
-        Whether plots were made at the end.
+    clusters_on : bool
+        Whether clusters were made at the end.
     """
     rng = np.random.default_rng([seed, 20])
     swims = Target((120.0 - 0.3 * 60.0, -57.0), (0.3, 0.95), ENTERS)
@@ -91,7 +91,7 @@ def quay_run(kind: Scene, seed: int, args: argparse.Namespace) -> tuple[int, int
     early = sum(number < LEARNING for number in elsewhere)
     first = near.index(True, ENTERS) if True in near[ENTERS:] else kind.pings
     held = float(np.mean(near[first:])) if first < kind.pings else 0.0
-    return early, len(elsewhere) - early, first - ENTERS, held, initiator.plots.active
+    return early, len(elsewhere) - early, first - ENTERS, held, initiator.extended_targets.active
 
 
 def main() -> None:

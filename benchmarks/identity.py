@@ -1,4 +1,4 @@
-"""One target, one identity: how held tracks stay with their targets, and where others start.
+"""One target, one identity: how confirmed tracks stay with their targets, and where others start.
 
     python benchmarks/identity.py recordings FOLDER [FOLDER ...]
     python benchmarks/identity.py scenes [--runs 40] [--seed 0]
@@ -7,14 +7,14 @@
 north) and prints for each, and in sum: the mean delay from the first scan to the first track on
 each target, the share of the scans since then with a track on it, changes of its track's id,
 identity switches by CLEAR-MOT and that share counted one to one, the maximum published speed of a
-new and of a held track, and tracks that started elsewhere. With `--list` every one of these is
+new and of a confirmed track, and tracks that started elsewhere. With `--list` every one of these is
 named with its place, speed and way, and where its hits are, seen from the target of the nearest
-bearing. The last row is for all held tracks, published or not.
+bearing. The last row is for all confirmed tracks, published or not.
 
 `scenes` does so for simulated targets that cross, overtake, turn and pass fixed echoes, in clutter,
 for a radar of a scan in 1.7 s and a sonar of a ping in 12 s; echoes of targets closer together
-than the resolution are one. Beside it, the errors of new tracks and of held tracks: RMS of position
-and velocity, NEES (ideal 4).
+than the resolution are one. Beside it, the errors of new tracks and of confirmed tracks: RMS of
+position and velocity, NEES (ideal 4).
 
 A track is on a target within `--gate` m (scenes: three errors of a detection). Where two targets
 are not resolved, one track may be on both; by CLEAR-MOT on one alone.
@@ -63,7 +63,7 @@ class Watched:
     held: int = 0
     changes: int = 0
     fastest_new: float = 0.0
-    fastest_held: float = 0.0
+    fastest_confirmed: float = 0.0
     on_target: int = 0
     elsewhere: list[int] = field(default_factory=list)
     errors: dict[str, list[FloatArray]] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Watched:
         """Take a scan."""
         self.clear.take(truth, current)
         self.fastest_new = max([self.fastest_new, *np.hypot(*new.state[:, 1::2].T)])
-        self.fastest_held = max([self.fastest_held, *np.hypot(*current.state[:, 1::2].T)])
+        self.fastest_confirmed = max([self.fastest_confirmed, *np.hypot(*current.state[:, 1::2].T)])
         for track in new:
             near = {t: math.dist(track.position, state[0::2]) for t, state in truth.items()}
             closest = min(near, key=lambda t: near[t], default=-1)
@@ -138,7 +138,7 @@ def row_of(name: str, parts: Iterable[Watched]) -> list[str]:
         f"{sum(p.clear.switches for p in parts)}",
         f"{own / max(scans, 1):.3f}",
         f"{max(p.fastest_new for p in parts):.1f}",
-        f"{max(p.fastest_held for p in parts):.1f}",
+        f"{max(p.fastest_confirmed for p in parts):.1f}",
         f"{sum(p.on_target for p in parts)}",
         f"{sum(len(p.elsewhere) for p in parts)}",
     ]
@@ -203,22 +203,25 @@ def settings_of(
 def watched_recording(
     folder: Path, settings: Settings, gate: float
 ) -> tuple[Watched, Watched, list[str]]:
-    """What is seen of a recording, by published and by all held tracks; lines of tracks elsewhere.
+    """What is seen of a recording, by published and by all confirmed tracks; tracks elsewhere.
 
-    A held track that is not published is a fixed echo, or one whose place is not known well enough.
+    A confirmed track that is not published is a fixed echo, or one whose place is not known well
+    enough.
     """
     recording = with_errors(read_recording(folder), 6.6)
-    watched, of_held = Watched(gate), Watched(gate)
+    watched, of_confirmed = Watched(gate), Watched(gate)
     shown: dict[int, list[tuple[int, ConfirmedTrack]]] = {}
     session = Session(settings)
     for index, result in enumerate(recording_results(recording, session, "north")):
         truth = truth_at(recording, result.stamp)
         watched.take(result.stamp, truth, result.new, result.current)
-        of_held.take(result.stamp, truth, result.new, session.tracker.maintenance.held.tracks)
+        of_confirmed.take(
+            result.stamp, truth, result.new, session.tracker.maintenance.confirmed.tracks
+        )
         for track in result.current:
             shown.setdefault(track.track_id, []).append((index, track))
     lines = elsewhere_lines(watched, shown, recording)
-    return watched, of_held, [f"{folder.name} {line}" for line in lines]
+    return watched, of_confirmed, [f"{folder.name} {line}" for line in lines]
 
 
 def recordings(given: argparse.Namespace) -> None:
@@ -233,7 +236,7 @@ def recordings(given: argparse.Namespace) -> None:
             row_of(folder.name, [watched])
             for folder, watched in zip(given.folders, published, strict=True)
         ]
-        rows += [row_of("all", published), row_of("all, held tracks", held)]
+        rows += [row_of("all", published), row_of("all, confirmed tracks", held)]
         print(f"\nclutter density and detection probability {how}\n")
         print(text_table(HEADER, rows))
         if given.list:

@@ -10,8 +10,8 @@ by sonar_detector, another process, of images of 500 ranges and 256 beams.
     python benchmarks/node_load.py [--rate 20] [--targets 10] [--detections 25] [--seconds 60]
     python benchmarks/node_load.py --images [--rate 10] [--targets 4]
 
-With `--bridge`, `track_bridge` beside a bare subscriber of the same messages, both at once: held
-tracks and own ship at the rate, with TTM once a second, as by default, and in each ping.
+With `--bridge`, `track_bridge` beside a bare subscriber of the same messages, both at once:
+confirmed tracks and own ship at the rate, with TTM once a second, as by default, and in each ping.
 
     python benchmarks/node_load.py --bridge [--rate 10] [--targets 50] [--seconds 60]
 """
@@ -87,7 +87,7 @@ rclpy.spin(node)
     "track_bridge": (BRIDGE, {"nmea_address": "127.0.0.1:10110"}),
     "TTM each ping": (BRIDGE, {"nmea_address": "127.0.0.1:10111", "nmea_period": 0.0}),
 }
-"""Program and parameters of each process that receives held tracks."""
+"""Program and parameters of each process that receives confirmed tracks."""
 PARAMETERS = {
     "max_speed": MAX_SPEED,
     "sensor.max_range": MAX_RANGE,
@@ -249,7 +249,7 @@ def measure(
 
 
 def measure_bridges(number: int, rate: float, seconds: float) -> dict[str, float]:
-    """Share of a core, %, of each of `BRIDGES` while all of them receive the same held tracks."""
+    """Share of a core, %, of each of `BRIDGES` while all receive the same confirmed tracks."""
     processes = {name: started(*given) for name, given in BRIDGES.items()}
     rclpy.init(domain_id=DOMAIN)
     driver, rng = Node("driver"), np.random.default_rng(1)
@@ -289,7 +289,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--images", action="store_true", help="images, and both nodes")
-    parser.add_argument("--bridge", action="store_true", help="track_bridge, by held tracks")
+    parser.add_argument("--bridge", action="store_true", help="track_bridge, by confirmed tracks")
     parser.add_argument("--rate", type=float, help="pings per second; 20, of the bridge 10")
     parser.add_argument("--targets", type=int, help="10, of the bridge 50")
     parser.add_argument("--detections", type=int, default=25, help="detections a ping")

@@ -75,7 +75,7 @@ def scene(longitude: float) -> tuple[list[str], np.ndarray]:
     state = np.stack([*rng.uniform(-9000, 9000, (1, TRACKS)), *rng.normal(0, 4, (3, TRACKS))], 1)
     state[:, 2] = rng.uniform(-9000, 9000, TRACKS)
     held = [ConfirmedTrack(k, STAMP, state[k], np.eye(4), (), 0.0) for k in range(TRACKS)]
-    tracks = TrackArrays.of(held)
+    tracks = TrackArrays.from_tracks(held)
     places = GeographicReference(59.65, longitude).geographic(state[:, 0::2])
     instance = uuid.uuid5(uuid.NAMESPACE_URL, str(longitude))
     told = nmea.Reports()

@@ -72,8 +72,8 @@ diagnostics publishes the entry `overall` with the level error from then on.
 """
 
 DIAGNOSTICS_FIGURES = {
-    "`tracks.published`, `tracks.withheld`, `tracks.fixed`": "held tracks now, by their state: "
-    "docs/use_the_tracks.md; `tracks` is the number of published ones",
+    "`tracks.published`, `tracks.withheld`, `tracks.fixed`": "confirmed tracks now, by their "
+    "state: docs/use_the_tracks.md; `tracks` is the number of published ones",
     "`ended.REASON`": "published tracks that ended, by reason: "
     "docs/how_it_decides.md#one-target-one-track",
     "`latency_ms`": "time from the callback to the publication of `tracks`",
@@ -98,7 +98,7 @@ DIAGNOSTICS_FIGURES = {
 SCAN_COUNTS = {
     "scans": "scans that were processed",
     "detections": "detections in the coverage and not on land",
-    "potential_tracks": "potential tracks held after a scan; as a total the most held at once",
+    "potential_tracks": "potential tracks kept after a scan; as a total the most kept at once",
     "started": "potential tracks started",
     "split": "potential tracks that detections made: those started, and the children of others",
     "evaluated": "potential tracks evaluated: by `score` all in each scan, by others those of "
@@ -109,7 +109,7 @@ SCAN_COUNTS = {
     "by `score`), `merged`, `cut_confirmations` and `confirmed`, waits, or is a fixed echo",
     "pruned": "potential tracks (by `score`) or raw confirmations (by others) removed by their "
     "evaluation",
-    "merged": "raw confirmations merged into another, or into a held track",
+    "merged": "raw confirmations merged into another, or into a confirmed track",
     "confirmed": "tracks published for the first time",
     "cut_potential_tracks": "potential tracks, and pairs of gate and detection, removed by a limit",
     "cut_confirmations": "raw confirmations removed by a limit",

@@ -14,7 +14,7 @@ field                          datatype meaning
 ``hit_count``, ``scan_count``  UINT16   hits, and scans since the first; at most 65535
 ``age``                        FLOAT64  time since the first hit, s
 ``stationary_probability``     FLOAT64  that the target stands still; nan where not known
-``signal_to_clutter_db``       FLOAT64  strength over that of clutter, dB; nan where not known
+``signal_to_clutter_db``       FLOAT64  amplitude over that of clutter, dB; nan where not known
 ``revision``                   UINT16   0 as first published, then the number of its correction
 ``existence_probability``      FLOAT64  that the target exists; nan where not known
 ``time_since_hit``             FLOAT64  time since the target was last detected, s
@@ -167,7 +167,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     ValueError
         If a track_id does not fit 32 bits without a sign.
     """
-    arrays = TrackArrays.of(tracks)
+    arrays = TrackArrays.from_tracks(tracks)
     bad_ids = arrays.track_id[(arrays.track_id < 0) | (arrays.track_id > _MAX_ID)]
     if len(bad_ids):
         raise ValueError(f"track_id must be from 0 to {_MAX_ID}; got {bad_ids[0]}")
@@ -481,7 +481,7 @@ def potential_track_markers(
     -------
     visualization_msgs.msg.MarkerArray
     """
-    arrays = TrackArrays.of(tracks)
+    arrays = TrackArrays.from_tracks(tracks)
     drawn, nearness = drawn_candidates(arrays)
     if not len(drawn):
         return clear_markers(header)  # RViz rejects a marker without points
@@ -684,7 +684,7 @@ def fixed_echo_markers(
     -------
     visualization_msgs.msg.MarkerArray
     """
-    arrays = TrackArrays.of(echoes)
+    arrays = TrackArrays.from_tracks(echoes)
     if not len(arrays):
         return clear_markers(header)  # RViz rejects a marker without points
     own: dict[str, Any] = {"color": FIXED_ECHO_COLOR, "opacity": 1.0}

@@ -34,7 +34,7 @@ class TsepmContender(Contender):
             gate_probability=sea.gate_probability,
             **self.options,
         )
-        self._new = TrackArrays.of([])
+        self._new = TrackArrays.from_tracks([])
 
     def process(self, scan: RawScan) -> int:
         """See `Contender.process`."""
@@ -65,6 +65,6 @@ class TsepmContender(Contender):
 
 
 class DefaultTsepmContender(TsepmContender):
-    """The same with the defaults: density and P_D learned, plots sought, speeds limited."""
+    """The same with the defaults: density and P_D learned, clusters sought, speeds limited."""
 
     options = MappingProxyType({})

@@ -397,7 +397,7 @@ def test_limits_that_are_no_numbers_leave_nothing_out():
     assert len(read_detections(fan([20.0, 3000.0], range_min=NAN, range_max=NAN))) == 2
 
 
-def test_rays_on_one_hull_are_of_one_group_by_their_step_and_the_sensor_s_noise():
+def test_rays_on_one_extent_are_of_one_group_by_their_step_and_the_sensor_s_noise():
     ranges = [20.0, 20.2, 20.4, 60.0, INF, 60.1, 60.2, -INF, 60.3]
     group = read_detections(fan(ranges, angle_increment=0.0125)).scan.group
     assert [int(np.flatnonzero(group == one)[0]) for one in group] == [0, 0, 0, 3, 4, 4, 6]

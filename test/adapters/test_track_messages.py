@@ -483,7 +483,7 @@ def _packages(monkeypatch):
 
 def tracks(**more):
     state = np.array([100.0, 3.0, -50.0, 4.0])
-    return TrackArrays.of([ConfirmedTrack(5, 1.7e9, state, SPREAD, (), 0.0, **more)])
+    return TrackArrays.from_tracks([ConfirmedTrack(5, 1.7e9, state, SPREAD, (), 0.0, **more)])
 
 
 def test_a_radar_track_has_state_covariances_and_a_uuid_of_its_run():
@@ -526,7 +526,7 @@ def test_a_tracked_object_moves_along_its_own_x_axis():
 def test_what_is_not_known_of_an_object_has_a_large_variance(speed, available):
     state = np.array([100.0, 0.6 * speed, -50.0, 0.8 * speed])
     covariance = np.diag([4.0, 1.0, 9.0, 1.0])
-    held = TrackArrays.of([ConfirmedTrack(5, 1.7e9, state, covariance, (), 0.0)])
+    held = TrackArrays.from_tracks([ConfirmedTrack(5, 1.7e9, state, covariance, (), 0.0)])
     (one,) = tracked_objects(HEADER, held, INSTANCE).objects
     found = one.kinematics
     assert found.orientation_availability == available

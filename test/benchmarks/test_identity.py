@@ -1,4 +1,4 @@
-"""Held tracks stay with their targets, on the recordings in a harbour and in how it is judged."""
+"""Confirmed tracks stay with their targets, on recordings in a harbour and as it is judged."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tracker.tracks import TrackArrays
 
 AUTOFERRY = Path(__file__).parents[2].parent / "shared" / "data" / "autoferry"
-NOTHING = TrackArrays.of([])
+NOTHING = TrackArrays.from_tracks([])
 
 
 @pytest.mark.long
@@ -28,12 +28,12 @@ def test_each_vessel_in_the_harbour_is_a_single_track(how, late):
     assert np.mean(delays) <= 3.4 + 1.7 * late / len(delays)
     assert sum(part.held for part in found) >= 0.95 * sum(part.scans for part in found)
     assert sum(part.changes for part in found) <= 3
-    assert max(max(part.fastest_new, part.fastest_held) for part in found) <= 15.0
+    assert max(max(part.fastest_new, part.fastest_confirmed) for part in found) <= 15.0
 
 
 def tracks(**places: float) -> TrackArrays:
     """Tracks on the x axis, by id."""
-    return TrackArrays.of(
+    return TrackArrays.from_tracks(
         [
             ConfirmedTrack(int(name[1:]), 0.0, np.array([x, 1.0, 0.0, 0.0]), np.eye(4), (), 0.0)
             for name, x in places.items()

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from support.browser import Browser, Tab, need_browser
-from support.pages import held, live_state, numbered, put_moving, served
+from support.pages import confirmed_track, live_state, numbered, put_moving, served
 
 from tsepm_ros.tools.bridge.nmea import closest_approach
 from tsepm_ros.tools.viewer.page_content import image_frame, track_facts, write_page
@@ -36,14 +36,14 @@ def recording() -> str:
     frames = []
     corners = np.array([[-3000.0, -3000.0], [3000.0, 3000.0]])
     for number in range(1, SCANS + 1):
-        tracks = [held(3, 100.0 * number, 0.0, 8.0, 0.0)] if number >= 4 else []
-        tracks += [held(5, -2000.0, -1000.0, 0.0, -2.0)] if 2 <= number <= 6 else []
+        tracks = [confirmed_track(3, 100.0 * number, 0.0, 8.0, 0.0)] if number >= 4 else []
+        tracks += [confirmed_track(5, -2000.0, -1000.0, 0.0, -2.0)] if 2 <= number <= 6 else []
         frames.append(numbered(number, *tracks, detections=corners, own_ship=(0.0, 500.0, 1.57)))
         frames[-1]["potential"] = [[50_000, 150_000, 1000, 2000, 70], [70_000, 90_000, 0, 0, None]]
         frames[-1]["fixed"] = [[80, 100_000, -150_000, 0, 0, 1000, 1000, 0, 100]]
     hits = [[[12.0, 100.0, 5.0], [24.0, 200.0, -5.0], [48.0, 400.0, 0.0]]]
     facts = track_facts(
-        [held(3, 0.0, 0.0)], 48.0, reasons=["3 hits in 4 pings by the test"], hits=hits
+        [confirmed_track(3, 0.0, 0.0)], 48.0, reasons=["3 hits in 4 pings by the test"], hits=hits
     )
     facts["5"] = {"ended": [84.0, "its target was missed too often"]}
     entry = {"task": "detections", "level": 1, "message": EVIL, "values": [["scans", "12"]]}
@@ -462,7 +462,7 @@ def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
         tab.open(server.url)
         tab.until("scene.frames.length === 1")
         tab.value("setPlaying(false); byId('limit').value = 100; setAlarm()")
-        track = held(7, 1000.0, 50.0, -8.0, 0.0)
+        track = confirmed_track(7, 1000.0, 50.0, -8.0, 0.0)
         state.put(numbered(2, track, own_ship=(0.0, 0.0, 0.5, 0.0, 0.0)))
         tab.until(
             "byId('alarm-words').textContent === 'Closest approach: track 7, 50.0 m in 2.1 min'"

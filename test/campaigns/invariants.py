@@ -56,17 +56,17 @@ class TrackBook:
         """Check a result."""
         for tracks, what in (
             (result.new, "new tracks"),
-            (result.current, "held tracks"),
+            (result.current, "confirmed tracks"),
             (result.fixed_echoes, "fixed echoes"),
         ):
             check_tracks(tracks, what)
         new = set(result.new.track_id.tolist())
         require(not new & self._given, f"the ids {sorted(new & self._given)} were given before")
         self._given |= new
-        held = result.current[~np.isin(result.current.track_id, list(new))]
+        confirmed = result.current[~np.isin(result.current.track_id, list(new))]
         for tracks, most, what in (
             (result.new, self.most_of_starts, "new tracks"),
-            (held, self.max_speed, "held tracks"),
+            (confirmed, self.max_speed, "confirmed tracks"),
         ):
             own = np.isin(tracks.track_id, list(self._given))  # not those of a downstream tracker
             speed = np.hypot(tracks.state[:, 1], tracks.state[:, 3])[own]

@@ -91,7 +91,7 @@ class Fed:
 
 def speed_limit(settings: Settings) -> float:
     """The greatest speed of a start, m/s: without bound where `limit_speed` is off."""
-    common = settings.make_initiator().common
+    common = settings.make_tracker().common
     return common.max_speed if common.limit_speed == "on" else math.inf
 
 

@@ -121,7 +121,7 @@ def _tried(method: str, values: dict[str, Value]) -> Tried:
     try:
         groups = make_groups(TRACK_INITIATOR, given)
         settings = settings_from(groups)
-        settings.make_initiator()
+        settings.make_tracker()
     except ValueError as error:
         named = any(name.rpartition(".")[2] in str(error) for name in given)
         require(named, f"{where}: the refusal names no parameter: {error}")

@@ -79,7 +79,7 @@ def tracker_message(seconds: float) -> Any:
     track = ConfirmedTrack(
         7, seconds, np.array([8000.0, 1.0, 3000.0, 1.0]), np.diag([25.0, 1.0, 25.0, 1.0]), (), 0.0
     )
-    return track_cloud(header(seconds, "odom"), TrackArrays.of([track]))
+    return track_cloud(header(seconds, "odom"), TrackArrays.from_tracks([track]))
 
 
 def land_message() -> Any:

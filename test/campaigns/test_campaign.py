@@ -61,7 +61,9 @@ BAD = {
 
 def tracks(covariance, *ids: int) -> TrackArrays:
     state = np.array([100.0, 1.0, 0.0, 0.0])
-    return TrackArrays.of([ConfirmedTrack(i, 0.0, state, covariance, (), 0.0) for i in ids])
+    return TrackArrays.from_tracks(
+        [ConfirmedTrack(i, 0.0, state, covariance, (), 0.0) for i in ids]
+    )
 
 
 @pytest.mark.parametrize("fault", BAD)

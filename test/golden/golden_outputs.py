@@ -1,4 +1,4 @@
-"""Golden outputs: tracks, held tracks and counts of short scenes, compared with stored ones.
+"""Golden outputs: tracks, confirmed tracks and counts of short scenes, compared with stored ones.
 
     python test/golden/golden_outputs.py          print what differs from the stored outputs
     python test/golden/golden_outputs.py renew    the same, and store the outputs of this code
@@ -33,7 +33,7 @@ TOLERANCE = 1e-9
 """Of a number, relative to the largest of its field, at least 1."""
 DIGITS = 12
 HELD_EVERY = 4
-"""Scans after which the held tracks are recorded."""
+"""Scans after which the confirmed tracks are recorded."""
 FAST = SensorModel(
     range_std=0.2,
     range_std_fraction=0.0,

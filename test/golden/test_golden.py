@@ -1,4 +1,4 @@
-"""Tracks, held tracks and counts of short scenes are those that are stored."""
+"""Tracks, confirmed tracks and counts of short scenes are those that are stored."""
 
 import pytest
 from golden_outputs import SCENES, compared, differences, output, stored

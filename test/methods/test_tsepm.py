@@ -74,7 +74,7 @@ def test_equals_the_plain_version(first: int) -> None:
 
 def test_the_parameter_file_of_the_paper_runs_the_method_as_the_paper_has_it():
     values = values_for(PAPER, "/track_initiator")
-    initiator = settings_from(make_groups(TRACK_INITIATOR, values)).make_initiator()
+    initiator = settings_from(make_groups(TRACK_INITIATOR, values)).make_tracker()
     scenario = load_scenario("box", {"scans": 10, "sensor.clutter_density": 5e-7})
     scans = [one.scan for one in Simulator(scenario, 1)]
     columns = ("range", "azimuth", "time_offset")

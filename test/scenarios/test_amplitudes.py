@@ -37,7 +37,7 @@ def scans_of(ratio_db: float | None, scans: int = 24, seed: int = 1, appears: in
     return found
 
 
-def with_strength(scans, strength_of):
+def with_amplitude(scans, strength_of):
     return [
         dataclasses.replace(scan, features={"intensity": strength_of(scan)} if strength_of else {})
         for scan in scans
@@ -63,16 +63,16 @@ def test_strong_echoes_start_a_track_sooner_and_their_ratio_is_published():
 
 
 @pytest.mark.parametrize("value", [3.0, np.nan, 0.0], ids=["constant", "nan", "zero"])
-def test_strengths_that_say_nothing_change_nothing(value):
+def test_amplitudes_that_say_nothing_change_nothing(value):
     scans = scans_of(None)
     without, _ = started(scans)
-    found, _ = started(with_strength(scans, lambda scan: np.full(len(scan), value)))
+    found, _ = started(with_amplitude(scans, lambda scan: np.full(len(scan), value)))
     assert_same_tracks(without, found)
 
 
-def test_without_strengths_or_with_intensity_off_everything_is_as_before_to_the_bit():
+def test_without_amplitudes_or_with_intensity_off_everything_is_as_before_to_the_bit():
     scans = scans_of(10.0)
-    without, _ = started(with_strength(scans, None))
+    without, _ = started(with_amplitude(scans, None))
     off, initiator = started(scans, intensity="off")
     assert_same_tracks(without, off)
     assert initiator.intensity == "not used: off"
@@ -85,11 +85,11 @@ def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():
     method = initiator.method
     paths = method.hypotheses
     found = evaluation.target_hits(paths, initiator.window)
-    odds = PATH_ODDS * np.exp(paths.score - paths.strength_score)
+    odds = PATH_ODDS * np.exp(paths.score - paths.amplitude_score)
     best = float((odds / (1.0 + odds)).max())
     assert found[2].max() == pytest.approx(best)
     strong = dataclasses.replace(
-        paths, score=paths.score + 5.0, strength_score=np.full(len(paths), 5.0)
+        paths, score=paths.score + 5.0, amplitude_score=np.full(len(paths), 5.0)
     )
     again = evaluation.target_hits(strong, initiator.window)
     np.testing.assert_allclose(again[2], found[2])

@@ -1,4 +1,4 @@
-"""The detection probability in whole scenes: estimated from held tracks."""
+"""The detection probability in whole scenes: estimated from confirmed tracks."""
 
 import math
 from dataclasses import replace

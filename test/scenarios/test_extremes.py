@@ -37,7 +37,7 @@ MADE += [("tsepm", {"estimator": name}) for name in ESTIMATORS]
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize(("method", "options"), MADE, ids=str)
-def test_tracks_held_tracks_and_potential_tracks(method, options, case):
+def test_tracks_confirmed_tracks_and_potential_tracks(method, options, case):
     given, period, deviations = CASES[case]
     rng = np.random.default_rng(2)
     options = {"clutter_density": "given", **options}

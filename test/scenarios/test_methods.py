@@ -249,7 +249,7 @@ class Toy(Method):
         track = ConfirmedTrack(
             0, observed.stamp, state, covariance, ((observed.scan_index, 0),), 0.0
         )
-        return Step(TrackArrays.of([track]), ScanStatistics(scans=1, confirmed=1))
+        return Step(TrackArrays.from_tracks([track]), ScanStatistics(scans=1, confirmed=1))
 
 
 TOY = """

@@ -3,10 +3,10 @@
 import math
 from dataclasses import replace
 
+import clusters as benchmark
 import numpy as np
-import plots as benchmark
 import pytest
-from plots_scenes import Pool, Swimmers
+from clusters_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
@@ -62,7 +62,7 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
 
 @pytest.mark.long
 @pytest.mark.parametrize("hull", [20.0, 40.0])
-def test_a_vessel_longer_than_a_plot_is_one(hull):
+def test_a_vessel_longer_than_a_cluster_is_one(hull):
     scene = Swimmers(echoes=(3, 8), hull=hull, speed=3.0, pings=35)
     runs = [benchmark.run(scene, seed, "estimated") for seed in (1, 2, 3)]
     assert all(run.held == 1 for run in runs)
@@ -78,9 +78,9 @@ def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
 @pytest.mark.parametrize(
     "seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in (5, 6))]
 )
-def test_swimmers_of_one_echo_that_pass_each_other_are_no_plots(seed):
+def test_swimmers_of_one_echo_that_pass_each_other_are_no_clusters(seed):
     run = benchmark.watched(Pool(echoes=1, false=4.0, pings=140), seed)
-    assert not run.plots
+    assert not run.clusters
     assert run.held > 0.97
 
 
@@ -89,7 +89,7 @@ def test_swimmers_are_held_in_the_clutter_of_a_fast_sonar(false):
     # 5e-4 and 1.6e-3 false detections a m^2: a hull's gate holds some anywhere.
     for seed in range(2):
         run = benchmark.watched(Pool(false=false, pings=120), seed)
-        assert run.plots
+        assert run.clusters
         assert run.held > 0.97
         assert run.elsewhere < 0.5
 
@@ -97,12 +97,12 @@ def test_swimmers_are_held_in_the_clutter_of_a_fast_sonar(false):
 def test_swimmers_of_two_echoes_beside_each_other_are_held():
     # 6 m apart: what lies beside them a second later is no part of them.
     run = benchmark.watched(Pool(echoes=2, false=4.0, pings=120), 6)
-    assert run.plots
+    assert run.clusters
     assert run.held > 0.97
 
 
 @pytest.mark.parametrize("method", available_methods())
-def test_with_an_extent_plots_are_on_from_the_first_scan(method):
+def test_with_an_extent_clusters_are_on_from_the_first_scan(method):
     echoes = Scan(0.0, [100.0, 101.5], [0.5, 0.5])
     number = {}
     for plots_option, extent in (("auto", 3.0), ("auto", 0.0), ("on", 3.0), ("off", 3.0)):
@@ -130,7 +130,7 @@ def test_score_alone_takes_an_error_across_as_large_as_along(method, plots_optio
             assert (across < 0.5 * along).all()
 
 
-def test_a_hit_is_the_plots_strongest_detection():
+def test_a_hit_is_the_clusters_strongest_detection():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
     initiator = make_initiator("score", sensor=sensor, plots="on", target_extent=3.0)
     tracks = []
@@ -154,21 +154,21 @@ def test_a_reset_and_other_options_start_over():
     initiator = initiator_of(scene)
     for ping in scene.draw(3):
         initiator.process(ping.scan)
-    assert initiator.plots.active
+    assert initiator.extended_targets.active
     same = make_method("score", sensor=scene.sensor, max_speed=6.0)
     off = make_method("score", sensor=scene.sensor, plots="off")
-    assert not initiator.with_settings(off)[0].plots.active
+    assert not initiator.with_settings(off)[0].extended_targets.active
     initiator, kept = initiator.with_settings(same)
-    assert kept and initiator.plots.active
+    assert kept and initiator.extended_targets.active
     initiator, _ = initiator.with_settings(off)
-    assert not initiator.plots.active
+    assert not initiator.extended_targets.active
     initiator, _ = initiator.with_settings(same)
-    assert not initiator.plots.active
+    assert not initiator.extended_targets.active
     for ping in scene.draw(4):
         initiator.process(replace(ping.scan, stamp=ping.scan.stamp + 100.0))
-    assert initiator.plots.active
+    assert initiator.extended_targets.active
     initiator.reset()
-    assert not initiator.plots.active
+    assert not initiator.extended_targets.active
 
 
 def test_the_session_says_so_once():
@@ -183,7 +183,7 @@ def test_the_session_says_so_once():
     assert "several detections per ping" in sentences[0]
 
 
-def test_neighbouring_rays_are_one_plot_at_once():
+def test_neighbouring_rays_are_one_cluster_at_once():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
     azimuth = np.array([-0.01, 0.0, 0.01, 1.0, 2.0, 2.5])
     group = np.array([0, 0, 0, 1, 1, -1])

@@ -24,7 +24,7 @@ RADAR = SensorModel(range_std=15.0, range_std_fraction=0.0, max_range=3000.0)
 """A marine radar: a scan every 2.5 s."""
 
 
-def test_a_held_target_has_no_potential_tracks():
+def test_a_confirmed_target_has_no_potential_tracks():
     initiator = score()
     for scan in sea(np.random.default_rng(1), 20, [(3000.0, 4.0, 2000.0, -3.0)], density=0.0):
         initiator.process(scan)
@@ -35,7 +35,8 @@ def test_a_held_target_has_no_potential_tracks():
 
 @pytest.mark.parametrize("run", [39, 85, 120])
 def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(run):
-    # Each of the two has evidence enough; a share of held hits of 0.6 would start the target twice.
+    # Each of the two has evidence enough; a share of confirmed hits of 0.6 would start the target
+    # twice.
     scene = replace(load_scenario("box"), warm_up=16, scans=8)
     point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
     outcomes = [judged.outcome for judged in simulate(scene, [900, run], point).judged()]
@@ -143,7 +144,7 @@ def test_a_target_that_is_tracked_downstream_is_not_started_but_one_beside_it_is
     for scan in sea(np.random.default_rng(3), 40, [first, second]):
         tracked = [(2**31, 2000.0), *((start.track_id, 1000.0) for start in starts)]
         told = [downstream(track_id, scan.stamp, y) for track_id, y in tracked if listed]
-        initiator.maintenance.follow(scan.stamp, TrackArrays.of(told))
+        initiator.maintenance.follow(scan.stamp, TrackArrays.from_tracks(told))
         starts += initiator.process(scan)
     lanes = [round(track.position[1] / 1000.0) for track in starts]
     if listed:
@@ -160,7 +161,7 @@ def test_a_start_is_held_as_firmly_as_it_is_probable(wish):
         if len(tracks):
             odds = 500.0 * np.exp(tracks.evaluation) / wish
             expected = np.clip(odds / (1.0 + odds), 0.02, 0.99)
-            held = initiator.maintenance.held.existence[-len(tracks) :]
+            held = initiator.maintenance.confirmed.existence[-len(tracks) :]
             assert held == pytest.approx(expected)
             return
     pytest.fail("nothing was confirmed")

@@ -91,7 +91,7 @@ def test_a_track_of_a_downstream_tracker_has_no_hits_to_doubt(listed):
         if k < listed:
             state = np.array([X, 0.0, 84.0 * k, 7.0])
             report = ConfirmedTrack(77, 12.0 * k, state, covariance, (), 0.0)
-            initiator.maintenance.follow(12.0 * k, TrackArrays.of([report]))
+            initiator.maintenance.follow(12.0 * k, TrackArrays.from_tracks([report]))
         place = tuple(np.add(target(k), 3.0 * rng.standard_normal(2)))
         assert not len(initiator.process(scan_at(12.0 * k, [place])))
         assert not len(initiator.revised)
@@ -146,7 +146,7 @@ def test_a_silent_target_is_withheld_and_comes_back_under_its_id(interval, seed)
         apart = np.hypot(*(initiator.current.state[:, 0::2] - place).T)
         published.append(initiator.current.track_id[apart < 0.1 * reach].tolist())
         if scan == SILENT[-1]:
-            held = initiator.maintenance.held
+            held = initiator.maintenance.confirmed
             assert held.status[held.tracks.track_id == published[SILENT[0] - 1]] == Status.WITHHELD
     assert len(published[SILENT[0] - 1]) == 1
     assert published[SILENT[-1]] == []

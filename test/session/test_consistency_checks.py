@@ -174,7 +174,7 @@ def test_scans_without_detections_and_single_coarse_detections_do_not_repeat_the
     assert dropped_of(steps)[:2] == ({}, 30)
 
 
-def test_equal_places_of_other_strength_are_other_detections():
+def test_equal_places_of_other_amplitude_are_other_detections():
     scans, rng = noise(4), np.random.default_rng(9)
     doubled = [scan for scan in scans for _ in range(2)]
     strengths = [rng.random(5) for _ in doubled]

@@ -6,7 +6,17 @@ from collections import Counter, deque
 
 import numpy as np
 import pytest
-from support.sessions import arrived, held, moving, ping, play, play_empty, sail, session, settings
+from support.sessions import (
+    arrived,
+    current_ids,
+    moving,
+    ping,
+    play,
+    play_empty,
+    sail,
+    session,
+    settings,
+)
 
 from tsepm_ros import ConfirmedTrack, LandMask, Scan
 from tsepm_ros.methods.score import Score
@@ -362,7 +372,7 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
     assert (one.dropped, one.figures().waiting) == ({"own_ship_jump": 1}, 0)
     sail(one, 40.0, 60.0)
     (result,) = play(one, [48])
-    assert held(result) == [track.track_id for track in confirmed]
+    assert current_ids(result) == [track.track_id for track in confirmed]
 
 
 def test_a_negative_time_offset_is_placed_where_poses_are_known():
@@ -474,7 +484,7 @@ def tracked(stamp: float, /, *ids: int, **values) -> TrackArrays:
         )
         for place, track_id in enumerate(ids)
     ]
-    return TrackArrays.of([dataclasses.replace(track, **values) for track in tracks])
+    return TrackArrays.from_tracks([dataclasses.replace(track, **values) for track in tracks])
 
 
 def tell(one: Session, stamp: float, *listed: int, frame_id: str = "sonar") -> None:
@@ -488,14 +498,14 @@ def test_a_report_counts_before_a_scan_that_waited_and_one_older_than_the_last_i
     tell(one, 14.0, 70, frame_id="odom")
     sail(one, 0.0, 20.0)
     (result,) = one.process(0.0)
-    assert held(result) == [70]
+    assert current_ids(result) == [70]
     assert result.current[0].stamp == 10.0
     one = session()
     play(one, [0])
     tell(one, 5.0, 70)
     tell(one, 4.0, 71)
     (result,) = play(one, [6])
-    assert (held(result), one.dropped) == ([70], {"tracked_late": 1})
+    assert (current_ids(result), one.dropped) == ([70], {"tracked_late": 1})
 
 
 @pytest.mark.parametrize("stamp", [939.0, 1060.5])
@@ -503,10 +513,10 @@ def test_a_report_of_another_time_is_dropped_and_the_next_is_used(stamp):
     one = session()
     tell(one, stamp, 70)
     (result,) = play(one, [1000])
-    assert (held(result), one.dropped) == ([], {"tracked_stale": 1})
+    assert (current_ids(result), one.dropped) == ([], {"tracked_stale": 1})
     tell(one, 1001.0, 71)
     (result,) = play(one, [1012])
-    assert held(result) == [71]
+    assert current_ids(result) == [71]
 
 
 GOOD_COVARIANCE = np.diag([50.0, 1.0, 50.0, 1.0]) ** 2
@@ -537,7 +547,7 @@ def test_a_bad_tracked_target_is_dropped_and_the_others_are_kept(fault):
     assert one.dropped == {f"tracked_{reason}": 2}
     assert one.heard == [f"tracked_{reason}"]
     (result,) = play_empty(one, [0])
-    assert held(result) == [70, 73]
+    assert current_ids(result) == [70, 73]
     np.testing.assert_array_equal(result.current.state, tracks.where(np.array([0, 3])).state)
     assert np.isfinite(result.current.covariance).all()
 
@@ -548,7 +558,7 @@ def test_the_tracker_s_timeout_may_change_and_another_method_keeps_what_it_track
     play_empty(one, [0])
     one.configure(settings(CommonOptions(tracked_timeout=20.0), method="score"))
     (result,) = play_empty(one, [12])
-    assert (held(result), one.figures().tracker) == ([70], "alive")
+    assert (current_ids(result), one.figures().tracker) == ([70], "alive")
     play_empty(one, [24])
     assert one.figures().tracker == "silent"
     one.configure(settings(CommonOptions(tracked_timeout=40.0), method="score"))

@@ -13,8 +13,8 @@ from support.sessions import (
     BOX,
     NotedSession,
     arrived,
+    current_ids,
     failing_at,
-    held,
     moving,
     moving_settings,
     ping,
@@ -45,7 +45,7 @@ def test_a_scan_at_which_the_initiator_fails_forgets_the_tracks():
     assert play(one, [36]) == []
     assert one.dropped == {"internal_error": 1}
     results = play(one, [48, 60, 72])
-    assert (held(results[0]), results[0].ended) == ([], {track.track_id: "cleared"})
+    assert (current_ids(results[0]), results[0].ended) == ([], {track.track_id: "cleared"})
     assert len(results[2].new) == 1
 
 
@@ -166,7 +166,7 @@ def test_hypotheses_that_a_limit_cuts_are_noticed(most, said):
     assert ("a limit cut 15 hypotheses at 12.000 s" in sentences) is said
 
 
-def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
+def test_a_notice_says_once_that_amplitudes_count_and_that_they_no_longer_do():
     rng, said = np.random.default_rng(1), []
     one = Session(settings(method="score"), lambda *one: said.append(one))
     found = []
@@ -177,8 +177,8 @@ def test_a_notice_says_once_that_strengths_count_and_that_they_no_longer_do():
         found += [(index, sentence) for subject, sentence in said if subject == "intensity"]
         said.clear()
     assert [index for index, _ in found] == [1, 5]
-    assert "used: compared with" in found[0][1] and "no strengths" in found[1][1]
-    assert one.figures().intensity == "not used: no strengths"
+    assert "used: compared with" in found[0][1] and "no amplitudes" in found[1][1]
+    assert one.figures().intensity == "not used: no amplitudes"
 
 
 HEAVY = "scipy.stats", "scipy.ndimage", "scipy.optimize", "matplotlib", "rclpy"

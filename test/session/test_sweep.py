@@ -164,7 +164,7 @@ def test_a_part_of_a_turn_counts_no_misses_elsewhere():
     standing = [beam(last + 0.01 * n, -2.0) for n in range(6000)]
     results = played(one, standing)
     assert len(results) >= 4
-    held = one.tracker.maintenance.held
+    held = one.tracker.maintenance.confirmed
     assert len(held) == 2
     assert held.existence.min() > 0.9
 

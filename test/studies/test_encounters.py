@@ -1,4 +1,4 @@
-"""Clutter zones and encounters: what they change in the association, and features of plots."""
+"""Clutter zones and encounters: what they change in the association, and features of echoes."""
 
 import functools
 import math
@@ -14,7 +14,7 @@ from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import make_method
 from tsepm_ros.studies.assignment import Pairs
 from tsepm_ros.studies.encounters import (
-    PLOT_COUNT,
+    DETECTION_COUNT,
     ZONE_FACTOR,
     Environment,
     FeatureTracker,
@@ -33,11 +33,11 @@ from tsepm_ros.tracker.scan import ECHO_FEATURES
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
 
 
-def plots_like(features: np.ndarray, number: int, seed: int = 1) -> np.ndarray:
+def echoes_like(features: np.ndarray, number: int, seed: int = 1) -> np.ndarray:
     return features * (1.0 + 0.1 * np.random.default_rng(seed).standard_normal((number, 3)))
 
 
-TWO = Histories.of(np.stack([plots_like(BIG, 10), plots_like(SMALL, 10)]))
+TWO = Histories.of(np.stack([echoes_like(BIG, 10), echoes_like(SMALL, 10)]))
 APART, TOGETHER = np.zeros((2, 2), bool), ~np.eye(2, dtype=bool)
 
 
@@ -50,8 +50,9 @@ def all_pairs(cost: list[list[float]]) -> Pairs:
     return Pairs(parent, row, np.ravel(cost).astype(float))
 
 
-def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
-    # Of 9 plots of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 + 9).
+def test_in_a_zone_only_alike_detections_count_and_against_alike_clutter():
+    # Of 9 detections of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 +
+    # 9).
     clutter = np.concatenate([np.tile(BIG, (2, 1)), np.tile(SMALL, (7, 1))])
     environment = Environment(np.stack([BIG, BIG]), np.array([True, False]), clutter)
     factors = environment.factors(TWO, APART, all_pairs([[1.0, 1.0], [1.0, 1.0]]))
@@ -61,8 +62,8 @@ def test_in_a_zone_only_alike_plots_count_and_against_alike_clutter():
     assert factors.tolist() == pytest.approx([0.0, 10.0 / 8.0])
 
 
-def test_plots_that_resemble_several_go_by_their_distance():
-    same = Histories.of(np.stack([plots_like(BIG, 10), plots_like(BIG, 10)]))
+def test_detections_that_resemble_several_go_by_their_distance():
+    same = Histories.of(np.stack([echoes_like(BIG, 10), echoes_like(BIG, 10)]))
     environment = Environment(np.stack([BIG, BIG]), np.zeros(2, bool), np.zeros((0, 3)))
     for cost, expected in (
         ([[0.0, 4.0], [4.0, 0.0]], [1.0, 0.0, 0.0, 1.0]),
@@ -90,9 +91,9 @@ def test_a_zone_is_where_clutter_is_dense_against_the_coverage():
     assert (density > ZONE_FACTOR * clutter.mean).tolist() == [True, False]
 
 
-def two_kinds(plots: np.ndarray, others: np.ndarray, k: int, outside: int = 0) -> Scan:
+def two_kinds(echoes: np.ndarray, others: np.ndarray, k: int, outside: int = 0) -> Scan:
     """A target of features `plots` at 3 km, beside one of `others`, behind echoes out of range."""
-    features = np.concatenate([np.full((outside, 3), 1e4), plots[k : k + 1], others[k : k + 1]])
+    features = np.concatenate([np.full((outside, 3), 1e4), echoes[k : k + 1], others[k : k + 1]])
     return scan_at(
         12.0 * k,
         [*[(20e3, 0.0)] * outside, (3000.0 + 60.0 * k, 0.0), (-5000.0, 30.0 * k)],
@@ -101,27 +102,27 @@ def two_kinds(plots: np.ndarray, others: np.ndarray, k: int, outside: int = 0) -
 
 
 @pytest.mark.parametrize("outside", [0, 1, 5])
-def test_a_track_has_the_features_of_its_own_plots_wherever_they_stand_in_the_scan(outside):
+def test_a_track_has_the_features_of_its_own_detections_wherever_they_stand_in_the_scan(outside):
     sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003, max_range=8e3)
     made = featured(sensor)
-    own, others = plots_like(BIG, 45, seed=4), plots_like(SMALL, 45, seed=5)
+    own, others = echoes_like(BIG, 45, seed=4), echoes_like(SMALL, 45, seed=5)
     for k in range(45):
         made.process(two_kinds(own, others, k, outside))
-    tracks = made.maintenance.held.tracks
+    tracks = made.maintenance.confirmed.tracks
     ahead = tracks.state[:, 0].argsort()
     assert len(tracks) == 2
     found = made.maintenance.histories(tracks)
-    # The plot of this scan is a track's own from the next scan on if the track began with it.
-    latest = np.stack([others, own])[:, -PLOT_COUNT:]
+    # The detection of this scan is a track's own from the next scan on if the track began with it.
+    latest = np.stack([others, own])[:, -DETECTION_COUNT:]
     np.testing.assert_allclose(found.mean[ahead], latest.mean(axis=1))
-    np.testing.assert_allclose(found.square[ahead], latest.var(axis=1) * PLOT_COUNT)
+    np.testing.assert_allclose(found.square[ahead], latest.var(axis=1) * DETECTION_COUNT)
 
 
-def test_only_plots_of_clutter_tell_of_clutter():
-    # Every second ping another echo, somewhere else: none of the tracks' plots is clutter.
+def test_only_detections_of_clutter_tell_of_clutter():
+    # Every second ping another echo, somewhere else: none of the tracks' echoes is clutter.
     sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.003, max_range=8e3)
     made = featured(sensor)
-    own, others = plots_like(BIG, 30, seed=4), plots_like(SMALL, 30, seed=5)
+    own, others = echoes_like(BIG, 30, seed=4), echoes_like(SMALL, 30, seed=5)
     for k in range(30):
         made.process(two_kinds(own, others, k))
         if k == 14:
@@ -241,7 +242,8 @@ def test_ships_on_one_course_are_closest_now():
     [(125.0, 188.6, True), (125.0, 188.4, False), (120.0, 190.3, True), (120.0, 190.2, False)],
 )
 def test_targets_meet_where_their_gates_overlap_in_time(within, width, met):
-    # Two gates of half the width each, 3 standard deviations of the state's and the plot's error.
+    # Two gates of half the width each, 3 standard deviations of the state's and the detection's
+    # error.
     states = np.stack(published("north"))
     spread = np.zeros((2, 4, 4))
     spread[:, [0, 2], [0, 2]] = 3.0**2
@@ -261,12 +263,12 @@ def drawn(rng: np.random.Generator, *shape: int) -> np.ndarray:
     return MEAN + SPREAD * rng.standard_normal((*shape, 3))
 
 
-@pytest.mark.parametrize("plots", [3, 5, 20])
-def test_own_plots_are_chi_square_distributed_whatever_their_number(plots):
+@pytest.mark.parametrize("echoes", [3, 5, 20])
+def test_own_detections_are_chi_square_distributed_whatever_their_number(echoes):
     # Kolmogorov-Smirnov at 0.1 %; the share outside the gate within 3.3 standard errors of 1 %.
-    rng = np.random.default_rng([2, plots])
+    rng = np.random.default_rng([2, echoes])
     n = 4000
-    histories, candidate = Histories.of(drawn(rng, n, plots)), drawn(rng, n)
+    histories, candidate = Histories.of(drawn(rng, n, echoes)), drawn(rng, n)
     found = histories.dissimilarity(candidate)
     assert stats.kstest(found, stats.chi2(3).cdf).pvalue > 1e-3
     outside = 1.0 - histories.resembled_by(candidate).mean()
@@ -284,7 +286,7 @@ def test_own_plots_are_chi_square_distributed_whatever_their_number(plots):
         (np.full((1, 9, 3), 0.0), [0.0, 0.0, 0.0], True),
         (np.full((1, 9, 3), 0.0), [0.0, 1e-3, 0.0], False),
     ],
-    ids=["no plots", "one plot", "not measured", "same", "other", "always 0", "0 but once"],
+    ids=["no echoes", "one detection", "not measured", "same", "other", "always 0", "0 but once"],
 )
 def test_what_cannot_be_told_apart_resembles(history, candidate, resembles):
     with np.errstate(all="raise"):

@@ -1,4 +1,4 @@
-"""Scenes of held tracks, and what maintenance makes of them compared with plain loops."""
+"""Scenes of confirmed tracks, and what maintenance makes of them compared with plain loops."""
 
 import functools
 import math
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from support.plain_held_tracks import Columns, PlainStep, Rule
+from support.plain_confirmed_tracks import Columns, PlainStep, Rule
 from support.plain_tsepm import Parameters
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
@@ -37,7 +37,7 @@ MOTION = np.array([3.0, -2.0, 0.002])
 
 
 @dataclass
-class HeldScene:
+class ConfirmedScene:
     """Targets that may vanish, tracks that start in their place or elsewhere, and scans."""
 
     seed: int
@@ -125,7 +125,7 @@ class HeldScene:
 
 
 def columns(held: ConfirmedTracks) -> Columns:
-    """The table of held tracks as a mapping."""
+    """The table of confirmed tracks as a mapping."""
     names = ("existence", "proven", "visible", "covered_scans", "last_detected")
     names += ("agreeing_scans", "hit_sigma")
     found = {name: getattr(held, name).copy() for name in names}
@@ -140,7 +140,7 @@ def columns(held: ConfirmedTracks) -> Columns:
 @functools.cache
 def compare(seed: int) -> Counter[str]:
     """Compare all scans of a scene; returns what was compared, and why tracks ended."""
-    scene, counts = HeldScene(seed), Counter()
+    scene, counts = ConfirmedScene(seed), Counter()
     rng, sensor = scene.rng, scene.sensor()
     maintenance = TrackMaintenance(
         CommonOptions(hold_time=scene.hold_time, target_extent=scene.target_extent)
@@ -162,7 +162,7 @@ def compare(seed: int) -> Counter[str]:
         next_id += len(new)
         existence = rng.uniform(0.2, 0.99, len(new))
         existence[rng.random(len(new)) < 0.2] = 0.011  # soon ends by it
-        maintenance.add(TrackArrays.of(new), existence)
+        maintenance.add(TrackArrays.from_tracks(new), existence)
         elapsed = float(rng.uniform(2.0, 14.0))
         stamp += elapsed
         values = scene.scan(stamp)
@@ -173,7 +173,7 @@ def compare(seed: int) -> Counter[str]:
             x, y = (positions - pose[:2]).T
             return 0.8 * sensor.covers(np.hypot(x, y), np.arctan2(y, x) - pose[2])
 
-        whole, plain = scene.looks_everywhere(), PlainStep(rule, columns(maintenance.held))
+        whole, plain = scene.looks_everywhere(), PlainStep(rule, columns(maintenance.confirmed))
         found = convert(Scan(**values), sensor, index)
         density = maintenance.step(
             stamp, found, clutter, detectable, sensor, MAX_SPEED, whole=whole
@@ -198,7 +198,7 @@ def compare(seed: int) -> Counter[str]:
 
 def assert_same(maintenance: TrackMaintenance, plain: PlainStep) -> None:
     """The table is that of the plain version, and the same tracks ended."""
-    held = columns(maintenance.held)
+    held = columns(maintenance.confirmed)
     assert maintenance.ended == plain.ended
     for name in ("track_id", "published", "agreeing_scans"):
         np.testing.assert_array_equal(held[name], plain.tracks[name], err_msg=name)
@@ -211,12 +211,12 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainStep) -> None:
         np.testing.assert_allclose(held[name], plain.tracks[name], rtol=1e-7, atol=1e-12)
     for found, expected in zip(maintenance.covered, plain.covered, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-12)
-    tracks = maintenance.held.tracks
+    tracks = maintenance.confirmed.tracks
     np.testing.assert_array_equal(tracks.time_since_hit, tracks.stamp - held["last_detected"])
     np.testing.assert_array_equal(tracks.existence_probability, held["existence"])
     assert maintenance.current.track_id.tolist() == held["track_id"][held["published"]].tolist()
     found, expected = (
         sorted(pair for pair in pairs if pair[1] > 1e-12)
-        for pairs in (zip(*maintenance.held_association, strict=True), plain.association)
+        for pairs in (zip(*maintenance.confirmed_association, strict=True), plain.association)
     )
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)

@@ -19,8 +19,10 @@ from tsepm_ros.tools.viewer.page_content import PageState, make_frame, track_fac
 from tsepm_ros.tools.viewer.page_server import PageServer
 
 
-def held(track_id: int, x: float, y: float, vx: float = 3.0, vy: float = 4.0, **more: Any):
-    """A held track at time 100 s."""
+def confirmed_track(
+    track_id: int, x: float, y: float, vx: float = 3.0, vy: float = 4.0, **more: Any
+):
+    """A confirmed track at time 100 s."""
     values = {
         "stamp": 100.0,
         "covariance": np.diag([400.0, 1.0, 900.0, 4.0]),
@@ -47,7 +49,7 @@ def live_state(frames: int = 0, kept: int = 300, title: str = "Tracks") -> PageS
 
 
 def put_moving(state: PageState, number: int) -> None:
-    track = held(7, 100.0 * number, 500.0, 8.0, 0.0)
+    track = confirmed_track(7, 100.0 * number, 500.0, 8.0, 0.0)
     detections = np.array([[-2000.0, -1500.0], [2500.0, 1800.0]])
     frame = numbered(number, track, detections=detections, own_ship=(0.0, 0.0, 0.5))
     state.put(frame, track_facts([track], 12.0) if number == 1 else None)

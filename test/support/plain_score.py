@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from support.plain_held_tracks import VELOCITY, in_disc
+from support.plain_confirmed_tracks import VELOCITY, in_disc
 from support.plain_tsepm import (
     MEASUREMENT_MATRIX,
     Detection,
@@ -129,7 +129,7 @@ def at_max_speed(grown: Grown, max_speed: float) -> Grown:
 
 
 def plain_starts(grown: Grown, threshold: float, target_rate: float) -> list[Start]:
-    """Tracks that a scan confirms without held tracks, in descending order of evidence."""
+    """Tracks that a scan confirms without confirmed tracks, in descending order of evidence."""
     starts: list[Start] = []
     free: dict[Key, float] = {}
     left = grown
@@ -156,11 +156,17 @@ def plain_starts(grown: Grown, threshold: float, target_rate: float) -> list[Sta
 
 
 def resolved(
-    members: Sequence[Hypothesis], grown: Grown, free: Mapping[Key, float], max_held_share: float
+    members: Sequence[Hypothesis],
+    grown: Grown,
+    free: Mapping[Key, float],
+    max_confirmed_share: float,
 ) -> Start | None:
     """The track of a newest detection, unless another track's or its hits are unclear."""
     rivals = rivals_of(members, grown)
-    if held_share(rivals, free) > max_held_share or max(len(one.keys) for one in rivals) < 3:
+    if (
+        confirmed_share(rivals, free) > max_confirmed_share
+        or max(len(one.keys) for one in rivals) < 3
+    ):
         return None
     probability = hit_probabilities(rivals)
     certain = {key for key, value in probability.items() if value >= 0.9}
@@ -223,7 +229,7 @@ def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
     ]
 
 
-def held_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
+def confirmed_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
     """Share of the hits associated with another track."""
     hits = [(likelihood(one), 1.0 - free.get(key, 1.0)) for one in members for key in one.keys]
     return sum(weight * taken for weight, taken in hits) / sum(weight for weight, _ in hits)

@@ -103,7 +103,7 @@ def simulated(seed: int = 1) -> list[Scan]:
     return [simulated.scan for simulated in Simulator(BOX, seed)]
 
 
-def held(result) -> list[int]:
+def current_ids(result) -> list[int]:
     return [track.track_id for track in result.current]
 
 
@@ -128,8 +128,8 @@ class FailingSettings(Settings):
 
     fails_at: float = math.inf
 
-    def make_initiator(self):
-        return FailingInitiator(super().make_initiator(), self.fails_at)
+    def make_tracker(self):
+        return FailingInitiator(super().make_tracker(), self.fails_at)
 
 
 def failing_at(stamp: float, settings: Settings) -> FailingSettings:

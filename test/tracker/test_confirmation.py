@@ -139,17 +139,17 @@ def test_no_track_on_two_hits_however_strong():
 
 
 @pytest.mark.parametrize(("earlier", "starts"), [(0.45, 1), (0.8, 0)])
-def test_a_target_is_started_that_a_held_track_explains_in_part(earlier, starts):
-    # 0.45 or 0.8 of the first four hits are due to the held track, 0.67 of six at least.
+def test_a_target_is_started_that_a_confirmed_track_explains_in_part(earlier, starts):
+    # 0.45 or 0.8 of the first four hits are due to the confirmed track, 0.67 of six at least.
     probability = [earlier] * 4 + [0.4] * 2
     initiator = Tracker(Score(EXACT, CommonOptions(**AS_GIVEN), ScoreOptions()))
 
-    def partly_held(tree: Tree) -> float:
+    def partly_confirmed(tree: Tree) -> float:
         """3 below the largest evidence: not enough for a second target."""
-        held = np.full(len(tree.ids), probability.pop(0))
-        initiator.window.note_held(tree.ids, held)
+        confirmed = np.full(len(tree.ids), probability.pop(0))
+        initiator.window.note_confirmed(tree.ids, confirmed)
         return tree.evidence.max() - 3.0
 
     scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
-    with rule_at(partly_held):
+    with rule_at(partly_confirmed):
         assert sum(len(initiator.process(scan)) for scan in scans) == starts

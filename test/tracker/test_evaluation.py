@@ -25,7 +25,7 @@ from tsepm_ros.tracker.tracks import TrackArrays
 def track(hits: int = 5) -> TrackArrays:
     state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
     pairs = tuple((scan, 7) for scan in range(hits))
-    return TrackArrays.of([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
+    return TrackArrays.from_tracks([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
 
 
 @pytest.mark.parametrize("hit_count", [2, 3, 5])
@@ -49,32 +49,32 @@ def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
 class Observed:
     """What the evaluation of amplitudes takes of a scan."""
 
-    def __init__(self, exponents) -> None:
-        self.detections = np.zeros(len(exponents))
-        self.strengths = ScanAmplitudes.of(np.asarray(exponents, float), 250.0, 16)
+    def __init__(self, normalised) -> None:
+        self.detections = np.zeros(len(normalised))
+        self.amplitudes = ScanAmplitudes.from_normalised(np.asarray(normalised, float), 250.0, 16)
 
 
 def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
-    exponents = [2.0, 0.3, 5.0, np.nan, 4.0]
+    normalised = [2.0, 0.3, 5.0, np.nan, 4.0]
     row, none = np.zeros(1, np.int64), np.zeros(1, np.int64)
-    begun = evaluation.path_amplitudes(Observed(exponents[:1]), row, none, np.zeros(1))
+    begun = evaluation.path_amplitudes(Observed(normalised[:1]), row, none, np.zeros(1))
     hypotheses = Hypotheses.none(16)
     paths = dataclasses.replace(
         hypotheses,
-        strength_count=begun.hits,
-        strength_total=begun.total,
-        strength_score=begun.increment,
+        amplitude_count=begun.hits,
+        amplitude_total=begun.total,
+        amplitude_score=begun.increment,
     )
     score = begun.increment[0]
-    for exponent in exponents[1:]:
+    for value in normalised[1:]:
         grown = evaluation.path_amplitudes(
-            Observed([exponent]), row, paths.strength_count, paths.strength_total
+            Observed([value]), row, paths.amplitude_count, paths.amplitude_total
         )
         score += grown.increment[0]
-        paths = dataclasses.replace(paths, strength_count=grown.hits, strength_total=grown.total)
-    strengths = Observed(exponents).strengths
-    total = strengths.scaled.sum()
-    expected = log_ratio(np.array(4.0), np.array(total), strengths.ratio.count)
+        paths = dataclasses.replace(paths, amplitude_count=grown.hits, amplitude_total=grown.total)
+    amplitudes = Observed(normalised).amplitudes
+    total = amplitudes.scaled.sum()
+    expected = log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
     assert grown.hits[0] == 4
     assert score == pytest.approx(float(expected), abs=0.01)
 
@@ -116,7 +116,9 @@ def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hyp
     before = initiator.method.hypotheses
     observed = initiator.observe(scans[3])
     predicted = splitting.predict(before, observed.interval, 0.001)
-    expected = ExpectedDetections.of(predicted, observed.stamp, observed.detections, SONAR)
+    expected = ExpectedDetections.from_hypotheses(
+        predicted, observed.stamp, observed.detections, SONAR
+    )
     pairs = parent, row, unmade = splitting.split(expected, 0.99, most)
     missed, scores = evaluation.evaluate(expected, parent, row, observed, 0.99)
     deletion = ScoreOptions().deletion_threshold
@@ -201,13 +203,13 @@ def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
         state=np.zeros((3, 4)),
         covariance=np.broadcast_to(np.diag([1.0, 25.0, 1.0, 25.0]), (3, 4, 4)),
         score=np.array([1.0, 2.0, 3.0]),
-        score_given_held=np.array([0.0, 1.0, 2.0]),
+        score_given_confirmed=np.array([0.0, 1.0, 2.0]),
     )
     found = evaluation.within_max_speed(hypotheses, np.array([True, True, False]), 5.0)
     # |v|^2 / 25 of two normal components is exponential of mean 2.
     gain = np.log(-np.expm1(-0.5)) - np.log(-np.expm1(-2.0))
     np.testing.assert_allclose(found.score, [1.0, 2.0 + gain, 3.0], rtol=1e-6)
-    np.testing.assert_allclose(found.score_given_held, [0.0, 1.0 + gain, 2.0], rtol=1e-6)
+    np.testing.assert_allclose(found.score_given_confirmed, [0.0, 1.0 + gain, 2.0], rtol=1e-6)
 
 
 def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
@@ -223,7 +225,7 @@ def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
         hits=hits,
         hit_count=np.array([2, 1, 2]),
         score=np.array([5.0, 0.3, 4.0]),
-        strength_score=np.array([3.0, 0.0, 0.0]),
+        amplitude_score=np.array([3.0, 0.0, 0.0]),
     )
     scan, index, probability = evaluation.target_hits(paths, window)
     assert (scan.tolist(), index.tolist()) == ([0, 1, 1], [0, 0, 1])

@@ -27,13 +27,13 @@ def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own
         of,
         hits=np.array([[1, 2, none], [1, 3, none], [2, none, none]]),
         hit_count=np.array([2, 2, 1]),
-        score_given_held=np.array([6.0, 6.0, -1.0]),
+        score_given_confirmed=np.array([6.0, 6.0, -1.0]),
     )
     start = Start(
         np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
     )
     given = given_starts(hypotheses, [start])
-    np.testing.assert_allclose(given.score_given_held, [1.5, 3.0, -1.0])
+    np.testing.assert_allclose(given.score_given_confirmed, [1.5, 3.0, -1.0])
 
 
 @pytest.mark.parametrize("seed", batches(24, 8))
@@ -96,7 +96,7 @@ def test_pairs_are_updated_as_by_the_kalman_filter_alone(shared):
         state=np.array([[2980.0, 5.0, 0.0, 1.0], [3000.0, -3.0, 10.0, 2.0]]),
         covariance=100.0 * root @ np.swapaxes(root, 1, 2),
     )
-    expected = ExpectedDetections.of(made, 10.0, found, FIXED_RANGE_ERROR)
+    expected = ExpectedDetections.from_hypotheses(made, 10.0, found, FIXED_RANGE_ERROR)
     assert (expected.of_hypothesis is not None) == shared
     parent, row = np.array([0, 0, 1]), np.array([0, 2, 1])
     pairs = made.state[parent], made.covariance[parent]

@@ -136,7 +136,7 @@ def figures(window: DetectionWindow, tracks: TrackArrays):
 def track(hits: int = 5) -> TrackArrays:
     state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
     pairs = tuple((scan, 7) for scan in range(hits))
-    return TrackArrays.of([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
+    return TrackArrays.from_tracks([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
 
 
 def test_hits_that_fit_leave_the_covariance_as_it_is():
@@ -154,14 +154,14 @@ def test_two_hits_fit_every_line_and_forgotten_hits_do_not_count():
     recent = scans(30.0)
     recent.forget(20)
     assert figures(recent, track())[0].tolist() == [1.0]
-    assert figures(recent, TrackArrays.of([]))[0].shape == (0,)
+    assert figures(recent, TrackArrays.from_tracks([]))[0].shape == (0,)
 
 
-def test_strengths_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
+def test_amplitudes_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
     recent = DetectionWindow()
-    for scan, strength in enumerate((1.5, np.nan, 4.0)):
+    for scan, amplitude in enumerate((1.5, np.nan, 4.0)):
         found = detections([[0.0, 0.0], [500.0, 500.0]], float(scan), 4.0)
-        found["scan"], found["index"], found["strength"] = scan, [7, 3], [strength, 100.0]
+        found["scan"], found["index"], found["amplitude"] = scan, [7, 3], [amplitude, 100.0]
         recent.append(found)
     both = TrackArrays.joined(track(3), track(1))
     _, (number, total), sigma = figures(recent, both)

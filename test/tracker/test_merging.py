@@ -79,7 +79,7 @@ def test_tracks_that_explain_more_than_one_detection_and_a_half_are_two_targets(
 def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
     """Starts at positions, at rest, with errors of 2 m and 1 m/s."""
     covariance = np.diag([4.0, 1.0, 4.0, 1.0])
-    return TrackArrays.of(
+    return TrackArrays.from_tracks(
         [
             ConfirmedTrack(place, 7.0, np.array([x, 0.0, y, 0.0]), covariance, hits, 0.0)
             for place, (x, y) in enumerate(rows)

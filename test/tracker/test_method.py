@@ -8,7 +8,7 @@ from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, TrackArrays
 
 
 def tracks(number: int) -> TrackArrays:
-    return TrackArrays.of(
+    return TrackArrays.from_tracks(
         [ConfirmedTrack(k, 0.0, np.zeros(4), np.eye(4), ((0, k),), 0.0) for k in range(number)]
     )
 

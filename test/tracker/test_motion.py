@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from support.builders import detections, scan_at
-from support.plain_held_tracks import in_disc as plain_in_disc
+from support.plain_confirmed_tracks import in_disc as plain_in_disc
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
@@ -239,7 +239,7 @@ def test_the_closest_approach_is_where_a_fine_grid_of_times_has_it():
 
 def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
     state, covariance = np.array([[100.0, 3.0, 50.0, -2.0]]), np.diag([9.0, 1.0, 9.0, 1.0])[None]
-    begun = motion.InteractingModels.of(state, covariance)
+    begun = motion.InteractingModels.from_states(state, covariance)
     goes_on, begins = motion.GOES_ON, 1.0 / motion.SCANS_TO_TURN
     chain = np.array([[1.0 - begins, begins], [1.0 - goes_on, goes_on]])
     np.testing.assert_allclose(begun.probability @ chain, begun.probability, err_msg="stationary")

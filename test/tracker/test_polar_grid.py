@@ -122,7 +122,7 @@ def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
             if column >= 9 or column + width < 0:
                 continue
         expected = values[row:end][:, inside].sum()
-        found = sums.of(*map(np.array, (row, end, column, width)))
+        found = sums.over(*map(np.array, (row, end, column, width)))
         assert float(found) == pytest.approx(expected, abs=1e-12)
         assert float(sums.scaled(3.0).of(*map(np.array, (row, end, column, width)))) == (
             pytest.approx(3.0 * expected, abs=1e-12)

@@ -107,7 +107,7 @@ def hypotheses_at(places, speed=0.0):
         state=state,
         covariance=np.broadcast_to(np.diag([400.0, 4.0, 900.0, 4.0]), (n, 4, 4)).copy(),
         score=np.zeros(n),
-        score_given_held=np.zeros(n),
+        score_given_confirmed=np.zeros(n),
         faded=np.zeros(n),
     )
 
@@ -120,7 +120,7 @@ def test_every_detection_in_a_hypothesis_gate_is_a_pair(times):
     found = detections(around.reshape(-1, 2), 0.0)
     found["time"] = 50.0 + rng.uniform(*times, 120) if times[0] != times[1] else 50.0
     found["azimuth_std"] = 0.02
-    expected = ExpectedDetections.of(hypotheses, 50.0, found, FIXED_RANGE_ERROR)
+    expected = ExpectedDetections.from_hypotheses(hypotheses, 50.0, found, FIXED_RANGE_ERROR)
     owner, row, cut = splitting.split(expected, 0.99)
     assert cut == 0
     every = np.repeat([0, 1], 120), np.tile(np.arange(120), 2)
@@ -142,7 +142,7 @@ def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
     observed = made.observe(scan)
-    observed = replace(observed, held_density=np.array([0.0, 3.0]) * observed.clutter_density)
+    observed = replace(observed, confirmed_density=np.array([0.0, 3.0]) * observed.clutter_density)
     started = splitting.start(observed, 10.0, 4)
     assert started.hits[:, 0].tolist() == observed.ids.tolist()
     assert started.hit_count.tolist() == [1, 1]
@@ -152,8 +152,8 @@ def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     np.testing.assert_allclose(started.covariance[0, 0::2, 0::2], own[0])
     grown = own[1] + 4.0 * 25.0 * np.eye(2)
     np.testing.assert_allclose(started.covariance[1, 0::2, 0::2], grown, err_msg="2 s before")
-    np.testing.assert_allclose(started.score - started.score_given_held, [0.0, np.log(4.0)])
+    np.testing.assert_allclose(started.score - started.score_given_confirmed, [0.0, np.log(4.0)])
     np.testing.assert_allclose(
-        splitting.held_penalty(observed, np.array([1, 1]), np.array([-2.0, 1.0])),
+        splitting.confirmed_penalty(observed, np.array([1, 1]), np.array([-2.0, 1.0])),
         np.log1p(3.0 * np.exp([0.0, 1.0])),
     )

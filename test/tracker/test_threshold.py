@@ -127,7 +127,7 @@ def test_an_azimuth_error_far_below_the_range_error_changes_no_threshold():
     np.testing.assert_allclose(*own, atol=0.01)
 
 
-def test_strengths_overshoot_more_so_that_the_threshold_is_lower():
+def test_amplitudes_overshoot_more_so_that_the_threshold_is_lower():
     plain = plan()
     strong = plan_of(SensorModel(), ratio=threshold_plan.ANY_RATIO)
     for share in (1e-3, 1e-4):

@@ -29,7 +29,7 @@ def test_an_initiator_is_shown_in_one_line():
     made = initiator()
     for k in range(3):
         made.process(scan_at(12.0 * k, [HERE]))
-    assert repr(made) == "Tracker(Tsepm, 3 scans, 1 tracks confirmed, 1 held)"
+    assert repr(made) == "Tracker(Tsepm, 3 scans, 1 tracks confirmed, 1 current)"
 
 
 def test_track_ids_fit_32_bits():
@@ -48,11 +48,11 @@ def test_ids_in_use_are_passed_over():
         if k == 2:  # a downstream tracker has come to use ids that were not given yet
             far = ConfirmedTrack(0, 12.0, np.array([9e3, 0, 9e3, 0]), np.eye(4), (), 0.0)
             used = [replace(far, track_id=track_id) for track_id in (0, 2, 500)]
-            made.maintenance.follow(12.0, TrackArrays.of(used))
+            made.maintenance.follow(12.0, TrackArrays.from_tracks(used))
         confirmed += made.process(scan_at(12.0 * k, [HERE, *others]))
     assert [track.track_id for track in confirmed] == [1, 3, 4]
     assert made.next_track_id == 5
-    assert sorted(made.maintenance.held.tracks.track_id) == [0, 1, 2, 3, 4, 500]
+    assert sorted(made.maintenance.confirmed.tracks.track_id) == [0, 1, 2, 3, 4, 500]
 
 
 def test_a_track_says_when_where_and_from_what():
@@ -148,28 +148,28 @@ def test_measured_are_the_detections_in_the_coverage_at_their_places_in_the_fixe
     assert seen["scan"].tolist() == [0, 0]
 
 
-def test_associated_are_detections_with_the_held_tracks_which_follow_them():
+def test_associated_are_detections_with_the_confirmed_tracks_which_follow_them():
     made = initiator(plots="off")
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(3)])
     made.process(scan_at(36.0, [(0.0, 5000.0), (3150.0, 20.0)]))
     maintenance = made.maintenance
-    row, probability = maintenance.held_association
+    row, probability = maintenance.confirmed_association
     assert row.tolist() == [1]
     assert 0.9 < probability[0] < 1.0
-    assert maintenance.held.last_detected.tolist() == [36.0]
+    assert maintenance.confirmed.last_detected.tolist() == [36.0]
     x, y = made.current[0].position
     assert (3100.0 < x < 3200.0, 0.0 < y < 20.0) == (True, True), "between prediction and detection"
     made.process(scan_at(48.0, [(0.0, 5000.0)]))
-    assert maintenance.held.last_detected.tolist() == [36.0]
+    assert maintenance.confirmed.last_detected.tolist() == [36.0]
     assert made.current[0].position[0] == pytest.approx(x + 12.0 * 4.2, abs=5.0)
 
 
-def test_learned_is_the_clutter_from_what_is_no_held_target_s():
+def test_learned_is_the_clutter_from_what_is_no_confirmed_target_s():
     targets = [(-3000.0, 0.0), (0.0, 3000.0), (-4000.0, 4000.0)]
     sensor = replace(FIXED_RANGE_ERROR, clutter_density=1e-7)
     made = make_initiator("score", sensor=sensor, plots="off", clutter_density="estimated")
     taken(made, [targets] * 12)
-    assert len(made.maintenance.held) == 3
+    assert len(made.maintenance.confirmed) == 3
     quiet = made.clutter_density
     assert quiet * made.covered_area < 1.5, "the targets are not counted"
     rng = np.random.default_rng(0)
@@ -235,9 +235,9 @@ def test_held_is_a_track_until_its_target_has_been_missed_for_long():
     assert track.existence_probability > 0.9
     for k in range(6, 60):
         made.process(scan_at(12.0 * k, []))
-        if not len(made.maintenance.held):
+        if not len(made.maintenance.confirmed):
             break
-        ended = made.maintenance.held.existence[0]
+        ended = made.maintenance.confirmed.existence[0]
     assert 10 < k < 40
     assert ended < 0.05
     assert made.maintenance.ended == {track.track_id: "missed"}

@@ -21,7 +21,7 @@ TRACKS = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
 
 
 def test_many_tracks_are_predicted_to_one_time_as_each_alone():
-    for one, alone in zip(TrackArrays.of(TRACKS).predicted(150.0), TRACKS, strict=True):
+    for one, alone in zip(TrackArrays.from_tracks(TRACKS).predicted(150.0), TRACKS, strict=True):
         expected = alone.predicted(150.0)
         assert (one.track_id, one.stamp, one.age) == (alone.track_id, 150.0, expected.age)
         np.testing.assert_allclose(one.state, expected.state)
@@ -29,7 +29,9 @@ def test_many_tracks_are_predicted_to_one_time_as_each_alone():
 
 
 def test_arrays_give_back_the_tracks_that_they_were_made_of():
-    arrays = TrackArrays.joined(TrackArrays.of(TRACKS[:1]), TrackArrays.of(TRACKS[1:]))
+    arrays = TrackArrays.joined(
+        TrackArrays.from_tracks(TRACKS[:1]), TrackArrays.from_tracks(TRACKS[1:])
+    )
     for one, expected in zip(arrays, TRACKS, strict=True):
         for name in ("track_id", "stamp", "hits", "evaluation", "score", "scan_count", "age"):
             assert getattr(one, name) == getattr(expected, name)
@@ -43,8 +45,8 @@ def test_a_track_is_shown_in_one_line():
     assert repr(track()) == (
         "ConfirmedTrack(3, 100 s, position (1000, -500) m, velocity (2.0, -3.0) m/s, 2 hits)"
     )
-    assert repr(TrackArrays.of([])) == "TrackArrays([])"
-    many = repr(TrackArrays.of([track(number) for number in range(5)]))
+    assert repr(TrackArrays.from_tracks([])) == "TrackArrays([])"
+    many = repr(TrackArrays.from_tracks([track(number) for number in range(5)]))
     assert many.count("ConfirmedTrack(") == 3 and many.endswith(", 5 in all)")
 
 

@@ -550,8 +550,8 @@ ENTRIES: dict[str, Entry] = {
             ),
             _sensor_rule(
                 "errors",
-                "The errors of the detections of held tracks differ from the given errors by more "
-                "than a factor of 1.5",
+                "The errors of the detections of confirmed tracks differ from the given errors by "
+                "more than a factor of 1.5",
                 "Set the parameters that the message names: errors that are too small lose "
                 "targets, errors that are too large delay tracks and admit false tracks",
             ),

@@ -44,8 +44,8 @@ def method_class(method: str) -> type[Method]:
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
     kind = METHODS[method]
-    found: type[Method] = pkgutil.resolve_name(kind) if isinstance(kind, str) else kind
-    return found
+    resolved: type[Method] = pkgutil.resolve_name(kind) if isinstance(kind, str) else kind
+    return resolved
 
 
 def available_methods() -> tuple[str, ...]:

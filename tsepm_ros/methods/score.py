@@ -18,17 +18,17 @@ of hypothesis i, a scan goes through::
                   s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
       threshold   A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
-    confirm       E >= A, by at least 3 hits, at most half of them due to held tracks, more
+    confirm       E >= A, by at least 3 hits, at most half of them due to confirmed tracks, more
                   than half of them the target's with a probability of at least 0.9, or by 8
                   hits (a lower probability at target rates above 3000 per hour); of a second target
-                  E >= A + ln 1000, with the density due to held tracks added to lambda
+                  E >= A + ln 1000, with the density due to confirmed tracks added to lambda
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
-      correct     a held track whose majority of hits turns out wrong is corrected under its id
+      correct     a confirmed track whose majority of hits turns out wrong is corrected under its id
     merge         a start of a target that has one, or that is held, becomes one with it
 
 Each has its module of this name in `tracker`, with the references; the jump is simulated in
-`threshold`, and starts are merged with held tracks by the tracker.
+`threshold`, and starts are merged with confirmed tracks by the tracker.
 
 Readings
 --------
@@ -52,7 +52,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
-from tsepm_ros.tracker.confirmation import held_hits, spans_time
+from tsepm_ros.tracker.confirmation import confirmed_hits, spans_time
 from tsepm_ros.tracker.hypotheses import (
     ExpectedDetections,
     Hypotheses,
@@ -109,8 +109,8 @@ class Score(Method):
 
         See `Method.step`.
         """
-        row, probability = observed.held_association
-        observed.window.note_held(observed.ids[row], probability)
+        row, probability = observed.confirmed_association
+        observed.window.note_confirmed(observed.ids[row], probability)
         self._threshold.observe(observed)
         tree, counts = self._tree(observed)  # split, evaluate, prune
         starts, corrected, replaced, merged = self._starts(tree, observed)  # confirm
@@ -122,7 +122,7 @@ class Score(Method):
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
         target_hits = None
-        if observed.strengths is not None:
+        if observed.amplitudes is not None:
             target_hits = evaluation.target_hits(self.hypotheses, observed.window)
         number = len(tracks)
         return Step(
@@ -146,7 +146,7 @@ class Score(Method):
         """The tree after a scan: split, evaluated and pruned; and the counts of these."""
         options = self.options
         predicted = splitting.predict(self.hypotheses, observed.interval, options.process_noise)
-        expected = ExpectedDetections.of(
+        expected = ExpectedDetections.from_hypotheses(
             predicted, observed.stamp, observed.detections, self.sensor
         )
         parent, row, cut = splitting.split(expected, GATE_PROBABILITY, observed.most_pairs)
@@ -207,13 +207,13 @@ class Score(Method):
         return (
             f"{super().reason(track)}; log-likelihood ratio {track.score:.1f}, threshold "
             f"{track.score - track.evaluation:.1f} ({rate:g} false track{'' if rate == 1 else 's'} "
-            f"per hour){_strength_of(track)}"
+            f"per hour){_amplitude_of(track)}"
         )
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits; `score` is their log-likelihood ratio.
 
-        Those of held targets are left out, also where they might be of a second target.
+        Those of confirmed targets are left out, also where they might be of a second target.
 
         See `Method.potential_tracks`.
         """
@@ -222,10 +222,12 @@ class Score(Method):
         hypotheses = hypotheses[
             (hypotheses.score > -np.inf) & spans_time(hypotheses, 2, window, min_time)
         ]
-        held = held_hits(hypotheses, window)
-        hypotheses = hypotheses[held <= confirmation.MAX_HELD_SHARE * hypotheses.hit_count]
+        confirmed = confirmed_hits(hypotheses, window)
+        hypotheses = hypotheses[
+            confirmed <= confirmation.MAX_CONFIRMED_SHARE * hypotheses.hit_count
+        ]
         if not len(hypotheses):
-            return TrackArrays.of([])
+            return TrackArrays.from_tracks([])
         state, covariance = self._fit(observed, hypotheses)
         return self._tracks(
             observed, hypotheses.hits, state, covariance, hypotheses.score, self.threshold
@@ -274,7 +276,7 @@ class Score(Method):
         )
 
 
-def _strength_of(track: ConfirmedTrack) -> str:
-    """What the strength of a track's echoes contributed to its reason, if it is known."""
+def _amplitude_of(track: ConfirmedTrack) -> str:
+    """What the amplitude of a track's echoes contributed to its reason, if it is known."""
     ratio = track.signal_to_clutter_db
     return "" if np.isnan(ratio) else f"; echoes about {ratio:.0f} dB above the clutter"

@@ -257,7 +257,7 @@ class TrackOutputs:
         self._publish("detections/placed", placed_detections_cloud(header, placed))
 
     def _publish_potential(self, header: Header) -> None:
-        potential = TrackArrays.of(self._session.tracker.potential_tracks())
+        potential = TrackArrays.from_tracks(self._session.tracker.potential_tracks())
         tracks = exchanged(potential, header.frame_id)
         self._publish("potential_tracks", track_cloud(header, tracks))
         if self._is_heard("potential_tracks/markers"):

@@ -90,9 +90,13 @@ class Rows:
             return parts[0]
         columns = {}
         for name in cls.__dataclass_fields__:
-            of = [getattr(part, name) for part in parts]
-            array = isinstance(of[0], np.ndarray)
-            columns[name] = np.concatenate(of) if array else type(of[0]).joined(*of)
+            columns_of_parts = [getattr(part, name) for part in parts]
+            array = isinstance(columns_of_parts[0], np.ndarray)
+            columns[name] = (
+                np.concatenate(columns_of_parts)
+                if array
+                else type(columns_of_parts[0]).joined(*columns_of_parts)
+            )
         return cls(**columns)
 
     @classmethod
@@ -146,8 +150,8 @@ def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
         return kept
     rows = np.flatnonzero(np.bincount(group)[group] > number)
     order = rows[np.lexsort((-score[rows], group[rows]))]
-    place = np.arange(len(order)) - np.searchsorted(group[order], group[order])
-    kept[order[place >= number]] = False
+    index = np.arange(len(order)) - np.searchsorted(group[order], group[order])
+    kept[order[index >= number]] = False
     return kept
 
 
@@ -156,8 +160,8 @@ def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatAr
 
     `ids` holds at least one detection; other hits count 0.
     """
-    place = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
-    return np.asarray(np.where(ids[place] == hits, values[place], 0.0).sum(axis=1))
+    index = np.minimum(np.searchsorted(ids, hits), len(ids) - 1)
+    return np.asarray(np.where(ids[index] == hits, values[index], 0.0).sum(axis=1))
 
 
 def members_of_groups(labels: IntArray) -> list[IntArray]:
@@ -192,18 +196,18 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
     while len(first):
         order = np.lexsort((second, first, distance))
         first, second, distance = first[order], second[order], distance[order]
-        count, place = count[order], np.arange(len(first))
+        count, index = count[order], np.arange(len(first))
         nearest = np.full(n, len(first))
-        np.minimum.at(nearest, first, place)
-        np.minimum.at(nearest, second, place)
-        joined = (nearest[first] == place) & (nearest[second] == place)
+        np.minimum.at(nearest, first, index)
+        np.minimum.at(nearest, second, index)
+        joined = (nearest[first] == index) & (nearest[second] == index)
         into = np.arange(n)
         into[second[joined]] = first[joined]
         size[first[joined]] += size[second[joined]]
         label = into[label]
-        one, two = into[first], into[second]
-        key = np.minimum(one, two) * n + np.maximum(one, two)
-        key, inverse = np.unique(np.where(one == two, -1, key), return_inverse=True)
+        low, high = into[first], into[second]
+        key = np.minimum(low, high) * n + np.maximum(low, high)
+        key, inverse = np.unique(np.where(low == high, -1, key), return_inverse=True)
         distance = largest_of(distance, inverse, len(key))
         count = np.bincount(inverse, count, minlength=len(key)).astype(np.int64)
         first, second = key // n, key % n

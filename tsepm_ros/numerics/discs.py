@@ -140,7 +140,7 @@ def pairs_within(
     places, begins = places[:, order], cell[order].searchsorted(np.arange(columns * rows + 1))
     square, reach = radius * radius, (1.0 + 1e-9) * radius + margin
     (left, bottom), (right, top) = cells(middle - reach), cells(middle + reach)
-    found, number, together = [], 0, max(CANDIDATES_TOGETHER // n, 1)
+    parts, number, together = [], 0, max(CANDIDATES_TOGETHER // n, 1)
     for first in range(0, g, together):
         part = slice(first, first + together)
         touched = top[part] - bottom[part] + 1
@@ -148,16 +148,16 @@ def pairs_within(
         of_row = _counted(bottom[part], touched) * columns
         begin = begins.take(of_row + left.take(owner))
         count = begins.take(of_row + right.take(owner) + 1) - begin
-        centre, place = owner.repeat(count), _counted(begin, count)
-        x, y = places.take(place, axis=1) - middle.take(centre, axis=1)
+        centre, index = owner.repeat(count), _counted(begin, count)
+        x, y = places.take(index, axis=1) - middle.take(centre, axis=1)
         inside = np.flatnonzero(x * x + y * y <= square.take(centre))
         number += len(inside)
         if number > most:
             return None
         key = centre.take(inside) * n  # ascending
-        pairs = np.sort(key + order.take(place.take(inside)))
-        found.append((centre.take(inside), pairs - key))
-    centre, position = (np.concatenate(of) for of in zip(*found, strict=True))
+        pairs = np.sort(key + order.take(index.take(inside)))
+        parts.append((centre.take(inside), pairs - key))
+    centre, position = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return centre, position
 
 

@@ -27,7 +27,7 @@ def gate_factor(probability: float) -> float:
 
 
 def squared_distance(difference: FloatArray, covariance: FloatArray) -> FloatArray:
-    """``d' C^-1 d`` of (..., 2) vectors under (..., 2, 2) covariances."""
+    """Squared Mahalanobis distance ``d' C^-1 d`` of vectors (..., 2), covariances (..., 2, 2)."""
     x, y = difference[..., 0], difference[..., 1]
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)

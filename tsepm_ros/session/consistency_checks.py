@@ -337,7 +337,7 @@ class SensorFigures:
     outside_extent : Extent or None
         Ranges and sector of all detections, where some are outside the coverage.
     errors : FittedErrors or None
-        Errors that fit the held tracks' innovations.
+        Errors that fit the confirmed tracks' innovations.
     confirmed : int
         Tracks confirmed within `duration`.
     duration : float
@@ -378,7 +378,7 @@ def coverage_too_large(figures: SensorFigures) -> str:
         return ""
     return (
         f"all detections are {_of(seen)}; by the parameters, the coverage is "
-        f"{_of(Extent.of(figures.sensor))}: if the sonar covers no more, set "
+        f"{_of(Extent.of_sensor(figures.sensor))}: if the sonar covers no more, set "
         f"{_settings(seen, figures.sensor)} (m, rad)"
     )
 
@@ -397,13 +397,13 @@ def coverage_too_small(figures: SensorFigures) -> str:
 
 
 def errors_differ(figures: SensorFigures) -> str:
-    """The errors of range or azimuth do not fit the detections of held tracks."""
+    """The errors of range or azimuth do not fit the detections of confirmed tracks."""
     errors = figures.errors
     if errors is None:
         return ""
     if min(errors.range_factor, errors.azimuth_factor) < LEAST_FACTOR:
         return (
-            "as the detections of held tracks show, errors of range or azimuth are less than "
+            "as the detections of confirmed tracks show, errors of range or azimuth are less than "
             f"{100.0 * LEAST_FACTOR:g} % of those of the parameters: are the detections simulated?"
         )
     rows = (
@@ -422,7 +422,7 @@ def errors_differ(figures: SensorFigures) -> str:
         ),
     )
     parts = [said for factor, said in rows if not 1.0 / ERROR_FACTOR <= factor <= ERROR_FACTOR]
-    return "as the detections of held tracks show, " + "; ".join(parts) if parts else ""
+    return "as the detections of confirmed tracks show, " + "; ".join(parts) if parts else ""
 
 
 def many_confirmations(figures: SensorFigures) -> str:

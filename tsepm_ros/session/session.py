@@ -63,9 +63,9 @@ class SessionSnapshot:
     potential_tracks : int
         Number of potential tracks.
     tracks : int
-        Number of published tracks that are held.
+        Number of published confirmed tracks.
     states : mapping of str to int
-        Number of held tracks by the name of their `Status`.
+        Number of confirmed tracks by the name of their `Status`.
     ends : mapping of str to int
         Number of tracks that ended since the start or the last reset, by the reason, a key of
         `track_maintenance.ENDS`.
@@ -76,7 +76,7 @@ class SessionSnapshot:
     waiting : int
         Number of scans that wait for own-ship data.
     detection_probability, detection_probability_estimated : float
-        The value in use, and the estimate from the held tracks.
+        The value in use, and the estimate from the confirmed tracks.
     clutter_density : float
         The density in use, mean over `coverage_area`, 1/m^2.
     coverage_area : float
@@ -95,7 +95,7 @@ class SessionSnapshot:
     tracker : str
         State of the downstream tracker: a value of `ExternalTracker`.
     intensity : str
-        Whether the strengths of detections count, in words.
+        Whether the amplitudes of detections count, in words.
     land_area : float
         Area of the land whose detections are left out, m^2.
     sweep : str
@@ -149,9 +149,9 @@ class ScanResult:
     new : TrackArrays
         Newly confirmed tracks.
     revised : TrackArrays
-        Held tracks whose starts were corrected, under their ids.
+        Confirmed tracks whose starts were corrected, under their ids.
     current : TrackArrays
-        All published tracks that are held, at `stamp`.
+        All published confirmed tracks, at `stamp`.
     fixed_echoes : TrackArrays
         Fixed echoes, with `min_speed`, at `stamp`.
     ended : dict of int to str
@@ -231,11 +231,11 @@ class Session:
         self._report = report
         self._live = live
         self.settings = settings
-        self.tracker = settings.make_initiator()
+        self.tracker = settings.make_tracker()
         self.own_ship = OwnShipInput(settings.session)
         self._land = LandInput()
         self._message_check = MessageCheck()
-        self._strengths_count = False
+        self._amplitudes_count = False
         self.arrivals = 0
         self._start()
 
@@ -405,7 +405,7 @@ class Session:
         if newest is None and not self.own_ship.restarted:
             newest = tracker.stamp
         sensor = self._sensor_check.figures(tracker)
-        states = Counter(tracker.maintenance.held.status.tolist())
+        states = Counter(tracker.maintenance.confirmed.status.tolist())
         return SessionSnapshot(
             totals=self.totals,
             potential_tracks=tracker.statistics.potential_tracks,
@@ -486,7 +486,7 @@ class Session:
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
         self._report_all([*self._land.settle(fixed), *remarks])
         tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker, tracker.plots.seen
+        before, seen = tracker.maintenance.tracker, tracker.extended_targets.seen
         new, seconds = self._tracked(scan, report)
         self._report_all(self._remarks(scan, before, seen))
         self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))
@@ -557,8 +557,8 @@ class Session:
             )
         elif change == (ExternalTracker.SILENT, ExternalTracker.ALIVE):
             remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
-        if tracker.plots.seen and not several_before:
-            remarks.append(Notice("plots", tracker.plots.sentence))
+        if tracker.extended_targets.seen and not several_before:
+            remarks.append(Notice("plots", tracker.extended_targets.sentence))
         if outside:
             remarks.append(
                 Rejection(
@@ -571,8 +571,11 @@ class Session:
         if statistics.on_land:
             remarks.append(Rejection("on_land", "", statistics.on_land))
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
-        counted, self._strengths_count = self._strengths_count, tracker.intensity.startswith("used")
-        if counted != self._strengths_count:
+        counted, self._amplitudes_count = (
+            self._amplitudes_count,
+            tracker.intensity.startswith("used"),
+        )
+        if counted != self._amplitudes_count:
             remarks.append(
                 Notice("intensity", f"the intensity of detections is {tracker.intensity}")
             )

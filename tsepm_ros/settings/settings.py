@@ -121,8 +121,8 @@ class Settings:
         method = self.session.method
         return self.methods.get(method) or method_class(method).Options()
 
-    def make_initiator(self) -> Tracker:
-        """Make the initiator that these settings describe."""
+    def make_tracker(self) -> Tracker:
+        """Make the tracker that these settings describe."""
         return Tracker(self.make_method())
 
     def make_method(self) -> Method:

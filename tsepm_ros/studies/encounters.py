@@ -1,17 +1,17 @@
-"""Association by plot features in clutter zones and encounters (Environment 2018).
+"""Association by detection features in clutter zones and encounters (Environment 2018).
 
 Shen Y., "The target tracking algorithm based on environment technology", ICOI 2018. In a clutter
-zone, and in an encounter of targets, a confirmed track accepts only plots whose features resemble
-those of its own. The clutter density is multiplied by the fraction of recent clutter that resembles
-the track. A plot in the gates of several tracks in an encounter is assigned to a single track, by
-its distance in position and features. Both are tests of a fixed size, not ratios of densities: they
-need no distribution of the features of clutter.
+zone, and in an encounter of targets, a confirmed track accepts only detections whose features
+resemble those of its own. The clutter density is multiplied by the fraction of recent clutter that
+resembles the track. A detection in the gates of several tracks in an encounter is assigned to a
+single track, by its distance in position and features. Both are tests of a fixed size, not ratios
+of densities: they need no distribution of the features of clutter.
 
 Targets meet if their gates overlap at their closest approach (Section 2.2, Eqs. 1-9,
-`measures.closest_approach`). A target's plots resemble each other in intensity, range width and
-azimuth width (Section 2.3). With u the mean of a track's n plots so far (Eq. 10) and u' the mean
-with another, the decision function is ``J = sum_p |u'_p - u_p|^2`` (Eq. 11), small for a plot of
-its own.
+`measures.closest_approach`). A target's detections resemble each other in intensity, range width
+and azimuth width (Section 2.3). With u the mean of a track's n detections so far (Eq. 10) and u'
+the mean with another, the decision function is ``J = sum_p |u'_p - u_p|^2`` (Eq. 11), small for a
+detection of its own.
 
 Readings
 --------
@@ -23,14 +23,14 @@ Readings
 - Without relative velocity the distance is constant; the time is then 0.
 - As printed, J adds squares of unlike units, and falls with ``1 / (n + 1)^2`` as the history grows,
   so that no threshold fits two tracks. Only the reproduction of Table 1 uses it. Association uses
-  the distance of the plot from the mean in units of the track's own standard deviation,
+  the distance of the detection from the mean in units of the track's own standard deviation,
   ``t_p^2 = (z_p - u_p)^2 / (s_p^2 (1 + 1 / n_p))`` with the variance s_p^2 of the track's n_p
-  plots. For a plot of the track with Gaussian features it has an F distribution with 1 and n_p - 1
-  degrees of freedom. The chi-square quantile of its probability replaces each t_p^2: the gate of
-  the sum then also holds for short histories.
-- "The point track and track interval are used as feature distances" where a plot fits several
+  detections. For a detection of the track with Gaussian features it has an F distribution with 1
+  and n_p - 1 degrees of freedom. The chi-square quantile of its probability replaces each t_p^2:
+  the gate of the sum then also holds for short histories.
+- "The point track and track interval are used as feature distances" where a detection fits several
   tracks: the distance in position is added to J.
-- The source counts plots of a cell and its neighbours; in a clutter zone the counts exceed
+- The source counts detections of a cell and its neighbours; in a clutter zone the counts exceed
   thresholds. It gives no thresholds, cells or number of scans. Here the learned density is more
   than `ZONE_FACTOR` times its mean where clutter is seen.
 """
@@ -66,10 +66,10 @@ from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
 
-PLOT_COUNT = 30
-"""Latest plots of a track that are averaged, K of Eq. 10: the aspect changes."""
+DETECTION_COUNT = 30
+"""Latest detections of a track that are averaged, K of Eq. 10: the aspect changes."""
 CLUTTER_COUNT = 200
-"""Latest plots of clutter whose features are kept."""
+"""Latest detections of clutter whose features are kept."""
 MIN_RELATIVE_STD = 0.01
 """Smallest standard deviation of a feature, as a fraction of its mean: sensors round."""
 MAX_FEATURE = 1e100
@@ -89,12 +89,12 @@ def measured_features(scan: Scan) -> FloatArray:
 
 @dataclass(frozen=True)
 class Histories(Rows):
-    """Statistics of the features of tracks' plots, a row for each track.
+    """Statistics of the features of tracks' detections, a row for each track.
 
     Attributes
     ----------
     count : (n, 3) ndarray
-        Number of plots with each feature.
+        Number of detections with each feature.
     mean : (n, 3) ndarray
         Eq. 10.
     square : (n, 3) ndarray
@@ -107,7 +107,7 @@ class Histories(Rows):
 
     @classmethod
     def of(cls, features: FloatArray) -> Self:
-        """Histories of plots (n, m, 3); nan: no plot, or not measured."""
+        """Histories of detections (n, m, 3); nan: no detection, or not measured."""
         has = np.isfinite(features)
         values = np.where(has, features, 0.0)
         count = has.sum(axis=1).astype(float)
@@ -116,9 +116,9 @@ class Histories(Rows):
         return cls(count, mean, square)
 
     def dissimilarity(self, features: FloatArray) -> FloatArray:
-        """Distance of each plot's features (n, 3) from those of its track, (n,).
+        """Distance of each detection's features (n, 3) from those of its track, (n,).
 
-        Chi-square distributed for plots of the same target; the number of comparable features
+        Chi-square distributed for detections of the same target; the number of comparable features
         (`known`) is the degrees of freedom.
         """
         known = self.known(features)
@@ -137,11 +137,11 @@ class Histories(Rows):
         return np.asarray(chdtri(1.0, probability).sum(axis=1))
 
     def known(self, features: FloatArray) -> BoolArray:
-        """Which features of plots (n, 3) are comparable: measured, and twice in the track."""
+        """Which features of detections (n, 3) are comparable: measured, and twice in the track."""
         return np.isfinite(features) & (self.count >= 2.0)
 
     def resembled_by(self, features: FloatArray) -> BoolArray:
-        """Whether plots (n, 3) resemble those of their tracks; true without comparable features."""
+        """Whether detections (n, 3) resemble their tracks'; true without comparable features."""
         freedom = self.known(features).sum(axis=1)
         gate = chdtri(np.maximum(freedom, 1), 1.0 - GATE_PROBABILITY)
         return np.asarray((self.dissimilarity(features) <= gate) | (freedom == 0))
@@ -205,7 +205,7 @@ class Environment:
     in_zone : (d,) ndarray of bool
         Which of them are in a clutter zone.
     clutter : (m, 3) ndarray
-        Features of the latest plots that are probably clutter.
+        Features of the latest detections that are probably clutter.
     """
 
     features: FloatArray
@@ -227,15 +227,16 @@ class Environment:
         Returns
         -------
         (p,) ndarray
-            1 outside of clutter zones and encounters; inside, 0 for an unlike plot, else 1 over the
-            fraction of clutter that resembles the track, with another such plot (Laplace).
+            1 outside of clutter zones and encounters; inside, 0 for an unlike detection, else 1
+            over the fraction of clutter that resembles the track, with another such detection
+            (Laplace).
         """
         factors = np.ones(len(pairs))
         in_encounter: BoolArray = np.asarray(meets.any(axis=1))
         rows = np.flatnonzero(self.in_zone[pairs.row] | in_encounter[pairs.parent])
         tested = pairs[rows]
-        tracks, plots = histories[tested.parent], self.features[tested.row]
-        alike, m = tracks.resembled_by(plots), len(self.clutter)
+        tracks, features = histories[tested.parent], self.features[tested.row]
+        alike, m = tracks.resembled_by(features), len(self.clutter)
         repeated = tracks[np.repeat(np.arange(len(tested)), m)]
         resembling = repeated.resembled_by(np.tile(self.clutter, (len(tested), 1)))
         fraction = (1.0 + resembling.reshape(len(tested), m).sum(axis=1)) / (1.0 + m)
@@ -244,7 +245,7 @@ class Environment:
         parent, row = tested[rivals].parent, tested[rivals].row
         contested = (row[:, None] == row) & meets[parent[:, None], parent]
         rivals = rivals[contested.any(axis=1)]
-        cost = tested.cost[rivals] + tracks[rivals].dissimilarity(plots[rivals])
+        cost = tested.cost[rivals] + tracks[rivals].dissimilarity(features[rivals])
         assigned = exclusive(tested[rivals], cost)
         factors[rows[np.delete(rivals, assigned)]] = 0.0
         return factors
@@ -263,18 +264,18 @@ class FeatureMaintenance(TrackMaintenance):
     def __init__(self, options: CommonOptions, encounter_time: float) -> None:
         super().__init__(options)
         self.encounter_time = encounter_time
-        self.forget_plots()
+        self.forget_features()
 
-    def forget_plots(self) -> None:
-        """Forget the features of all plots."""
+    def forget_features(self) -> None:
+        """Forget the features of all detections."""
         self.clutter = np.zeros((0, len(ECHO_FEATURES)))
         self.scans: dict[int, tuple[FloatArray, BoolArray]] = {}
-        self.plots: dict[int, deque[FloatArray]] = {}
+        self.latest: dict[int, deque[FloatArray]] = {}
 
     def clear(self) -> None:
         """See `TrackMaintenance.clear`."""
         super().clear()
-        self.forget_plots()
+        self.forget_features()
 
     def look(self, index: int, scan: Scan, in_zone: BoolArray) -> None:
         """Take the next scan, of an index, and which of its detections are in a clutter zone."""
@@ -293,7 +294,7 @@ class FeatureMaintenance(TrackMaintenance):
         density = super().step(stamp, detections, clutter, *more, **options)
         features, _ = self.of_scan(detections)
         for track_id, row in zip(*self.probable_detections, strict=True):
-            self.plots[int(track_id)].append(features[row])
+            self.latest[int(track_id)].append(features[row])
         is_clutter = (density < clutter) & np.isfinite(features).any(axis=1)
         self.clutter = np.concatenate([self.clutter, features[is_clutter]])[-CLUTTER_COUNT:]
         return density
@@ -304,20 +305,20 @@ class FeatureMaintenance(TrackMaintenance):
         return features[detections["index"]], in_zone[detections["index"]]
 
     def histories(self, tracks: TrackArrays) -> Histories:
-        """Features of the latest plots of tracks: of new tracks, their hits."""
-        self.plots = {
-            track_id: self.plots.get(track_id)
-            or deque((self.scans[i][0][row] for i, row in hits if i in self.scans), PLOT_COUNT)
+        """Features of the latest detections of tracks: of new tracks, their hits."""
+        self.latest = {
+            track_id: self.latest.get(track_id)
+            or deque((self.scans[i][0][row] for i, row in hits if i in self.scans), DETECTION_COUNT)
             for track_id, hits in zip(tracks.track_id.tolist(), tracks.hits, strict=True)
         }
-        features = np.full((len(tracks), PLOT_COUNT, len(ECHO_FEATURES)), np.nan)
-        for row, plots in enumerate(self.plots.values()):
-            features[row, : len(plots)] = np.reshape(list(plots), (-1, len(ECHO_FEATURES)))
+        features = np.full((len(tracks), DETECTION_COUNT, len(ECHO_FEATURES)), np.nan)
+        for row, latest in enumerate(self.latest.values()):
+            features[row, : len(latest)] = np.reshape(list(latest), (-1, len(ECHO_FEATURES)))
         return Histories.of(features)
 
     def gate(
         self,
-        held: ConfirmedTracks,
+        confirmed: ConfirmedTracks,
         state: FloatArray,
         covariance: FloatArray,
         stamp: float,
@@ -325,22 +326,22 @@ class FeatureMaintenance(TrackMaintenance):
         sensor: SensorModel,
     ) -> GatedDetections:
         """The detections in the gates, with likelihoods times `Environment.factors`."""
-        gated = super().gate(held, state, covariance, stamp, detections, sensor)
+        gated = super().gate(confirmed, state, covariance, stamp, detections, sensor)
         environment = Environment(*self.of_scan(detections), self.clutter)
-        histories = self.histories(held.tracks)
+        histories = self.histories(confirmed.tracks)
         if not gated.row.size:
             return gated
         error = detections["major_sigma"][gated.row[:, 0, 0]]
         first, second = meeting(
-            held.tracks.state,
-            held.tracks.covariance,
+            confirmed.tracks.state,
+            confirmed.tracks.covariance,
             error,
             gate_factor(GATE_PROBABILITY),
             self.encounter_time,
         )
-        meets = np.zeros((len(held), len(held)), bool)
+        meets = np.zeros((len(confirmed), len(confirmed)), bool)
         meets[first, second] = meets[second, first] = True
-        mean = over_modes(held.models.probability, gated.likelihood)
+        mean = over_modes(confirmed.models.probability, gated.likelihood)
         factors = np.ones(mean.shape)
         for seeker in (0, 1):
             track, place = inside = mean[:, seeker].nonzero()

@@ -51,7 +51,7 @@ from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
 
 MAX_FILTERS = 500_000
-"""Filters held at most: bounds memory."""
+"""Filters kept at most: bounds memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,7 +254,7 @@ class MultipleModel(PathFollower):
 
     @property
     def max_tracks(self) -> int:
-        """Potential tracks held at most: no more filters than `MAX_FILTERS`."""
+        """Potential tracks kept at most: no more filters than `MAX_FILTERS`."""
         most = max(MAX_FILTERS // (self.options.speeds * self.options.headings), 1)
         return min(self.common.max_potential_tracks, most)
 

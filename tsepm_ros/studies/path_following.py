@@ -306,7 +306,7 @@ class PathFollower(HitCounter):
 
     @property
     def max_tracks(self) -> int:
-        """Potential tracks held at most."""
+        """Potential tracks kept at most."""
         return int(max(min(self.common.max_potential_tracks, self.most_pairs), 1))
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:

@@ -3,10 +3,10 @@
 With the evidence E of the hypotheses that end in one detection, under the velocity prior that ends
 at v_max (`evaluation.within_max_speed`), and the threshold A::
 
-    confirmed     E >= A, by at least 3 hits, at most half of them due to held tracks, more
+    confirmed     E >= A, by at least 3 hits, at most half of them due to confirmed tracks, more
                   than half of them the target's with a probability of at least 0.9, or by 8
                   hits (a lower probability at target rates above 3000 per hour); of a second target
-                  E >= A + ln 1000, with the density due to held tracks added to lambda
+                  E >= A + ln 1000, with the density due to confirmed tracks added to lambda
 
 With i over the hypotheses that end in one detection and their rivals, which are of the same target
 and end in another detection, or in none::
@@ -22,8 +22,8 @@ and end in another detection, or in none::
 x_i and P_i are fitted to the hits of hypothesis i alone.
 
 Track correction: the tree goes on after a start, and later hits decide between the hypotheses that
-were rivals at the start, and others. With i over the rivals of the hypotheses that end in a held
-track's probable detection, and the n hits that the track was published with::
+were rivals at the start, and others. With i over the rivals of the hypotheses that end in a
+confirmed track's probable detection, and the n hits that the track was published with::
 
     right         P = sum of w_i over i with more than n / 2 of these hits,  w_i ~ exp(s_i)
     wrong         P <= 0.1, as soon as other hits are resolved with a probability of 0.9
@@ -84,17 +84,18 @@ HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
 MAX_RATE_OF_PURE_STARTS = 3000.0
 """Target false-track rate, per hour, above which a start need not be as pure: a choice."""
-MAX_HELD_SHARE = 0.5
-"""Share of the hits due to held tracks above which a hypothesis is of a held target: a choice.
+MAX_CONFIRMED_SHARE = 0.5
+"""Share of the hits due to confirmed tracks above which a hypothesis is of a confirmed target: a
+choice.
 
-A false held track takes part of the detections of a target that comes near it. A smaller share
+A false confirmed track takes part of the detections of a target that comes near it. A smaller share
 lets it hide the target; a larger share makes redundant tracks. docs/score.md compares values.
 """
 SECOND_TARGET_MARGIN = math.log(1e3)
-"""Evidence above the threshold, given held tracks, that a second target needs: a choice.
+"""Evidence above the threshold, given confirmed tracks, that a second target needs: a choice.
 
-A second track competes for the held track's detections, and a start with wrong hits briefly looks
-like two targets.
+A second track competes for the confirmed track's detections, and a start with wrong hits briefly
+looks like two targets.
 """
 TARGET_BIRTH_RATE = 500.0
 """Assumed target births per hour; sets the existence probability of new tracks: a choice.
@@ -117,16 +118,17 @@ def confirm(
     """Start a track where the evidence of a detection reaches the threshold, ``E >= A``.
 
     The strongest detection comes first; the others are tested given its start, so that one target
-    has one. A start waits until its target's hits are resolved. Where more than `MAX_HELD_SHARE` of
-    these are due to held tracks, or the detection probably is, the evidence given the held tracks
-    must exceed the threshold by `SECOND_TARGET_MARGIN`.
+    has one. A start waits until its target's hits are resolved. Where more than
+    `MAX_CONFIRMED_SHARE` of these are due to confirmed tracks, or the detection probably is, the
+    evidence given the confirmed tracks must exceed the threshold by `SECOND_TARGET_MARGIN`.
 
     Parameters
     ----------
     tree : Tree
         After the scan.
     window : DetectionWindow
-        The detections, with the probability that held tracks caused each; new tracks are added.
+        The detections, with the probability that confirmed tracks caused each; new tracks are
+        added.
     threshold : float
         A; infinite where no evidence can reach it.
     false_tracks_per_hour : float
@@ -154,38 +156,38 @@ def confirm(
     purity = min_purity_probability(false_tracks_per_hour)
     starts: list[Start] = []
     merged = 0
-    for place in sorted(new, key=lambda place: -decided.evidence[place]):
-        members, start = decided.ending_in(place), None
-        is_held = window.held_probability(tree.ids[[place]])[0] > PROBABLE
-        if new[place] and not is_held:
-            start = resolved(members, rivals, window, MAX_HELD_SHARE, min_time, fit, purity)
+    for end in sorted(new, key=lambda end: -decided.evidence[end]):
+        members, start = decided.ending_in(end), None
+        is_confirmed = window.confirmed_probability(tree.ids[[end]])[0] > PROBABLE
+        if new[end] and not is_confirmed:
+            start = resolved(members, rivals, window, MAX_CONFIRMED_SHARE, min_time, fit, purity)
         if start is None:
-            members = given_starts(members, starts).scored_given_held()
+            members = given_starts(members, starts).scored_given_confirmed()
             if np.logaddexp.reduce(members.score) >= threshold + SECOND_TARGET_MARGIN:
-                left = given_starts(rivals.hypotheses, starts).scored_given_held()
+                left = given_starts(rivals.hypotheses, starts).scored_given_confirmed()
                 rest = replace(rivals, hypotheses=left)
                 start = resolved(members, rest, window, 1.0, min_time, fit, purity)
         if start is None:
-            merged += bool(new[place] and is_held)
+            merged += bool(new[end] and is_confirmed)
             continue
         starts.append(start)
         exists = existence(np.array([start.evidence - threshold]), false_tracks_per_hour)
-        window.note_held(start.detections, start.probability * exists)
+        window.note_confirmed(start.detections, start.probability * exists)
     return starts, merged
 
 
 def _strong(tree: Tree, window: DetectionWindow, threshold: float) -> dict[int, bool]:
     """Detections whose evidence may start a track, and whether that may be without a margin."""
     strong = (tree.evidence >= threshold) & _has_hits(tree)
-    held = window.held_probability(tree.ids) > PROBABLE
-    found = {}
-    for place in np.flatnonzero(strong).tolist():
-        members = tree.ending_in(place)
-        new = not held[place] and held_share(members, window) <= MAX_HELD_SHARE
-        second = np.logaddexp.reduce(members.score_given_held)
+    confirmed = window.confirmed_probability(tree.ids) > PROBABLE
+    strong_ends = {}
+    for end in np.flatnonzero(strong).tolist():
+        members = tree.ending_in(end)
+        new = not confirmed[end] and confirmed_share(members, window) <= MAX_CONFIRMED_SHARE
+        second = np.logaddexp.reduce(members.score_given_confirmed)
         if new or second >= threshold + SECOND_TARGET_MARGIN:
-            found[place] = new
-    return found
+            strong_ends[end] = new
+    return strong_ends
 
 
 def _has_hits(tree: Tree) -> BoolArray:
@@ -196,14 +198,16 @@ def _has_hits(tree: Tree) -> BoolArray:
 def attainable(tree: Tree, window: DetectionWindow) -> FloatArray:
     """Upper bound of the evidence by which each detection may start a track, (d,).
 
-    Less than its evidence where it is a held track's: what is left given these, without the margin
-    that a second target needs. -inf where every hypothesis has too few hits.
+    Less than its evidence where it is a confirmed track's: what is left given these, without the
+    margin that a second target needs. -inf where every hypothesis has too few hits.
     """
     evidence, enough = tree.evidence + LOG_GAIN, _has_hits(tree)
-    held = enough & (window.held_probability(tree.ids) > PROBABLE)
-    if held.any():
-        second = tree.summed(tree.hypotheses.score_given_held) + LOG_GAIN - SECOND_TARGET_MARGIN
-        evidence = np.where(held, np.minimum(evidence, second), evidence)
+    confirmed = enough & (window.confirmed_probability(tree.ids) > PROBABLE)
+    if confirmed.any():
+        second = (
+            tree.summed(tree.hypotheses.score_given_confirmed) + LOG_GAIN - SECOND_TARGET_MARGIN
+        )
+        evidence = np.where(confirmed, np.minimum(evidence, second), evidence)
     return np.where(enough, evidence, -np.inf)
 
 
@@ -239,7 +243,7 @@ def resolved(
     members: Hypotheses,
     tree: Tree,
     window: DetectionWindow,
-    max_held_share: float,
+    max_confirmed_share: float,
     min_time: float,
     fit: HitFit,
     min_purity: float = MIN_PURITY_PROBABILITY,
@@ -247,8 +251,8 @@ def resolved(
     """The track of hypotheses with one newest detection.
 
     None while the target's hits are not resolved, up to `MAX_UNRESOLVED_HITS` hits, and
-    where more than `max_held_share` of them are due to held tracks. They are resolved where more
-    than half of the hits are right with a probability of `min_purity`.
+    where more than `max_confirmed_share` of them are due to confirmed tracks. They are resolved
+    where more than half of the hits are right with a probability of `min_purity`.
 
     The newest detection is as uncertain as the others: hypotheses of the same target that end in
     another detection, or miss the scan, are rivals.
@@ -260,7 +264,7 @@ def resolved(
     long = spans_time(rivals, MIN_HITS, window, min_time)
     if not long.any():
         return None
-    if held_share(rivals, window) > max_held_share:
+    if confirmed_share(rivals, window) > max_confirmed_share:
         return None
     detections, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
@@ -279,32 +283,35 @@ def resolved(
     return Start(hits, detections, probability, state, covariance, evidence)
 
 
-def held_share(hypotheses: Hypotheses, window: DetectionWindow) -> float:
-    """Share of the hits of hypotheses that are a held track's.
+def confirmed_share(hypotheses: Hypotheses, window: DetectionWindow) -> float:
+    """Share of the hits of hypotheses that are a confirmed track's.
 
-    ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i due to held tracks.
+    ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i due to confirmed
+    tracks.
     """
     weight = np.exp(hypotheses.score - hypotheses.score.max())
-    return float(weight @ held_hits(hypotheses, window) / (weight @ hypotheses.hit_count))
+    return float(weight @ confirmed_hits(hypotheses, window) / (weight @ hypotheses.hit_count))
 
 
-def held_hits(hypotheses: Hypotheses, window: DetectionWindow) -> FloatArray:
-    """Mean number of the hits of each hypothesis that are a held track's, (n,)."""
+def confirmed_hits(hypotheses: Hypotheses, window: DetectionWindow) -> FloatArray:
+    """Mean number of the hits of each hypothesis that are a confirmed track's, (n,)."""
     hit = hypotheses.hits != NO_HIT
-    held = np.zeros(hypotheses.hits.shape)
-    held[hit] = window.held_probability(hypotheses.hits[hit])
-    return np.asarray(held.sum(axis=1))
+    confirmed = np.zeros(hypotheses.hits.shape)
+    confirmed[hit] = window.confirmed_probability(hypotheses.hits[hit])
+    return np.asarray(confirmed.sum(axis=1))
 
 
 def rivals_of(members: Hypotheses, tree: Tree, evidence: float) -> Hypotheses:
     """Hypotheses of the same target as `members`, whatever detection they end in.
 
-    A single hit is a hypothesis of its own where it has a strength.
+    A single hit is a hypothesis of its own where it has an amplitude.
     """
     likely, probability = hit_probabilities(members)
-    of = tree.hypotheses
-    pool = (of.score > evidence + RELATIVE_PRUNING) & (of.hit_count + of.strength_count >= 2)
-    rivals = of[pool]
+    hypotheses = tree.hypotheses
+    pool = (hypotheses.score > evidence + RELATIVE_PRUNING) & (
+        hypotheses.hit_count + hypotheses.amplitude_count >= 2
+    )
+    rivals = hypotheses[pool]
     common = sums_over_hits(rivals.hits, likely, probability)
     least = np.minimum(rivals.hit_count, probability.sum())
     return rivals[common > MIN_COMMON_SHARE * least]
@@ -313,8 +320,8 @@ def rivals_of(members: Hypotheses, tree: Tree, evidence: float) -> Hypotheses:
 def hit_probabilities(members: Hypotheses) -> tuple[IntArray, FloatArray]:
     """Detections of hypotheses of one target, (h,), and the probability of each."""
     share = softmax(members.score)
-    detections, place = np.unique(members.hits, return_inverse=True)
-    mass = np.bincount(place.ravel(), np.repeat(share, members.hits.shape[1]))
+    detections, index = np.unique(members.hits, return_inverse=True)
+    mass = np.bincount(index.ravel(), np.repeat(share, members.hits.shape[1]))
     hit = detections != NO_HIT
     return detections[hit], mass[hit]
 
@@ -379,7 +386,7 @@ def min_purity_probability(false_tracks_per_hour: float) -> float:
 
 
 Doubtful = tuple[int, int, IntArray]
-"""A held track whose start may be wrong: its id, the row of its detection in the scan, and its
+"""A confirmed track whose start may be wrong: its id, the row of its detection in the scan, and its
 published hits, (h,)."""
 
 
@@ -394,14 +401,14 @@ def corrections(
     max_speed: float,
     fit: HitFit,
 ) -> tuple[list[tuple[int, Start]], list[tuple[int, Start]]]:
-    """Corrections of the held tracks' starts, while their hits are in the window.
+    """Corrections of the confirmed tracks' starts, while their hits are in the window.
 
     Parameters
     ----------
     tree : Tree
         After the scan.
     observed : Observation
-        With the held tracks and their detections.
+        With the confirmed tracks and their detections.
     wrong : sequence of Doubtful
         See `doubtful`, before the starts.
     threshold : float
@@ -440,26 +447,28 @@ def corrections(
 
 
 def doubtful(tree: Tree, observed: Observation, max_speed: float) -> list[Doubtful]:
-    """Held tracks whose best hypothesis lacks half of their published hits or more.
+    """Confirmed tracks whose best hypothesis lacks half of their published hits or more.
 
-    They have no other held track in reach, and all their hits in the window: hypotheses with older
-    hits have been deleted, whether they were right or not. A track from a downstream tracker has no
-    hits to doubt.
+    They have no other confirmed track in reach, and all their hits in the window: hypotheses with
+    older hits have been deleted, whether they were right or not. A track from a downstream tracker
+    has no hits to doubt.
     """
-    found: list[Doubtful] = []
-    held = observed.held
+    doubts: list[Doubtful] = []
+    confirmed = observed.confirmed
     ids, rows = observed.probable_detections
     # A track that has ended in this scan is in no row.
-    which, place = np.nonzero(ids[:, None] == held.track_id)
-    apart = held.state[place, None, 0::2] - held.state[:, 0::2]
-    near = np.hypot(apart[..., 0], apart[..., 1]) <= max_speed * held.age[place, None]
+    which, row_of_track = np.nonzero(ids[:, None] == confirmed.track_id)
+    apart = confirmed.state[row_of_track, None, 0::2] - confirmed.state[:, 0::2]
+    near = np.hypot(apart[..., 0], apart[..., 1]) <= max_speed * confirmed.age[row_of_track, None]
     alone = np.count_nonzero(near, axis=1) <= 1
-    for track_id, row, of in zip(ids[which[alone]], rows[which[alone]], place[alone], strict=True):
-        published = held.hits[of]
+    for track_id, row, track in zip(
+        ids[which[alone]], rows[which[alone]], row_of_track[alone], strict=True
+    ):
+        published = confirmed.hits[track]
         hits = observed.window.find(published)
         if 0 < len(hits) == len(published) and not _best_has_most_of(hits, tree, row):
-            found.append((int(track_id), int(row), hits))
-    return found
+            doubts.append((int(track_id), int(row), hits))
+    return doubts
 
 
 def _best_has_most_of(hits: IntArray, tree: Tree, row: int) -> bool:

@@ -86,7 +86,7 @@ LOG_GAIN = -math.log(-math.expm1(-2.0))
 
 
 def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
-    """Largest normalised distance between hits and fit, f_1 (Eqs. 21-23).
+    """Largest squared Mahalanobis distance of hits from their fit, f_1 (Eqs. 21-23).
 
     ``f(k) = (z_k - H x_k)' (H P_k H' + R_k)^-1 (z_k - H x_k)``, ``f_1 = max_k f(k)``
 
@@ -103,7 +103,7 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
     Returns
     -------
     (n,) ndarray
-        A squared distance, without unit.
+        A squared Mahalanobis distance, without unit.
     """
     time_after_state = fit.time_after_state
     residual = hits["position"] - motion.position_after(fit.state[:, None], time_after_state)
@@ -213,7 +213,7 @@ def fading_after_miss(
 
 
 class PathAmplitudes(NamedTuple):
-    """Strengths of paths with a further hit, and what that adds to the score, (p,) each."""
+    """Amplitudes of paths with a further hit, and what that adds to the score, (p,) each."""
 
     hits: IntArray
     total: FloatArray
@@ -223,7 +223,7 @@ class PathAmplitudes(NamedTuple):
 def path_amplitudes(
     observed: Observation, row: IntArray, hits: IntArray, total: FloatArray
 ) -> PathAmplitudes:
-    """Strengths of paths (p,) with a scan's detections as further hits.
+    """Amplitudes of paths (p,) with a scan's detections as further hits.
 
     Parameters
     ----------
@@ -231,29 +231,29 @@ def path_amplitudes(
     row : (p,) ndarray of int
         Detection of each.
     hits, total : (p,) ndarray
-        Strengths before; 0 of a path that starts. See `Hypotheses`.
+        Amplitudes before; 0 of a path that starts. See `Hypotheses`.
     """
-    strengths = observed.strengths
-    if strengths is None:
+    amplitudes = observed.amplitudes
+    if amplitudes is None:
         return PathAmplitudes(hits, total, np.zeros(len(row)))
-    count, sums = hits + strengths.told[row], total + strengths.scaled[row]
-    both = strengths.ratio.at(np.concatenate([hits, count]), np.concatenate([total, sums]))
+    count, sums = hits + amplitudes.told[row], total + amplitudes.scaled[row]
+    both = amplitudes.ratio.at(np.concatenate([hits, count]), np.concatenate([total, sums]))
     return PathAmplitudes(count, sums, both[len(row) :] - both[: len(row)])
 
 
 def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
     """Hits of paths that are probably targets' by their positions."""
-    log_odds = paths.score - paths.strength_score + math.log(PATH_ODDS)
+    log_odds = paths.score - paths.amplitude_score + math.log(PATH_ODDS)
     likely = np.flatnonzero(
         log_odds > math.log(MIN_PATH_PROBABILITY / (1.0 - MIN_PATH_PROBABILITY))
     )
     hits = paths.hits[likely]
-    path, place = np.nonzero(hits != NO_HIT)
-    hit = hits[path, place] - window.first_id
+    path, column = np.nonzero(hits != NO_HIT)
+    hit = hits[path, column] - window.first_id
     best = largest_of(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
-    found = np.flatnonzero(best > -np.inf)
-    of = window[found + window.first_id]
-    return of["scan"], of["index"], expit(best[found])
+    hit_rows = np.flatnonzero(best > -np.inf)
+    detections = window[hit_rows + window.first_id]
+    return detections["scan"], detections["index"], expit(best[hit_rows])
 
 
 def evaluate(
@@ -333,8 +333,8 @@ def child_score(
     score: FloatArray = hypotheses.score[parent] + increment
     if observed.predictive is not None:
         score += observed.predictive.increment(hypotheses.hit_count, parent, row)
-    if observed.strengths is not None:
-        hits, total = hypotheses.strength_count[parent], hypotheses.strength_total[parent]
+    if observed.amplitudes is not None:
+        hits, total = hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
         score += path_amplitudes(observed, row, hits, total).increment
     return score
 
@@ -356,7 +356,7 @@ def miss(
     return changed(
         predicted,
         score=predicted.score + increment,
-        score_given_held=predicted.score_given_held + increment,
+        score_given_confirmed=predicted.score_given_confirmed + increment,
         faded=fading_after_miss(predicted.faded, detection_probability, gate_probability),
     )
 
@@ -375,5 +375,5 @@ def within_max_speed(hypotheses: Hypotheses, counts: BoolArray, max_speed: float
     return changed(
         hypotheses,
         score=hypotheses.score + gain,
-        score_given_held=hypotheses.score_given_held + gain,
+        score_given_confirmed=hypotheses.score_given_confirmed + gain,
     )

@@ -1,7 +1,7 @@
 """Hypotheses: which detections are one target's, and where it is; the tree of them after a scan.
 
-Hypotheses are in the order of their newest detections: those of one newest detection are a run of
-rows, and those that end in the last scan come last.
+Hypotheses are tentative (potential) tracks, in the order of their newest detections: those of one
+newest detection are a run of rows, and those that end in the last scan come last.
 """
 
 from __future__ import annotations
@@ -54,28 +54,29 @@ class Hypotheses(Paths):
         At the last scan's stamp.
     score : (n,) ndarray
         Log-likelihood ratio.
-    score_given_held : (n,) ndarray
-        The same for one more target, where the density due to held tracks counts as clutter.
+    score_given_confirmed : (n,) ndarray
+        The same for one more target, where the density due to confirmed tracks counts as clutter.
     faded : (n,) ndarray
         Probability that the target has faded, see `fading`.
-    strength_count, strength_total : (n,) ndarray
-        Hits whose strength counts, and the sum of their exponents; see `amplitude_law`.
-    strength_score : (n,) ndarray
-        Part of the score that is due to strengths.
+    amplitude_count, amplitude_total : (n,) ndarray
+        Hits whose amplitude counts, and the sum of their normalised amplitudes; see
+        `amplitude_law`.
+    amplitude_score : (n,) ndarray
+        Part of the score that is due to amplitudes.
     """
 
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
-    score_given_held: FloatArray
+    score_given_confirmed: FloatArray
     faded: FloatArray
-    strength_count: IntArray
-    strength_total: FloatArray
-    strength_score: FloatArray
+    amplitude_count: IntArray
+    amplitude_total: FloatArray
+    amplitude_score: FloatArray
 
-    def scored_given_held(self) -> Hypotheses:
-        """The hypotheses with their scores given the held tracks."""
-        return changed(self, score=self.score_given_held)
+    def scored_given_confirmed(self) -> Hypotheses:
+        """The hypotheses with their scores given the confirmed tracks."""
+        return changed(self, score=self.score_given_confirmed)
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:
@@ -135,9 +136,9 @@ class Tree:
         """Largest of the values (n,) over those that end in each detection, (d,); or -inf."""
         return largest_of(values[self.missed :], self.newest, len(self.ids))
 
-    def ending_in(self, place: int) -> Hypotheses:
+    def ending_in(self, detection: int) -> Hypotheses:
         """The hypotheses that end in a detection of the scan."""
-        first, last = np.searchsorted(self.newest, [place, place + 1]) + self.missed
+        first, last = np.searchsorted(self.newest, [detection, detection + 1]) + self.missed
         return self.hypotheses[slice(first, last)]
 
     @property
@@ -173,14 +174,14 @@ class Start:
 def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     """The hypotheses given new tracks.
 
-    ``s' <- s' - max(s', 0) sum_k p_k / n`` with s' the score given held tracks, and p_k the
+    ``s' <- s' - max(s', 0) sum_k p_k / n`` with s' the score given confirmed tracks, and p_k the
     probability that hit k of n is a new track's: as if each hit had the same increment.
     """
-    score = hypotheses.score_given_held
+    score = hypotheses.score_given_confirmed
     for start in starts:
         due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
-    return changed(hypotheses, score_given_held=score)
+    return changed(hypotheses, score_given_confirmed=score)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,7 @@ class ExpectedDetections:
     of_hypothesis: tuple[FloatArray, FloatArray] | None
 
     @classmethod
-    def of(
+    def from_hypotheses(
         cls,
         hypotheses: Hypotheses,
         stamp: float,
@@ -270,24 +271,24 @@ class ExpectedDetections:
         innovation, spread = self.innovations(parent, row)
         time_after_state = self.detections["time"][row] - self.stamp
         if self.of_hypothesis is None:
-            moved, changed = motion.update(
+            moved, narrowed = motion.update(
                 state[parent], covariance[parent], time_after_state, innovation, spread
             )
         else:
             # A gain and a covariance for all detections of a hypothesis.
             used = np.zeros(len(state), bool)
             used[parent] = True
-            rows, place = np.flatnonzero(used), (np.cumsum(used) - 1)[parent]
+            rows, index = np.flatnonzero(used), (np.cumsum(used) - 1)[parent]
             spread, after = self.of_hypothesis[1][rows], self.detections["time"][:1] - self.stamp
             before = covariance[rows]
             gain = motion.kalman_gain(before, after, spread)
             change = gain @ spread @ np.swapaxes(gain, -1, -2)
-            step = gain.take(place, axis=0) @ innovation[..., None]
+            step = gain.take(index, axis=0) @ innovation[..., None]
             moved = state.take(parent, axis=0) + step[..., 0]
-            changed = (before - change).take(place, axis=0)
+            narrowed = (before - change).take(index, axis=0)
         if not range_rates.measured(self.detections).any():
-            return moved, changed
-        return range_rates.update(moved, changed, time_after_state, taken(self.detections, row))
+            return moved, narrowed
+        return range_rates.update(moved, narrowed, time_after_state, taken(self.detections, row))
 
 
 def _alike(detections: NDArray[np.void]) -> bool:

@@ -176,7 +176,7 @@ def figures_of_hits(
     state: FloatArray,
     position_sigma: FloatArray,
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray], FloatArray]:
-    """Misfits, strengths and last errors of new tracks, by those of their hits in the window.
+    """Misfits, amplitudes and last errors of new tracks, by those of their hits in the window.
 
     Parameters
     ----------
@@ -192,29 +192,31 @@ def figures_of_hits(
         Factors by which the covariances of the tracks are too small for their hits. The squared
         distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is beyond
         their `GOOD_FIT`, it is divided by them (Birge's ratio); else the factor is 1.
-    strengths : tuple of (n,) ndarray
-        Number of hits with a strength, and the sum of their exponents.
+    amplitudes : tuple of (n,) ndarray
+        Number of hits with an amplitude, and the sum of their normalised amplitudes.
     hit_sigma : (n,) ndarray
         Standard deviation of the last hit along its major axis, m; `position_sigma` where the hit
         is forgotten.
     """
     misfit, hit_sigma = np.ones(len(hits)), position_sigma.copy()
-    strength_hits, strength_total = np.zeros((2, len(hits)))
+    amplitude_hits, amplitude_total = np.zeros((2, len(hits)))
     for track, ids in enumerate(map(window.find, hits)):
         if not len(ids):
             continue
-        found = window[ids]
-        strength = found["strength"][np.isfinite(found["strength"])]
-        strength_hits[track], strength_total[track] = len(strength), strength.sum()
-        hit_sigma[track] = major_sigma(found["covariance"][-1:])[0]
+        in_window = window[ids]
+        amplitude = in_window["amplitude"][np.isfinite(in_window["amplitude"])]
+        amplitude_hits[track], amplitude_total[track] = len(amplitude), amplitude.sum()
+        hit_sigma[track] = major_sigma(in_window["covariance"][-1:])[0]
         freedom = 2 * len(ids) - 4
         if freedom > 0:
-            elapsed = found["time"][:, None] - stamp[track]
+            elapsed = in_window["time"][:, None] - stamp[track]
             expected = state[track, 0::2] + elapsed * state[track, 1::2]
-            square = squared_distance(found["position"] - expected, found["covariance"]).sum()
+            square = squared_distance(
+                in_window["position"] - expected, in_window["covariance"]
+            ).sum()
             if square > chdtri(freedom, 1.0 - GOOD_FIT):
                 misfit[track] = square / freedom
-    return misfit, (strength_hits, strength_total), hit_sigma
+    return misfit, (amplitude_hits, amplitude_total), hit_sigma
 
 
 def unweighted(

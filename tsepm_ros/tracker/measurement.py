@@ -37,7 +37,7 @@ DETECTION = np.dtype(
         ("range_rate_std", np.float64),  # m/s; 0: no range rate
         ("clutter_density", np.float64),  # 1/m^2, at its position
         ("intensity", np.float64),  # in any unit; nan: not measured
-        ("strength", np.float64),  # exponent among clutter, without an end; nan: not known
+        ("amplitude", np.float64),  # normalised, without an end; nan: not known
     ]
 )
 """A converted detection, with the fields for re-evaluating its covariance elsewhere."""
@@ -45,7 +45,7 @@ DETECTION = np.dtype(
 
 LEAST_ACROSS = 1.0
 """Variance across the line of sight, at least, over that along it: of detections without an azimuth
-error of their own, for held tracks and methods whose likelihoods take errors as they are.
+error of their own, for confirmed tracks and methods whose likelihoods take errors as they are.
 
 A target's extent and errors of own ship's position act on both axes. The stated range error covers
 them; across, the azimuth error falls below them at short range.
@@ -243,7 +243,7 @@ def convert(
     detections["clutter_density"] = sensor.clutter_density
     intensity = scan.features.get("intensity", np.nan)
     detections["intensity"] = np.where(np.abs(intensity) < MAX_INTENSITY, intensity, np.nan)
-    detections["strength"] = np.nan
+    detections["amplitude"] = np.nan
     return detections
 
 
@@ -310,37 +310,37 @@ class DetectionWindow:
 
     def __init__(self) -> None:
         self._detections = np.zeros(0, DETECTION)
-        self._not_held = np.zeros(0)
+        self._not_confirmed = np.zeros(0)
         self.first_id = 0
 
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
         first = self.first_id + len(self._detections)
         self._detections = appended(self._detections, detections)
-        self._not_held = np.concatenate([self._not_held, np.ones(len(detections))])
+        self._not_confirmed = np.concatenate([self._not_confirmed, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 
     def forget(self, before_scan: int) -> None:
         """Remove the detections of the scans before the given scan index."""
         old = int(np.searchsorted(self._detections["scan"], before_scan))
         self._detections = self._detections[old:]
-        self._not_held = self._not_held[old:]
+        self._not_confirmed = self._not_confirmed[old:]
         self.first_id += old
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
         return taken(self._detections, ids - self.first_id)
 
-    def note_held(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
+    def note_confirmed(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
         """Note the probabilities that detections belong to confirmed tracks, (n,) each."""
-        np.multiply.at(self._not_held, ids - self.first_id, 1.0 - np.minimum(probability, 1.0))
+        np.multiply.at(self._not_confirmed, ids - self.first_id, 1.0 - np.minimum(probability, 1.0))
 
-    def held_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    def confirmed_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Probability that the detections with the given ids belong to a confirmed track, (...).
 
         The probabilities of different tracks count as independent.
         """
-        return np.asarray(1.0 - self._not_held[ids - self.first_id])
+        return np.asarray(1.0 - self._not_confirmed[ids - self.first_id])
 
     def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
         """Ids of the detections with the given scan and detection indices, those still here.

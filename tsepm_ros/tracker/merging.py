@@ -7,12 +7,12 @@ Of the likelihood-ratio method, by the hits and the states::
 
     starts of a scan      the strongest first; of the others the score given the tracks that started
                           is reduced by the share of hits due to these (`hypotheses.given_starts`)
-    with a held track     a start with more than half of its published hits (`published_owners`),
+    with a confirmed one  a start with more than half of its published hits (`published_owners`),
                           or 2 of its own detections (`own_starts`), is that track
     with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
 
-Held tracks that agree for some scans are one (`agrees_with_older`), and at once where it turns out
-that targets have several detections (`extended_targets.may_repeat_older`).
+Confirmed tracks that agree for some scans are one (`agrees_with_older`), and at once where it turns
+out that targets have several detections (`extended_targets.may_repeat_older`).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ MAX_EXPLAINED = 1.5
 """Detections that two tracks together explain, above which they are of two targets."""
 ROUNDING = 1e-6
 MIN_OWN_HITS = 2
-"""Hits of a start that were probably a held track's own, from which on it is that track."""
+"""Hits of a start that were probably a confirmed track's own, from which on it is that track."""
 
 
 def merging_threshold(probability: float) -> float:
@@ -275,15 +275,17 @@ def moments(
     return weights @ states, np.tensordot(weights, covariances, axes=1)
 
 
-def published_owners(starts: TrackArrays, held: TrackArrays) -> IntArray:
-    """Ids of the held tracks of which starts (n,) have more than half of the published hits; or -1.
+def published_owners(starts: TrackArrays, confirmed: TrackArrays) -> IntArray:
+    """Ids of the confirmed tracks of which starts (n,) have most published hits; or -1.
 
     Such a track has lost its target, and is corrected.
     """
     ids = np.full(len(starts), -1)
     for row, hits in enumerate(map(set, starts.hits)):
-        common = np.array([len(hits.intersection(of)) for of in held.hits], np.int64)
-        owners = held.track_id[2 * common > held.hit_count]
+        common = np.array(
+            [len(hits.intersection(published)) for published in confirmed.hits], np.int64
+        )
+        owners = confirmed.track_id[2 * common > confirmed.hit_count]
         if len(owners):
             ids[row] = owners[0]
     return ids
@@ -292,7 +294,7 @@ def published_owners(starts: TrackArrays, held: TrackArrays) -> IntArray:
 def own_starts(
     starts: TrackArrays, owned: dict[tuple[int, int], int], busy: frozenset[int]
 ) -> IntArray:
-    """Rows' ids of the held tracks that starts (n,) are of by their hits; -1 for none.
+    """Rows' ids of the confirmed tracks that starts (n,) are of by their hits; -1 for none.
 
     Parameters
     ----------
@@ -364,8 +366,8 @@ def continued(
         ratio = odds[near] + density
         hits = starts.hits[row]
         first, own = hits[0][0], set(hits)
-        found = {track for hit, track in owned.items() if hit[0] >= first and hit not in own}
-        ratio[np.isin(lost.track_id[near], list(found))] = -np.inf
+        others = {track for hit, track in owned.items() if hit[0] >= first and hit not in own}
+        ratio[np.isin(lost.track_id[near], list(others))] = -np.inf
         best = int(np.argmax(ratio))
         if ratio[best] > 0.0:
             ids[row], free[near[best]] = lost.track_id[near[best]], False

@@ -28,7 +28,7 @@ class ScanStatistics:
     detections : int
         Detections in the sensor's coverage.
     potential_tracks : int
-        Potential tracks held after the scan (in a sum: the most held at once).
+        Potential tracks kept after the scan (in a sum: the most kept at once).
     started : int
         Potential tracks started.
     split : int
@@ -52,8 +52,8 @@ class ScanStatistics:
     outside_coverage : int
         Detections received outside the coverage; they are not used.
     plots : int
-        Plots made of the detections in the coverage: fewer where several detections of one target
-        became one plot.
+        Clusters made of the detections in the coverage: fewer where several detections of one
+        target became one cluster.
     on_land : int
         Detections in the coverage that are on land; they are not used.
     """
@@ -76,9 +76,9 @@ class ScanStatistics:
     on_land: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
-        """Sum of the counts; of the potential tracks held the larger."""
-        one, two = vars(self), vars(other)
-        values = {name: one[name] + two[name] for name in one}
+        """Sum of the counts; of the potential tracks kept the larger."""
+        mine, two = vars(self), vars(other)
+        values = {name: mine[name] + two[name] for name in mine}
         values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
         return changed(self, **values)
 
@@ -98,9 +98,9 @@ class Step:
         Probability that each detection is of a target that is not confirmed yet; this part of it
         does not count as clutter.
     revised : TrackArrays
-        Held tracks, by their ids, whose starts are corrected.
+        Confirmed tracks, by their ids, whose starts are corrected.
     replaced : tuple of int
-        Ids of held tracks in whose place new ones are held: they end.
+        Ids of confirmed tracks in whose place new ones are held: they end.
     target_hits : TargetHits, optional
         Detections that are probably targets', by their positions alone.
     """
@@ -169,7 +169,7 @@ class Method(ABC):
 
         Their `track_id` is their place in the list.
         """
-        return TrackArrays.of([])
+        return TrackArrays.from_tracks([])
 
     def reason(self, track: ConfirmedTrack) -> str:
         """The reason for which a track was confirmed, with the present options."""

@@ -243,8 +243,8 @@ def log_likelihood(
     """Log of the likelihood of pairs of states and detections; -inf outside the gates.
 
     ``ln N(d; 0, S) + ln N(e; 0, S_e)`` with the innovation e of a measured range rate against the
-    state updated with the position. The innovations are independent: their squared distances add
-    up, and the gate of a position and a range rate has three dimensions.
+    state updated with the position. The innovations are independent: their squared Mahalanobis
+    distances add up, and the gate of a position and a range rate has three dimensions.
 
     Parameters
     ----------
@@ -275,12 +275,12 @@ def log_likelihood(
     if measured.any():
         gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
         rows = (measured[row] & (distance <= gate)).nonzero()
-        rated, found = owner[rows], taken(detections, row[rows])
-        after = found["time"] - stamp
+        rated, candidates = owner[rows], taken(detections, row[rows])
+        after = candidates["time"] - stamp
         updated = update(
             state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
         )
-        error, variance, _ = range_rates.innovations(*updated, after, found)
+        error, variance, _ = range_rates.innovations(*updated, after, candidates)
         density[rows] += range_rates.log_density(error, variance)
         distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)
@@ -378,8 +378,8 @@ def _conditioned(
     state, covariance = state.copy(), covariance.copy()
     state[rows] += (gain @ (mean - state[rows, 1::2])[..., None])[..., 0]
     state[rows, 1::2] = mean
-    changed = covariance[rows] + gain @ (spread - before) @ np.swapaxes(gain, 1, 2)
-    covariance[rows] = 0.5 * (changed + np.swapaxes(changed, 1, 2))
+    updated = covariance[rows] + gain @ (spread - before) @ np.swapaxes(gain, 1, 2)
+    covariance[rows] = 0.5 * (updated + np.swapaxes(updated, 1, 2))
     return state, covariance
 
 
@@ -404,11 +404,13 @@ def in_disc(
     mean, covariance : (n, 2), (n, 2, 2) ndarray
         Given that they are in the disc.
     """
-    inside, place, weight, chords, (axes, centre, deviation) = _quadrature(mean, covariance, radius)
+    inside, offset, weight, chords, (axes, centre, deviation) = _quadrature(
+        mean, covariance, radius
+    )
     minor, spread = _moments(chords, centre, deviation)
     scale = radius[:, None]
     weight = weight / weight.sum(axis=1)[:, None]
-    points = np.stack([minor, place], axis=-1)
+    points = np.stack([minor, offset], axis=-1)
     average = (weight[..., None] * points).sum(axis=1)
     apart = points - average[:, None]
     second = np.einsum("nk,nki,nkj->nij", weight, apart, apart)
@@ -452,12 +454,12 @@ def _quadrature(
         low, high = angle[each, first], angle[each, last]
     half = 0.5 * (high - low)
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
-    place = np.sin(angle)
-    density, chords = _chords(place, centre, deviation)
+    offset = np.sin(angle)
+    density, chords = _chords(offset, centre, deviation)
     peak = density.max(axis=1)
     weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
     inside = np.minimum(peak + np.log(weight.sum(axis=1) * half), 0.0)
-    return inside, place, weight, chords, (axes, centre, deviation)
+    return inside, offset, weight, chords, (axes, centre, deviation)
 
 
 _Chords = tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]
@@ -466,10 +468,10 @@ mirrored to the left of the mean; whether they are; logarithm of the probability
 
 
 def _chords(
-    place: FloatArray, centre: FloatArray, deviation: FloatArray
+    offset: FloatArray, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, _Chords]:
     """Log of the integrals of the density along chords across places (n, k) on the major axis."""
-    chord = np.sqrt(np.maximum(1.0 - place**2, 1e-24))
+    chord = np.sqrt(np.maximum(1.0 - offset**2, 1e-24))
     sigma, middle = deviation[:, :1], centre[:, :1]
     low, high = (-chord - middle) / sigma, (chord - middle) / sigma
     # The interval is mirrored to the left, where the distribution function keeps its digits.
@@ -477,7 +479,7 @@ def _chords(
     low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
     upper = log_ndtr(high)
     mass = upper + np.log(-np.expm1(np.minimum(log_ndtr(low) - upper, -1e-300)))
-    along = (place - centre[:, 1:]) / deviation[:, 1:]
+    along = (offset - centre[:, 1:]) / deviation[:, 1:]
     density = mass - 0.5 * along**2 - np.log(np.sqrt(2.0 * np.pi) * deviation[:, 1:])
     return density, (chord, low, high, mirrored, mass)
 
@@ -514,7 +516,7 @@ class InteractingModels(Rows):
     covariance: FloatArray
 
     @classmethod
-    def of(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
+    def from_states(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
         """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
         turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
         probability = np.array([[1.0 - turning, turning]]).repeat(len(state), axis=0)

@@ -19,7 +19,7 @@ from tsepm_ros.tracker.tracks import TrackArrays
 
 @dataclass(frozen=True)
 class Observation:
-    """A scan's detections in the coverage, with clutter densities and held association.
+    """A scan's detections in the coverage, with clutter densities and confirmed association.
 
     Attributes
     ----------
@@ -40,15 +40,16 @@ class Observation:
     clutter_density : (d,) ndarray
         Clutter density at each detection after this scan was learned from, 1/m^2, times the
         density of its range rate, s/m, where it has one.
-    held_density : (d,) ndarray
-        Density at each detection due to held tracks, to be added to the clutter density.
-    held_association : tuple of (p,) ndarray
-        Rows of detections that may be a held track's, and the probability of each that the track's
-        target exists and caused the detection.
-    held : TrackArrays
-        The held tracks, with the hits of their starts.
+    confirmed_density : (d,) ndarray
+        Density at each detection due to confirmed tracks, to be added to the clutter density.
+    confirmed_association : tuple of (p,) ndarray
+        Rows of detections that may be a confirmed track's, and the probability of each that the
+        track's target exists and caused the detection.
+    confirmed : TrackArrays
+        The confirmed tracks, with the hits of their starts.
     probable_detections : tuple of (k,) ndarray of int
-        Ids of held tracks, and the detection of each that is more probably the track's than not.
+        Ids of confirmed tracks, and the detection of each that is more probably the track's than
+        not.
     clutter_sensor : SensorModel
         The sensor with the range rates of its clutter as given or learned.
     seen_extent : Extent
@@ -61,8 +62,8 @@ class Observation:
         P_D in the coverage, given or estimated.
     most_pairs : float
         Pairs of potential tracks and detections that the scan may have.
-    strengths : ScanAmplitudes or None
-        What the strengths of the detections say; None where they do not count.
+    amplitudes : ScanAmplitudes or None
+        What the amplitudes of the detections say; None where they do not count.
     predictive : PredictiveDensity or None
         What makes the clutter density uncertain; None where it is given.
     """
@@ -75,9 +76,9 @@ class Observation:
     window: DetectionWindow
     ids: IntArray
     clutter_density: FloatArray
-    held_density: FloatArray
-    held_association: tuple[IntArray, FloatArray]
-    held: TrackArrays
+    confirmed_density: FloatArray
+    confirmed_association: tuple[IntArray, FloatArray]
+    confirmed: TrackArrays
     probable_detections: tuple[IntArray, IntArray]
     clutter_sensor: SensorModel
     seen_extent: Extent
@@ -85,10 +86,10 @@ class Observation:
     detection_probability: Callable[[FloatArray], FloatArray]
     detection_probability_in_use: float
     most_pairs: float
-    strengths: ScanAmplitudes | None = None
+    amplitudes: ScanAmplitudes | None = None
     predictive: PredictiveDensity | None = None
 
 
 TargetHits = tuple[IntArray, IntArray, FloatArray]
-"""Detections of the last scans that are probably targets', held or not: scan and index there of
-each, (k,), and its probability by the positions alone."""
+"""Detections of the last scans that are probably targets', confirmed or not: scan and index there
+of each, (k,), and its probability by the positions alone."""

@@ -44,7 +44,7 @@ class CommonOptions(ParameterGroup):
         "auto",
         "Limit the speed of new tracks. on: the state of a track that probably exceeds max_speed "
         "is conditioned on a lower speed; off: as the method's source defines it; auto: on with "
-        "the method score alone. Held tracks are limited in any case",
+        "the method score alone. Confirmed tracks are limited in any case",
         choices=("auto", "on", "off"),
     )
     max_detections: int = parameter(
@@ -65,7 +65,7 @@ class CommonOptions(ParameterGroup):
     )
     detection_probability: str = parameter(
         "auto",
-        "estimated: from the hits and misses of held tracks, starting from "
+        "estimated: from the hits and misses of confirmed tracks, starting from "
         "sensor.detection_probability; given: sensor.detection_probability; auto: estimated with "
         "the method score alone",
         choices=("auto", "estimated", "given"),
@@ -78,13 +78,13 @@ class CommonOptions(ParameterGroup):
     )
     intensity: str = parameter(
         "auto",
-        "Strengths of the detections, in any unit, as evidence with the method score. auto: where "
+        "Amplitudes of the detections, in any unit, as evidence with the method score. auto: where "
         "detections carry an intensity; off: never",
         choices=("auto", "off"),
     )
     plots: str = parameter(
         "auto",
-        "Combination of the detections of one target and ping into a plot. on: from the "
+        "Combination of the detections of one target and ping into a cluster. on: from the "
         "first scan; off: never, for one detection per target; auto: with a target_extent, or "
         "once detections of one ping lie closer together than clutter does",
         choices=("auto", "on", "off"),

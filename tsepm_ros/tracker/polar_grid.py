@@ -142,7 +142,7 @@ class BlockSums:
             self._sums[1:, self._columns + 1 :] = inner
         np.cumsum(self._sums, axis=1, out=self._sums)
 
-    def of(self, row: IntArray, end: IntArray, column: IntArray, width: IntArray) -> FloatArray:
+    def over(self, row: IntArray, end: IntArray, column: IntArray, width: IntArray) -> FloatArray:
         """Sums of the blocks from a row to before an end, and from a column on, (...).
 
         Parameters

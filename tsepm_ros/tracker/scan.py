@@ -64,7 +64,7 @@ class Scan:
         detection's position: range rates are measured against it. Zero if not given.
     group : (n,) array_like of int, optional
         Detections of the same number, from 0, are neighbours of one object (rays of a fan), and
-        become one plot where plots are not off; below 0: alone.
+        become one cluster where clusters are not off; below 0: alone.
     swept : (2,) array_like, optional
         Start and width of the arc of azimuths that the scan looked at, rad, from -2 pi to 2 pi and
         from 0 to 2 pi, where that is not all of the sensor's coverage: a part of a sweep.

@@ -172,7 +172,7 @@ class SensorModel(Coverage):
     range_resolution: float = parameter(
         0.0,
         "Range difference below which the sensor cannot separate echoes; used to make "
-        "plots. 0: unknown",
+        "clusters. 0: unknown",
         unit="m",
         minimum=0.0,
         maximum=1e4,
@@ -180,7 +180,7 @@ class SensorModel(Coverage):
     azimuth_resolution: float = parameter(
         0.0,
         "Azimuth difference below which the sensor cannot separate echoes (beam width); "
-        "used to make plots. 0: unknown",
+        "used to make clusters. 0: unknown",
         unit="rad",
         minimum=0.0,
         maximum=1.0,
@@ -388,7 +388,7 @@ class View(NamedTuple):
     swept: tuple[float, float] | None
 
     @classmethod
-    def of(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
+    def from_scan(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
         """That of a scan at a pose (3,)."""
         x, y, yaw = map(float, pose)
         start, width = (0.0, 0.0) if scan.swept is None else map(float, scan.swept)

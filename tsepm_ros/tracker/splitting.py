@@ -185,18 +185,18 @@ def neighbours(
         Pairs left out.
     """
     most = int(min(most, MAX_GATED))
-    found = pairs_within(positions, centres, radius, most)
-    if found is not None:
-        return *found, 0
+    pairs = pairs_within(positions, centres, radius, most)
+    if pairs is not None:
+        return *pairs, 0
     tree = cKDTree(positions)
     counts = tree.query_ball_point(centres, radius, return_length=True)
     nearest = min(max(most // len(centres), 1), len(positions))
     distance, kept = tree.query(centres, k=range(1, nearest + 1))
     near = np.where(distance <= radius[:, None] * (1.0 + ROUNDING), kept, len(positions))
     near = np.sort(near, axis=1)
-    centre, place = np.nonzero(near < len(positions))
+    centre, index = np.nonzero(near < len(positions))
     cut = int(counts.sum()) - int(np.minimum(counts, nearest).sum())
-    return centre, near[centre, place].astype(np.int64), cut
+    return centre, near[centre, index].astype(np.int64), cut
 
 
 def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
@@ -285,8 +285,8 @@ def split(
 ) -> tuple[IntArray, IntArray, int]:
     """Split every hypothesis: pairs with the detections that may be its next, no fewer than gated.
 
-    The gate is ``d' S^-1 d <= gamma``, of probability P_G; here its circumscribed circle of radius
-    ``sqrt(gamma) sigma_max(S)``.
+    The gate of the squared Mahalanobis distance is ``d' S^-1 d <= gamma``, of probability P_G; here
+    its circumscribed circle of radius ``sqrt(gamma) sigma_max(S)``.
 
     Parameters
     ----------
@@ -333,13 +333,14 @@ def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, Flo
     return positions, reach * sigma + longest * speed
 
 
-def held_penalty(observed: Observation, row: IntArray, strength: FloatArray) -> FloatArray:
-    """``ln((lambda + held density) / lambda)``, (p,): a hit's loss by held tracks.
+def confirmed_penalty(observed: Observation, row: IntArray, amplitude: FloatArray) -> FloatArray:
+    """``ln((lambda + confirmed density) / lambda)``, (p,): a hit's loss by confirmed tracks.
 
-    Where the strength speaks for a target, by `strength` (p,), it speaks for the held one as well.
+    Where the amplitude speaks for a target, by `amplitude` (p,), it speaks for the confirmed one as
+    well.
     """
-    ratio = observed.held_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
-    return np.log1p(ratio[row] * np.exp(np.maximum(strength, 0.0)))
+    ratio = observed.confirmed_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
+    return np.log1p(ratio[row] * np.exp(np.maximum(amplitude, 0.0)))
 
 
 def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
@@ -377,9 +378,9 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     if elapsed.any():
         state, covariance = motion.predict(state, covariance, elapsed)
     row, none = np.arange(n), np.zeros(n, np.int64)
-    strength = path_amplitudes(observed, row, none, np.zeros(n))
-    score = score + strength.increment
-    given_held = score - held_penalty(observed, row, strength.increment)
+    amplitude = path_amplitudes(observed, row, none, np.zeros(n))
+    score = score + amplitude.increment
+    given_confirmed = score - confirmed_penalty(observed, row, amplitude.increment)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -387,9 +388,9 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         state,
         covariance,
         score,
-        given_held,
+        given_confirmed,
         np.full(n, FADED_AT_START),
-        *strength,
+        *amplitude,
     )
 
 
@@ -402,7 +403,7 @@ def expand(
 ) -> Tree:
     """The tree of the branches that are kept.
 
-    Given the held tracks, a hit adds less by `held_penalty`.
+    Given the confirmed tracks, a hit adds less by `confirmed_penalty`.
 
     Parameters
     ----------
@@ -423,7 +424,7 @@ def expand(
     firsts = range(0, max(len(rows), 1), MAX_PAIRS_TOGETHER)
     children = [
         _children(expected, pairs[0][part], pairs[1][part], score[part], observed)
-        for part in (rows[of : of + MAX_PAIRS_TOGETHER] for of in firsts)
+        for part in (rows[begin : begin + MAX_PAIRS_TOGETHER] for begin in firsts)
     ]
     new = Hypotheses.joined(*children, started[made[len(score) :]])
     hypotheses = Hypotheses.chosen((missed, kept[:number]), (new, (np.cumsum(made) - 1)[ended]))
@@ -442,11 +443,11 @@ def _children(
     hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = observed.ids[row]
-    strength = path_amplitudes(
-        observed, row, hypotheses.strength_count[parent], hypotheses.strength_total[parent]
+    amplitude = path_amplitudes(
+        observed, row, hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
     )
-    given_held = hypotheses.score_given_held[parent] + score - hypotheses.score[parent]
-    given_held -= held_penalty(observed, row, strength.increment)
+    given_confirmed = hypotheses.score_given_confirmed[parent] + score - hypotheses.score[parent]
+    given_confirmed -= confirmed_penalty(observed, row, amplitude.increment)
     state, covariance = expected.updated(parent, row)
     return Hypotheses(
         hits,
@@ -455,9 +456,9 @@ def _children(
         state,
         covariance,
         score,
-        given_held,
+        given_confirmed,
         fading_after_hit(hypotheses.faded[parent]),
-        strength.hits,
-        strength.total,
-        hypotheses.strength_score[parent] + strength.increment,
+        amplitude.hits,
+        amplitude.total,
+        hypotheses.amplitude_score[parent] + amplitude.increment,
     )

@@ -62,25 +62,25 @@ class MonteCarloTargets:
         As they would be measured in each scan. An array a scan: a single array of all scans, made
         while a node runs, leaves a gap of 6 MB that the allocator keeps.
     detected : (n, window) ndarray of bool
-    exponents : (n, window) ndarray or None
-        Of the strengths of the detections.
+    amplitudes : (n, window) ndarray or None
+        Normalised, of the detections.
     """
 
     detections: list[NDArray[np.void]]
     detected: BoolArray
-    exponents: FloatArray | None
+    amplitudes: FloatArray | None
 
-    def strength_increments(self, first: int) -> FloatArray:
-        """What the strength of each target's detection adds in each scan, (n, window).
+    def amplitude_increments(self, first: int) -> FloatArray:
+        """What the amplitude of each target's detection adds in each scan, (n, window).
 
         Of the hypotheses that start in scan `first`; 0 before it.
         """
         increments = np.zeros(self.detected.shape)
-        if self.exponents is not None:
+        if self.amplitudes is not None:
             hit = self.detected[:, first:]
-            totals = np.cumsum(np.where(hit, self.exponents[:, first:], 0.0), axis=1)
+            totals = np.cumsum(np.where(hit, self.amplitudes[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.of(amplitude_law.LAW_KNOWN, self.detected.shape[1])
+            ratio = PathRatio.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
             evidence = ratio.at(counts, totals)
             increments[:, first] = evidence[:, 0]
             increments[:, first + 1 :] = np.diff(evidence, axis=1)
@@ -119,11 +119,11 @@ def draw_targets(
     share = np.where(_faded(window) & fades, evaluation.FADED_FACTOR, 1.0)
     detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
     detected[:, 0] = True
-    return MonteCarloTargets(scans, detected, _drawn_exponents(ratio, window))
+    return MonteCarloTargets(scans, detected, _drawn_amplitudes(ratio, window))
 
 
-def _drawn_exponents(ratio: float | None, window: int) -> FloatArray | None:
-    """Exponents of the strengths of targets' detections, (n, window)."""
+def _drawn_amplitudes(ratio: float | None, window: int) -> FloatArray | None:
+    """Normalised amplitudes of targets' detections, (n, window)."""
     if ratio is None:
         return None
     rng = np.random.default_rng([SEED, 2])
@@ -256,7 +256,7 @@ def score_plans(
         Scans through which the targets are followed, at least the longest window.
     ratio : float, optional
         Signal-to-clutter ratio of the targets, not in dB; `ANY_RATIO`: of the prior; None: their
-        detections have no strength.
+        detections have no amplitude.
     fades : bool, optional
         Whether the targets fade, as the model's do: only these give `ScorePlan.false_share`.
         Otherwise they have the sensor's P_D throughout.
@@ -308,8 +308,8 @@ def _scores(
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
     state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
     scores = np.full(targets.detected.shape, -np.inf)
-    of_strength = targets.strength_increments(first)
-    score = start + of_strength[rows, first]
+    of_amplitude = targets.amplitude_increments(first)
+    score = start + of_amplitude[rows, first]
     scores[rows, first] = score
     faded = np.full(n, evaluation.FADED_AT_START)
     for scan in range(first + 1, window):
@@ -334,7 +334,7 @@ def _scores(
         faded = evaluation.fading_predicted(faded)
         probability = sensor.detection_probability * evaluation.visible_share(faded)
         increment = evaluation.hit_increment(density, probability, clutter)
-        increment = increment + of_strength[rows, scan]
+        increment = increment + of_amplitude[rows, scan]
         missed = evaluation.miss_increment(probability, gate_probability)
         faded = np.where(
             hit,
@@ -342,16 +342,16 @@ def _scores(
             evaluation.fading_after_miss(faded, probability, gate_probability),
         )
         score = score + np.where(hit, increment, missed)
-        found = np.flatnonzero(hit)
+        hit_rows = np.flatnonzero(hit)
         updated = motion.update(
-            state.take(found, axis=0),
-            covariance.take(found, axis=0),
-            at_stamp[found],
-            innovation.take(found, axis=0),
-            innovation_covariance.take(found, axis=0),
+            state.take(hit_rows, axis=0),
+            covariance.take(hit_rows, axis=0),
+            at_stamp[hit_rows],
+            innovation.take(hit_rows, axis=0),
+            innovation_covariance.take(hit_rows, axis=0),
         )
-        state[found], covariance[found] = range_rates.update(
-            *updated, at_stamp[found], taken(detections, found)
+        state[hit_rows], covariance[hit_rows] = range_rates.update(
+            *updated, at_stamp[hit_rows], taken(detections, hit_rows)
         )
         kept = np.flatnonzero(score >= deletion)
         rows, score, faded = rows[kept], score[kept], faded[kept]
@@ -437,7 +437,7 @@ class Threshold:
             process_noise=options.process_noise,
             deletion=options.deletion_threshold,
             min_hits=MIN_HITS,
-            ratio=None if self._last.strengths is None else ANY_RATIO,
+            ratio=None if self._last.amplitudes is None else ANY_RATIO,
         )
         return plan.threshold(share)
 

@@ -17,14 +17,14 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
-    further_plots,
+    further_clusters,
     may_repeat_older,
 )
 from tsepm_ros.tracker.clusters.grouping import Clusters
-from tsepm_ros.tracker.clutter.excess import RECENT, HeldTargets
+from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
-from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_held
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
     DetectionWindow,
@@ -51,7 +51,7 @@ TRACK_IDS = 2**32
 PAIRS_PER_SECOND = 100_000.0
 """Pairs of potential tracks and detections that a slow computer processes, 1/s: a choice."""
 HELD_PER_PAIR = 0.05
-"""Confirmed tracks that are held, per pair that a scan may have, at most: each costs as much."""
+"""Confirmed confirmed tracks, per pair that a scan may have, at most: each costs as much."""
 LEAST_ROOM = 10
 """Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
@@ -78,15 +78,15 @@ class Tracker:
         The confirmed tracks, carried to the last scan's stamp.
     learned : Learned
         Models of the surroundings, learned from the scans so far.
-    plots : ExtendedTargets
-        Makes plots of the detections.
+    extended_targets : ExtendedTargets
+        Makes clusters of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
     window : DetectionWindow
         Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
-        Held tracks whose starts the last scan corrected, as they are now: each with the hits that
-        are its own after all, and its number of revisions.
+        Confirmed tracks whose starts the last scan corrected, as they are now: each with the hits
+        that are its own after all, and its number of revisions.
     statistics, totals : ScanStatistics
         Counts of the last scan, and sums since the start or the last reset.
     stamp : float or None
@@ -111,7 +111,7 @@ class Tracker:
     def __repr__(self) -> str:
         return (
             f"Tracker({type(self.method).__name__}, {self.totals.scans} scans, "
-            f"{self.totals.confirmed} tracks confirmed, {len(self.current)} held)"
+            f"{self.totals.confirmed} tracks confirmed, {len(self.current)} current)"
         )
 
     def reset(self) -> None:
@@ -119,9 +119,9 @@ class Tracker:
         self.stamp: float | None = None
         self.scan_index = -1
         self.statistics = self.totals = ScanStatistics()
-        self.revised = TrackArrays.of([])
+        self.revised = TrackArrays.from_tracks([])
         self.learned = Learned.initial(self.sensor)
-        self.plots = ExtendedTargets(self.sensor, self.common)
+        self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
         self._poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -130,7 +130,7 @@ class Tracker:
         self.maintenance.clear()
 
     def forget_potential_tracks(self) -> None:
-        """Forget the potential tracks, but not the tracks held, what was learned, nor counts."""
+        """Forget the potential tracks, but not confirmed tracks, what was learned, nor counts."""
         self._observed: Observation | None = None
         self.window = DetectionWindow()
         self.method.forget()
@@ -158,7 +158,7 @@ class Tracker:
             kept = same_kind.configure(method.sensor, method.common, method.options)
             method = same_kind
         other.learned = self.learned.under(method.sensor, self.sensor)
-        other.plots = self.plots.under(method.sensor, method.common)
+        other.extended_targets = self.extended_targets.under(method.sensor, method.common)
         other.maintenance = copy.copy(self.maintenance)
         other._use(method)
         if not kept:
@@ -199,23 +199,25 @@ class Tracker:
         return new
 
     def observe(self, scan: Scan) -> Observation:
-        """Measure a scan, associate its detections with the held tracks, and learn from it.
+        """Measure a scan, associate its detections with the confirmed tracks, and learn from it.
 
-        The held tracks take their detections at the density that was known before.
+        The confirmed tracks take their detections at the density that was known before.
         """
         interval = self._count_in(scan)
-        active = self.plots.active
+        active = self.extended_targets.active
         detections = self._detections(scan)
-        strengths = self._clutter.judge_strengths(detections, self.scan_index, self.options.window)
+        amplitudes = self._clutter.judge_amplitudes(
+            detections, self.scan_index, self.options.window
+        )
         clutter_sensor, of_rates = self._clutter_rates(detections)
-        before = self._clutter.before(self._held_targets) * of_rates
-        held_density, held_association = self._carry_held(scan, detections, before)
+        before = self._clutter.before(self._confirmed_targets) * of_rates
+        confirmed_density, confirmed_association = self._carry_confirmed(scan, detections, before)
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        if not self.plots.active:
+        if not self.extended_targets.active:
             self._learn_errors(detections)
-        detections["clutter_density"] = self._learn_clutter(before, held_density)
-        self._learn_plots(active)
-        self._clutter.learn_strengths(detections, self._reach)
+        detections["clutter_density"] = self._learn_clutter(before, confirmed_density)
+        self._learn_extended_targets(active)
+        self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
         return Observation(
@@ -227,9 +229,9 @@ class Tracker:
             window=self.window,
             ids=ids,
             clutter_density=detections["clutter_density"] * of_rates,
-            held_density=held_density,
-            held_association=held_association,
-            held=self.maintenance.held.tracks,
+            confirmed_density=confirmed_density,
+            confirmed_association=confirmed_association,
+            confirmed=self.maintenance.confirmed.tracks,
             probable_detections=self.maintenance.probable_detections,
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.clutter_map.seen.region.extent,
@@ -237,7 +239,7 @@ class Tracker:
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
             most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
-            strengths=strengths,
+            amplitudes=amplitudes,
             predictive=self._clutter.predictive,
         )
 
@@ -259,18 +261,18 @@ class Tracker:
             sensor = self.learned.clutter_range_rates.estimate(sensor)
         return sensor, range_rates.clutter_density(detections, sensor)
 
-    def _carry_held(
+    def _carry_confirmed(
         self,
         scan: Scan,
         detections: NDArray[np.void],
         clutter: FloatArray,
     ) -> tuple[FloatArray, tuple[IntArray, FloatArray]]:
-        """Carry the held tracks to a scan; returns the density of their detections (d,), and whose.
+        """Carry confirmed tracks to a scan; returns the density of their detections, and whose.
 
-        With plots, a target may have others beside its own.
+        With clusters, a target may have others beside its own.
         """
         width = self.sensor.sector_width
-        share = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
+        swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
         density = self.maintenance.step(
             scan.stamp,
             detections,
@@ -278,58 +280,64 @@ class Tracker:
             self.detection_probability_at,
             changed(self.sensor, detection_probability=self.detection_probability),
             self.common.max_speed,
-            self.learned.scan_interval.median / share,
-            whole=share > WHOLE_SHARE,
+            self.learned.scan_interval.median / swept,
+            whole=swept > WHOLE_SHARE,
         )
-        association = self.maintenance.held_association
-        if self.plots.active:
+        association = self.maintenance.confirmed_association
+        if self.extended_targets.active:
             position, origin = detections["position"], self._poses.middle[:2]
-            further = further_plots(self.maintenance.held, position, self.plots.extent, origin)
+            further = further_clusters(
+                self.maintenance.confirmed, position, self.extended_targets.extent, origin
+            )
             density = density + further
             rows = np.flatnonzero(further)
-            share = further[rows] / (further[rows] + clutter[rows])
-            association = np.append(association[0], rows), np.append(association[1], share)
+            probability = further[rows] / (further[rows] + clutter[rows])
+            association = np.append(association[0], rows), np.append(association[1], probability)
         return density, association
 
-    def _learn_plots(self, active: bool) -> None:
+    def _learn_extended_targets(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        own, held = self.maintenance.nearest_detections, self.maintenance.held
+        own, confirmed = self.maintenance.nearest_detections, self.maintenance.confirmed
         if self.method.most_tracks_true:
-            self.plots.learn(own, held, self.clutter_density)
-        if self.plots.seen:
-            self.maintenance.end(~self.plots.of_one_hull(held.tracks), "duplicate")
-        if self.plots.active and not active:
-            tracks, origin = self.maintenance.held.tracks, self._poses.middle[:2]
-            repeats = may_repeat_older(tracks, self.plots.extent, origin)
+            self.extended_targets.learn(own, confirmed, self.clutter_density)
+        if self.extended_targets.seen:
+            self.maintenance.end(
+                ~self.extended_targets.of_one_extent(confirmed.tracks), "duplicate"
+            )
+        if self.extended_targets.active and not active:
+            tracks, origin = self.maintenance.confirmed.tracks, self._poses.middle[:2]
+            repeats = may_repeat_older(tracks, self.extended_targets.extent, origin)
             self.maintenance.end(~repeats, "duplicate")
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
-        """Learn the sensor's errors from held tracks' detections, if these have its errors."""
+        """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
         track_id, row = self.maintenance.own_detections
         rows = np.isnan(detections["range_std"][row])
         own = taken(detections, row[rows])
         variance = self.sensor.range_variance(measured_polar(own)[0])
-        held = self.maintenance.held
-        ids, moves = held.tracks.track_id, held.fits.moves
+        confirmed = self.maintenance.confirmed
+        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
         self.learned.errors.update(track_id[rows], own, variance, ids, moves)
 
-    def _learn_clutter(self, clutter: FloatArray, held: FloatArray) -> FloatArray:
+    def _learn_clutter(self, clutter: FloatArray, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
         weight = (
-            clutter / (clutter + held) if self.method.most_tracks_true else np.ones(len(clutter))
+            clutter / (clutter + confirmed)
+            if self.method.most_tracks_true
+            else np.ones(len(clutter))
         )
         # In an area within the reach of one target while a hypothesis of it lives.
         reach = self._reach * RECENT
         area = math.pi * reach**2
-        targets, moving = self._held_targets, self.maintenance.detections_of_moving
-        view = View.of(self._scan, self.sensor, self._poses.middle)
+        targets, moving = self._confirmed_targets, self.maintenance.detections_of_moving
+        view = View.from_scan(self._scan, self.sensor, self._poses.middle)
         return self._clutter.learn(self._scan.stamp, view, weight, area, targets, moving)
 
-    def _held_targets(self) -> HeldTargets:
-        """The held tracks in the sensor's frame."""
-        held = self.maintenance.held
-        range_, azimuth = self._poses.polar(held.tracks.state[:, 0::2])
-        return HeldTargets(held.tracks.track_id, range_, azimuth, held.existence)
+    def _confirmed_targets(self) -> ConfirmedTargets:
+        """The confirmed tracks in the sensor's frame."""
+        confirmed = self.maintenance.confirmed
+        range_, azimuth = self._poses.polar(confirmed.tracks.state[:, 0::2])
+        return ConfirmedTargets(confirmed.tracks.track_id, range_, azimuth, confirmed.existence)
 
     @property
     def _reach(self) -> float:
@@ -337,7 +345,7 @@ class Tracker:
         return self.common.max_speed * self.learned.scan_interval.median
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
-        """The detections in the coverage and not on land, or their plots, in the fixed frame."""
+        """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
         used = inside(scan, self.sensor)
         covered = int(np.count_nonzero(used))
         if self.land is not None:
@@ -348,37 +356,41 @@ class Tracker:
             "outside_coverage": len(scan) - covered,
             "on_land": covered - len(rows),
         }
-        found = scan if len(rows) == len(scan) else chosen(scan, rows)
+        covered_scan = scan if len(rows) == len(scan) else chosen(scan, rows)
         if covered < len(scan):
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        runs = self.plots.runs_of(found)
-        detections = self._converted(found, rows, runs)
-        measured = found if runs is None else runs.scan
-        made = self.plots.clusters_of(measured, self.clutter_density, self._clutter.is_persistent)
+        runs = self.extended_targets.runs_of(covered_scan)
+        detections = self._converted(covered_scan, rows, runs)
+        measured = covered_scan if runs is None else runs.scan
+        made = self.extended_targets.clusters_of(
+            measured, self.clutter_density, self._clutter.is_fixed
+        )
         if made is not None:
-            detections = self._converted(found, rows, made if runs is None else made.of(runs))
+            detections = self._converted(
+                covered_scan, rows, made if runs is None else made.traced_through(runs)
+            )
         return detections
 
-    def _converted(self, scan: Scan, rows: IntArray, plots: Clusters | None) -> NDArray[np.void]:
-        """The detections of a scan, or its plots, in the fixed frame, with the clutter at them."""
-        measured = scan if plots is None else plots.scan
+    def _converted(self, scan: Scan, rows: IntArray, clusters: Clusters | None) -> NDArray[np.void]:
+        """The detections or clusters of a scan in the fixed frame, with the clutter at them."""
+        measured = scan if clusters is None else clusters.scan
         as_stated = scan.azimuth_std is not None or not self.method.most_tracks_true
-        own = np.zeros(len(measured), bool) if plots is None else plots.own_range_std
+        own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
         detections = convert(measured, self.sensor, self.scan_index, least)
         self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
-        detections["index"] = rows if plots is None else rows[plots.strongest]
-        if plots is not None and scan.range_std is None:
+        detections["index"] = rows if clusters is None else rows[clusters.strongest]
+        if clusters is not None and scan.range_std is None:
             detections["range_std"][~own] = np.nan
         return detections
 
     def _clutter_at(
         self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
     ) -> ScanClutter:
-        """Clutter at positions (n,); behind targets, where the held tracks are targets."""
-        held_are_true = self.method.most_tracks_true
+        """Clutter at positions (n,); behind targets, where the confirmed tracks are targets."""
+        confirmed_are_true = self.method.most_tracks_true
         return ScanClutter(
-            self.learned, self.common, self.sensor, held_are_true, range, azimuth, detections
+            self.learned, self.common, self.sensor, confirmed_are_true, range, azimuth, detections
         )
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
@@ -394,13 +406,13 @@ class Tracker:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
             if self.method.most_tracks_true:
-                held, origin = self.maintenance.held.tracks, self._poses.middle[:2]
-                step = step.where(~self.plots.waits(step.tracks, held, origin))
-            limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.held)
+                current, origin = self.maintenance.confirmed.tracks, self._poses.middle[:2]
+                step = step.where(~self.extended_targets.waits(step.tracks, current, origin))
+            limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
         if cut:
-            step = step.where(best_held(step.existences, step.tracks.evaluation, room))
+            step = step.where(best_confirmed(step.existences, step.tracks.evaluation, room))
         new = self._add(step)
         released = self.maintenance.released
         if len(released):  # confirmed now, after they had been held back
@@ -416,25 +428,25 @@ class Tracker:
         )
 
     def _merged(self, step: Step) -> Step:
-        """The step without the starts that are of held tracks, which go on from them.
+        """The step without the starts that are of confirmed tracks, which go on from them.
 
-        The held tracks are corrected too.
+        The confirmed tracks are corrected too.
         """
         maintenance, tracks = self.maintenance, self._proper(step.tracks)
         step, revised = changed(step, tracks=tracks), self._proper(step.revised)
         if not self.method.most_tracks_true:
             self.revised = maintenance.revise(revised, step.replaced)
             return step
-        ids = merging.published_owners(tracks, maintenance.held.tracks)
+        ids = merging.published_owners(tracks, maintenance.confirmed.tracks)
         owned = ids >= 0
         continued = tracks.where(owned).numbered(ids[owned])
         revised, step = TrackArrays.joined(revised, continued), step.where(~owned)
         self.revised = maintenance.revise(revised, step.replaced)
         ids = maintenance.recognised(step.tracks, self.covered_area)
         again = step.where(ids >= 0)
-        found = again.tracks.numbered(ids[ids >= 0])
-        found = maintenance.revise(found, (), again.existences)
-        self.revised = TrackArrays.joined(self.revised, found)
+        recovered = again.tracks.numbered(ids[ids >= 0])
+        recovered = maintenance.revise(recovered, (), again.existences)
+        self.revised = TrackArrays.joined(self.revised, recovered)
         return step.where(ids < 0)
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
@@ -455,7 +467,7 @@ class Tracker:
         if step.target_probability is not None:
             self._clutter.withdraw(step.target_probability)
         if step.target_hits is not None:
-            self.learned.strengths.discount(*step.target_hits)
+            self.learned.amplitudes.discount(*step.target_hits)
         tracks, number = step.tracks, len(step.tracks)
         if not number:
             return tracks
@@ -468,7 +480,7 @@ class Tracker:
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""
-        in_use = self.maintenance.held.tracks.track_id
+        in_use = self.maintenance.confirmed.tracks.track_id
         following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
         taken = following[~np.isin(following, in_use)][:number]
         self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
@@ -476,7 +488,7 @@ class Tracker:
 
     @property
     def current(self) -> TrackArrays:
-        """Every published track held, at the last scan's stamp."""
+        """Every published confirmed track, at the last scan's stamp."""
         return self.maintenance.current.proper()
 
     @property
@@ -490,7 +502,7 @@ class Tracker:
         Their `track_id` is their place in the list.
         """
         if self._observed is None:
-            return TrackArrays.of([])
+            return TrackArrays.from_tracks([])
         return self.method.potential_tracks(self._observed).proper()
 
     def reason(self, track: ConfirmedTrack) -> str:
@@ -499,7 +511,7 @@ class Tracker:
 
     @property
     def estimated_detection_probability(self) -> float:
-        """Detection probability estimated from the held tracks, whether it is used or not."""
+        """Detection probability estimated from the confirmed tracks, whether it is used or not."""
         return self.learned.detection_probability.estimate(self.sensor.detection_probability)
 
     @property
@@ -522,9 +534,11 @@ class Tracker:
 
     @property
     def intensity(self) -> str:
-        """Whether the strengths of the last scan counted, and why not, in words."""
+        """Whether the amplitudes of the last scan counted, and why not, in words."""
         if self.common.intensity == "off":
             return "not used: off"
         return (
-            self.learned.strengths.use if self.method.most_tracks_true else "not used by the method"
+            self.learned.amplitudes.use
+            if self.method.most_tracks_true
+            else "not used by the method"
         )

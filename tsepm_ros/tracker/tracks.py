@@ -54,7 +54,7 @@ class ConfirmedTrack:
     stationary_probability : float
         Probability that the target stands still; nan where it is not known.
     signal_to_clutter_db : float
-        Ratio of the target's mean strength to clutter's, dB, where detections have an intensity;
+        Ratio of the target's mean amplitude to clutter's, dB, where detections have an intensity;
         nan where it is not known.
     revision : int
         0 as first published; one more for each correction of the hits.
@@ -157,7 +157,7 @@ class ConfirmedTrack:
 
     def predicted(self, stamp: float) -> ConfirmedTrack:
         """The track predicted to another time (s) at constant velocity."""
-        return TrackArrays.of([self]).predicted(stamp)[0]
+        return TrackArrays.from_tracks([self]).predicted(stamp)[0]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -194,7 +194,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
     time_since_hit: NDArray[np.float64]
 
     @classmethod
-    def of(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
+    def from_tracks(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
         """The arrays of the given tracks; `TrackArrays` are returned as they are."""
         if isinstance(tracks, cls):
             return tracks
@@ -270,7 +270,7 @@ _KINDS = {
     if field.name != "hits"
 }
 _SCALARS = tuple(name for name in _KINDS if name not in ("state", "covariance"))
-NO_TRACKS = TrackArrays.of([])
+NO_TRACKS = TrackArrays.from_tracks([])
 
 
 def tracks_from_hits(

@@ -53,7 +53,7 @@ def test_the_description(values, verdict):
     assert environment.holds(np.arange(4.0), np.array(values), 1.5) == verdict
 
 
-def test_the_published_distances_need_one_plot_per_track():
+def test_the_published_distances_need_one_detection_per_track():
     each, pairs = environment.smallest(np.array(environment.ENVIRONMENT_TABLE_1))
     assert each.tolist() == [False, True]
     assert pairs
@@ -72,7 +72,7 @@ def test_the_smallest_pair_first_is_the_package_s():
 
 
 def test_the_printed_decision_by_hand():
-    # Mean (2, 4) of three plots; with (6, 8) it is (3, 5): 1 + 1.
+    # Mean (2, 4) of three detections; with (6, 8) it is (3, 5): 1 + 1.
     history = np.array([[1.0, 4.0], [2.0, 4.0], [3.0, 4.0]])
     assert environment.decision(history, np.array([6.0, 8.0])) == pytest.approx(2.0)
 
@@ -98,7 +98,7 @@ def test_long_histories_decide_as_known_means_do(offset):
     assert made[0].value == pytest.approx(share, abs=4.0 * error + 1e-3)
 
 
-def test_a_longer_history_draws_all_plots():
+def test_a_longer_history_draws_all_detections():
     equal, unlike = (
         environment.decide(np.random.default_rng(1), 1000, 1.0, histories)
         for histories in ((10, 10), (30, 5))

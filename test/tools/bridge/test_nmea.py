@@ -46,9 +46,9 @@ def lines(steps):
         for number, (east, north) in enumerate(steps):
             state = np.array([east, 1.0, north, 0.0])
             track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
-            held = TrackArrays.of([track])
+            held = TrackArrays.from_tracks([track])
             made(SimpleNamespace(current=held, stamp_ns=number * 10**9, ended={}))
-        gone = TrackArrays.of([])
+        gone = TrackArrays.from_tracks([])
         made(SimpleNamespace(current=gone, stamp_ns=10**10, ended={4: "missed"}))
     return json.loads(file.getvalue())["features"]
 
@@ -60,7 +60,7 @@ AT_REST = np.zeros(2), np.zeros(2)
 
 def tracks(*states, ids=None):
     ids = range(len(states)) if ids is None else ids
-    return TrackArrays.of(
+    return TrackArrays.from_tracks(
         [
             ConfirmedTrack(track_id, STAMP, np.array(state, float), np.eye(4), (), math.nan)
             for track_id, state in zip(ids, states, strict=True)

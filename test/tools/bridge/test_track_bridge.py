@@ -75,7 +75,7 @@ def track(track_id, x, vx, y, vy):
 
 
 class Boat:
-    """Publishes held tracks, own ship and fixes."""
+    """Publishes confirmed tracks, own ship and fixes."""
 
     def __init__(self, world, frame="odom"):
         self.world, self.frame = world, frame

@@ -143,7 +143,7 @@ def written_by(path, *arguments: str) -> dict[str, object]:
 
 
 @pytest.mark.long
-def test_an_extent_writes_that_plots_are_on_and_echoes_lie_apart_by_their_errors_too(tmp_path):
+def test_an_extent_writes_that_clusters_are_on_and_echoes_lie_apart_by_their_errors_too(tmp_path):
     given = ("--extent", "3", "--bearing-accuracy", "1", "--range-accuracy", "0.5")
     values = written_by(tmp_path / "a.yaml", *given)
     assert values["plots"] == "on"

@@ -207,7 +207,7 @@ def test_the_time_of_a_run_is_that_of_its_stamps_not_of_the_recorder(capsys, tmp
     assert "10 scans, " in (printed := capsys.readouterr().out) and "; 36.0 s in" in printed
 
 
-def test_the_mcap_holds_every_scans_new_and_held_tracks_and_is_the_same_to_the_bit(
+def test_the_mcap_holds_every_scans_new_and_confirmed_tracks_and_is_the_same_to_the_bit(
     recording, tmp_path
 ):
     pytest.importorskip("rosbags")

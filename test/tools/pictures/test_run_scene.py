@@ -51,7 +51,7 @@ def track_at(track_id, x, hits=()):
 
 def view(number, new=(), held=(), restart=False):
     detections = np.array([[number, 0.0], [number, 1.0]])
-    tracks = (TrackArrays.of(list(new)), TrackArrays.of(list(held)))
+    tracks = (TrackArrays.from_tracks(list(new)), TrackArrays.from_tracks(list(held)))
     return ScanView(float(number), detections, None, *tracks, restart=restart)
 
 

@@ -22,9 +22,9 @@ def lines(steps):
         for number, (east, north) in enumerate(steps):
             state = np.array([east, 1.0, north, 0.0])
             track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
-            held = TrackArrays.of([track])
+            held = TrackArrays.from_tracks([track])
             made(SimpleNamespace(current=held, stamp_ns=number * 10**9, ended={}))
-        gone = TrackArrays.of([])
+        gone = TrackArrays.from_tracks([])
         made(SimpleNamespace(current=gone, stamp_ns=10**10, ended={4: "missed"}))
     return json.loads(file.getvalue())["features"]
 
@@ -49,7 +49,7 @@ def test_geojson_has_a_line_with_times_and_end_a_point_or_lines_beside_180_degre
 def test_a_run_that_fails_leaves_no_collection_and_unknown_ends_are_none():
     file = io.StringIO()
     with pytest.raises(OSError, match="full"), track_lines(file, GeographicReference(0, 0)) as made:
-        made(SimpleNamespace(current=TrackArrays.of([]), stamp_ns=0, ended={9: "missed"}))
+        made(SimpleNamespace(current=TrackArrays.from_tracks([]), stamp_ns=0, ended={9: "missed"}))
         raise OSError("full")
     assert file.getvalue() == ""
 

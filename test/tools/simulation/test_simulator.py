@@ -247,7 +247,7 @@ def test_one_target_s_luck_does_not_change_another_s():
 
 
 def test_features_are_those_of_each_target_and_of_clutter():
-    # Means within 4 standard errors, deviations within 10 %: over 2000 plots of each.
+    # Means within 4 standard errors, deviations within 10 %: over 2000 detections of each.
     given = {"intensity": (50.0, 4.0), "range_width": (30.0, 2.0)}
     drawn = TargetArea(1, (2000.0, 9000.0), (0.0, 1.0), 0.0, {"intensity": (70.0, 1.0)})
     one = scenario(

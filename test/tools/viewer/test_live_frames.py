@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.pages import held
+from support.pages import confirmed_track
 
 pytest.importorskip("sensor_msgs")
 
@@ -34,8 +34,10 @@ def header(stamp: float, frame_id: str = "odom"):
     return make_header(round(stamp * 1e9), frame_id)
 
 
-def tracks(stamp: float, *held_tracks, frame_id: str = "odom"):
-    return track_cloud(header(stamp, frame_id), [track.predicted(stamp) for track in held_tracks])
+def tracks(stamp: float, *confirmed_tracks, frame_id: str = "odom"):
+    return track_cloud(
+        header(stamp, frame_id), [track.predicted(stamp) for track in confirmed_tracks]
+    )
 
 
 def detections(stamp: float, *positions):
@@ -55,10 +57,10 @@ class Live(LiveFrames):
 
 def test_the_messages_of_a_stamp_are_one_frame():
     live = Live()
-    live.take(NEW, tracks(100.0, held(2, 10.0, 20.0)))
+    live.take(NEW, tracks(100.0, confirmed_track(2, 10.0, 20.0)))
     live.take(DETECTIONS, detections(100.0, [1.0, 2.0], [3.0, 4.0]))
-    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0), held(2, 10.0, 20.0)))
-    live.take(POTENTIAL, tracks(100.0, held(0, 50.0, 60.0, score=5.0, evaluation=-5.0)))
+    live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0), confirmed_track(2, 10.0, 20.0)))
+    live.take(POTENTIAL, tracks(100.0, confirmed_track(0, 50.0, 60.0, score=5.0, evaluation=-5.0)))
 
     ((frame, facts),) = live.take_frames()
     assert (frame["number"], frame["stamp"], frame["frame_id"]) == (1, 100.0, "odom")
@@ -70,14 +72,14 @@ def test_the_messages_of_a_stamp_are_one_frame():
     assert live.take_frames() == [] and not live.errors
 
 
-def test_a_track_stays_known_while_the_held_tracks_of_a_scan_are_on_their_way():
+def test_a_track_stays_known_while_the_confirmed_tracks_of_a_scan_are_on_their_way():
     live = Live()
-    live.take(NEW, tracks(100.0, held(1, 0.0, 0.0)))
-    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
+    live.take(NEW, tracks(100.0, confirmed_track(1, 0.0, 0.0)))
+    live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0)))
     assert live.take_frames()[0][1]["1"]["confirmed"] == 100.0
     live.take(DETECTIONS, detections(112.0, [1.0, 2.0]))
     live.take_frames()
-    live.take(TRACKS, tracks(112.0, held(1, 0.0, 0.0)))
+    live.take(TRACKS, tracks(112.0, confirmed_track(1, 0.0, 0.0)))
     assert live.take_frames()[0][1] == {}
 
 
@@ -95,10 +97,10 @@ def test_stamps_that_go_back_are_a_restart(again):
     """Also to stamps that have been before, as of a recording that is played in a loop."""
     live = Live()
     for stamp in (0.0, 50.0, 100.0, 112.0):
-        live.take(TRACKS, tracks(stamp, held(1, 0.0, 0.0)))
-        live.take(FIXED, tracks(stamp, held(9, 0.0, 0.0)))
+        live.take(TRACKS, tracks(stamp, confirmed_track(1, 0.0, 0.0)))
+        live.take(FIXED, tracks(stamp, confirmed_track(9, 0.0, 0.0)))
     live.frames()
-    live.take(TRACKS, tracks(again, held(2, 0.0, 0.0)))
+    live.take(TRACKS, tracks(again, confirmed_track(2, 0.0, 0.0)))
     (frame,) = live.frames()
     assert frame["restart"] and frame["number"] == 5 and frame["fixed"] == []
     live.take(TRACKS, tracks(again + 12.0))
@@ -107,7 +109,7 @@ def test_stamps_that_go_back_are_a_restart(again):
 
 def test_fixed_echoes_stay_until_the_next_message_of_them():
     live = Live()
-    live.take(FIXED, tracks(100.0, held(9, 5.0, 6.0)))
+    live.take(FIXED, tracks(100.0, confirmed_track(9, 5.0, 6.0)))
     live.frames()
     live.take(TRACKS, tracks(112.0))
     assert [row[:3] for row in live.frames()[0]["fixed"]] == [[9, 500, 600]]
@@ -133,7 +135,7 @@ def test_messages_that_cannot_be_read_are_reported_and_the_rest_is_shown():
     broken = detections(100.0, [1.0, 2.0])
     broken.fields = broken.fields[:2]
     live.take(DETECTIONS, broken)
-    live.take(TRACKS, tracks(100.0, held(1, 0.0, 0.0)))
+    live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0)))
     odometry = odometry_message(PoseSample(100.0, 0.0, 0.0, 0.0, None, frame_id="odom"))
     odometry.pose.pose.position.x = math.nan
     live.take_own_ship(odometry)

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from support.builders import scan_at
-from support.pages import held, live_state, numbered
+from support.pages import confirmed_track, live_state, numbered
 from support.sessions import session
 
 from tsepm_ros import Scan
@@ -52,11 +52,13 @@ from tsepm_ros.tracker.tracks import TrackArrays
 
 
 def potential(x: float, score: float, newest: int, threshold: float = 10.0):
-    return held(0, x, 0.0, score=score, evaluation=score - threshold, hits=((0, 0), (1, newest)))
+    return confirmed_track(
+        0, x, 0.0, score=score, evaluation=score - threshold, hits=((0, 0), (1, newest))
+    )
 
 
 def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last_detection():
-    track = replace(held(12, 1000.126, -2000.0, 3.0, 4.0), time_since_hit=2.5)
+    track = replace(confirmed_track(12, 1000.126, -2000.0, 3.0, 4.0), time_since_hit=2.5)
     ((track_id, *numbers),) = track_rows([track])
     # Along (0.6, 0.8): 0.36 * 1 + 0.64 * 4 = 2.92 m^2/s^2.
     axes = 2.4477 * 30.0, 2.4477 * 20.0
@@ -67,8 +69,10 @@ def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last
 
 
 def test_what_is_not_finite_is_left_out_and_what_is_far_beyond_any_sea_stays_a_number():
-    broken = held(1, math.nan, 0.0)
-    blind = held(2, 5.0, 6.0, covariance=np.full((4, 4), np.inf), time_since_hit=math.nan)
+    broken = confirmed_track(1, math.nan, 0.0)
+    blind = confirmed_track(
+        2, 5.0, 6.0, covariance=np.full((4, 4), np.inf), time_since_hit=math.nan
+    )
     frame = make_frame(
         3.0,
         "odom",
@@ -86,7 +90,7 @@ def test_what_is_not_finite_is_left_out_and_what_is_far_beyond_any_sea_stays_a_n
     assert frame["own_ship"] == [100, 200, None]
     assert make_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None
     frame = make_frame(
-        0.0, "", detections=np.array([[1e300, -1e300]]), tracks=[held(1, 1e200, 0.0)]
+        0.0, "", detections=np.array([[1e300, -1e300]]), tracks=[confirmed_track(1, 1e200, 0.0)]
     )
     assert frame["detections"] == [10**15, -(10**15)]
     assert frame["tracks"][0][1] == 10**15
@@ -108,7 +112,7 @@ def test_potential_tracks_are_drawn_with_their_evidence_and_only_the_nearest_to_
 
 
 def test_facts_of_a_message_say_why_as_far_as_it_tells():
-    facts = track_facts([held(4, 0.0, 0.0)], None)["4"]
+    facts = track_facts([confirmed_track(4, 0.0, 0.0)], None)["4"]
     assert facts == {
         "first": 64.0,
         "confirmed": None,
@@ -116,7 +120,7 @@ def test_facts_of_a_message_say_why_as_far_as_it_tells():
         "reason": "3 hits in 4 pings; log-likelihood ratio 10.5, threshold 10.0",
         "revision": 0,
     }
-    (track,) = TrackArrays.of([held(4, 0.0, 0.0, hits=(), age=math.nan)])
+    (track,) = TrackArrays.from_tracks([confirmed_track(4, 0.0, 0.0, hits=(), age=math.nan)])
     facts = track_facts([track], None)["4"]
     assert (facts["reason"], facts["first"]) == ("", None)
 
@@ -129,7 +133,7 @@ def test_facts_of_a_message_say_why_as_far_as_it_tells():
     ],
 )
 def test_facts_of_other_methods(score, evaluation, reason):
-    track = held(4, 0.0, 0.0, score=score, evaluation=evaluation)
+    track = confirmed_track(4, 0.0, 0.0, score=score, evaluation=evaluation)
     assert track_facts([track], 100.0)["4"]["reason"] == reason
 
 
@@ -219,7 +223,7 @@ def numbers(message) -> list[int]:
 def test_a_frame_with_the_same_number_replaces_the_last_one():
     state = live_state(3)
     _, version = since(state)
-    state.put(numbered(3, held(1, 0.0, 0.0), held(2, 0.0, 0.0)))
+    state.put(numbered(3, confirmed_track(1, 0.0, 0.0), confirmed_track(2, 0.0, 0.0)))
     message, _ = since(state, version)
     assert numbers(message) == [3] and len(message["frames"][0]["tracks"]) == 2
     assert numbers(since(state)[0]) == [1, 2, 3]
@@ -239,7 +243,7 @@ def test_the_number_and_the_size_of_the_frames_are_bounded_and_the_newest_is_kep
 def test_facts_of_tracks_that_are_shown_nowhere_are_forgotten():
     state = PageState({}, 10)
     for number in range(1, 500):
-        track = held(number, 0.0, 0.0)
+        track = confirmed_track(number, 0.0, 0.0)
         state.put(numbered(number, track), track_facts([track], None))
         assert len(since(state)[0]["facts"]) <= 21
     facts = since(state)[0]["facts"]

@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
-from support.pages import Watcher, held
+from support.pages import Watcher, confirmed_track
 from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, remapped
 from support.sonar_driver import cloud, pings
 
@@ -33,9 +33,9 @@ REMAPPED = remapped(
 )
 
 
-def tracks(stamp: float, *held_tracks):
+def tracks(stamp: float, *confirmed_tracks):
     header = make_header(round(stamp * 1e9), "odom")
-    return track_cloud(header, [track.predicted(stamp) for track in held_tracks])
+    return track_cloud(header, [track.predicted(stamp) for track in confirmed_tracks])
 
 
 def live(world, **node_options):
@@ -70,7 +70,7 @@ def test_the_page_shows_what_the_track_initiator_publishes(world):
 
 def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
     publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
-    publisher.publish(tracks(100.0, held(3, 1.0, 2.0)))
+    publisher.publish(tracks(100.0, confirmed_track(3, 1.0, 2.0)))
     viewer = world.make(TrackViewer, {"port": 0})
     driver = world.observer.create_publisher(PointCloud2, "detections/placed", 10)
     with Watcher(viewer.url) as watcher:
@@ -84,11 +84,11 @@ def test_a_viewer_that_joins_late_shows_the_present_tracks_at_once(world):
         no_time.header.stamp.nanosec = 10**9
         for _ in range(3):
             driver.publish(no_time)
-        publisher.publish(tracks(102.0, held(3, 1.0, 2.0)))
+        publisher.publish(tracks(102.0, confirmed_track(3, 1.0, 2.0)))
         world.until(lambda: watcher.frames[-1]["stamp"] == 102.0, "the scan after them")
     assert watcher.frames[0]["tracks"][0][:3] == [3, 100, 200]
     assert watcher.facts["3"]["confirmed"] is None
-    unreadable = tracks(100.0, held(3, 1.0, 2.0))
+    unreadable = tracks(100.0, confirmed_track(3, 1.0, 2.0))
     unreadable.fields = unreadable.fields[:3]
     publisher.publish(unreadable)
     world.until_logged("a message on tracks/current cannot be shown: field 'track_id' is missing")
@@ -111,7 +111,7 @@ def test_sources_that_offer_less_are_shown_too(world, qos, viewer_first):
         stamps = itertools.count(101.0)
 
         def publish():
-            publisher.publish(tracks(next(stamps), held(3, 1.0, 2.0)))
+            publisher.publish(tracks(next(stamps), confirmed_track(3, 1.0, 2.0)))
             health.publish(diagnostics(0, "n", [Status("own ship", Level.ERROR, "bad", {})]))
 
         world.until(lambda: watcher.frames and watcher.health, "a frame and the health", publish)
@@ -149,7 +149,7 @@ def test_a_scan_is_shown_with_the_newest_pose_and_only_that_is_read(world, monke
         for x in (1.0, 2.0, 3.0):
             pose = PoseSample(100.0, x, 2.0, 0.5, None, frame_id="odom")
             viewer._take("own_ship/odometry", serialize_message(odometry_message(pose)))
-        viewer._take("tracks/current", tracks(100.0, held(7, 10.0, 20.0)))
+        viewer._take("tracks/current", tracks(100.0, confirmed_track(7, 10.0, 20.0)))
         world.until(lambda: watcher.frames, "the scan")
         viewer._take("tracks/current", tracks(112.0))
         world.until(lambda: len(watcher.frames) == 2, "the next scan")
@@ -286,7 +286,7 @@ def test_bytes_that_are_no_odometry_and_a_pose_off_the_earth_are_counted(world):
             )
         ):
             viewer._take("own_ship/odometry", data)
-            viewer._take("tracks/current", tracks(100.0 + number, held(7, 10.0, 20.0)))
+            viewer._take("tracks/current", tracks(100.0 + number, confirmed_track(7, 10.0, 20.0)))
             world.until(lambda number=number: len(watcher.frames) > number, "the scan")
     assert [bool(frame["own_ship"]) for frame in watcher.frames] == [False, False, False, True]
     assert viewer.dropped["own_ship/odometry"] == 3
@@ -299,10 +299,10 @@ def test_an_exception_in_the_server_s_thread_is_counted_and_the_next_scan_is_sho
     viewer, page = live(world)
     with page as watcher:
         monkeypatch.setattr(viewer._frames, "take", lambda topic, message: [][1])
-        viewer._take("tracks/current", tracks(100.0, held(7, 10.0, 20.0)))
+        viewer._take("tracks/current", tracks(100.0, confirmed_track(7, 10.0, 20.0)))
         world.until_logged("IndexError", "Traceback")
         monkeypatch.undo()
-        viewer._take("tracks/current", tracks(112.0, held(7, 10.0, 20.0)))
+        viewer._take("tracks/current", tracks(112.0, confirmed_track(7, 10.0, 20.0)))
         world.until(lambda: watcher.frames, "the next scan")
         world.until(
             lambda: any(

@@ -1,12 +1,12 @@
-"""What tells that targets have several detections, and which tracks are one hull's."""
+"""What tells that targets have several detections, and which tracks are one extent's."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from plots_scenes import Swimmers, box
-from support.held import tracks
+from clusters_scenes import Swimmers, box
+from support.confirmed import tracks
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters.extended_targets import (
@@ -19,7 +19,7 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     MultiDetectionTest,
     error_variances,
     extents_of,
-    further_plots,
+    further_clusters,
     log_ratio,
     may_repeat_older,
 )
@@ -169,11 +169,11 @@ def test_a_start_beside_echoes_that_stand_still_waits_until_it_moves(hits, speed
     targets = suspicious_of(3)
     alone = Scan(1.0, [50.0], [0.0])
     targets.test.update_tracks(alone, DENSITY, np.array([0]), np.array([0]), np.array([0]))
-    start, held = tracks(1, x=50.0), tracks(0, x=50.0)
+    start, confirmed = tracks(1, x=50.0), tracks(0, x=50.0)
     start.state[:, 1:3] = speed, 10.0
     start.covariance[:] = np.eye(4)
-    start.hit_count[:], held.stationary_probability[:] = hits, 1.0
-    assert targets.waits(start, held, np.zeros(2)).tolist() == [waits]
+    start.hit_count[:], confirmed.stationary_probability[:] = hits, 1.0
+    assert targets.waits(start, confirmed, np.zeros(2)).tolist() == [waits]
 
 
 def test_counts_are_those_of_a_loop():
@@ -234,21 +234,21 @@ def test_the_scatter_tells_errors_from_extent(common, spread):
 
 
 @pytest.mark.parametrize("convoy", [False, True])
-def test_of_tracks_on_one_hull_the_oldest_goes_on_and_boats_in_line_stay(convoy):
+def test_of_tracks_on_one_extent_the_oldest_goes_on_and_boats_in_line_stay(convoy):
     """Two tracks 36 m apart: 5 detections a ping between them, or a boat with a track there."""
     sensor = Swimmers().sensor
-    plots = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
+    targets = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
     rng = np.random.default_rng(1)
     middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
     for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
         scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
-        plots.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
+        targets.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
     places = [100.0, 136.0, *[118.0] * convoy]
-    held = [
+    confirmed = [
         ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), np.eye(4), ((0, 0),), 0.0)
         for number, x in enumerate(places)
     ]
-    found = plots.of_one_hull(TrackArrays.of(held))
+    found = targets.of_one_extent(TrackArrays.from_tracks(confirmed))
     assert found.tolist() == [False, not convoy, *[False] * convoy]
 
 
@@ -263,9 +263,9 @@ def test_errors_of_detections_are_their_own_or_the_sensor_s():
     np.testing.assert_allclose(across, [25.0, 0.64])
 
 
-def test_a_target_may_have_another_plot_within_its_extent_along_and_across():
-    held = ConfirmedTracks.of(tracks(3, x=2000.0), 0.8)
-    at = held.tracks.state[0, 0::2]
+def test_a_target_may_have_another_cluster_within_its_extent_along_and_across():
+    confirmed = ConfirmedTracks.from_tracks(tracks(3, x=2000.0), 0.8)
+    at = confirmed.tracks.state[0, 0::2]
     sight = at / np.hypot(*at)
     across = np.array([-sight[1], sight[0]])
     extent = ClusterExtent(10.0, 4.0, 0.001)  # 4 m and 0.001 rad across
@@ -273,10 +273,10 @@ def test_a_target_may_have_another_plot_within_its_extent_along_and_across():
     offsets = [(9.0, 0.0), (11.0, 0.0), (0.0, wide - 0.1), (0.0, wide + 0.1), (-9.9, 1 - wide)]
     places = np.array([at + a * sight + b * across for a, b in offsets])
     origin = np.array([0.0, 0.0])
-    density = further_plots(held, places, extent, origin)
+    density = further_clusters(confirmed, places, extent, origin)
     value = 0.8 / (4.0 * 10.0 * wide)
     np.testing.assert_allclose(density, [value, 0.0, value, 0.0, value])
-    moved = further_plots(held, places, extent, at - 100.0 * across)
+    moved = further_clusters(confirmed, places, extent, at - 100.0 * across)
     assert (moved[:2] == 0.0).all(), "seen from elsewhere, across is along"
 
 
@@ -286,7 +286,7 @@ def test_of_two_tracks_within_an_extent_the_younger_may_repeat_the_older():
         ConfirmedTrack(k, 0.0, state + np.array([x, 0, 0, 0]), np.eye(4), (), 0.0, age=100.0)
         for k, x in enumerate([0.0, 6.0, 40.0])
     ]
-    origin, group = np.zeros(2), TrackArrays.of(made)
+    origin, group = np.zeros(2), TrackArrays.from_tracks(made)
     # 6^2 / (2 + 2 size) is within 7.78 from a size of 1.4 m^2 on: from 2.9 m along or across.
     assert may_repeat_older(group, ClusterExtent(2.7, 2.7), origin).tolist() == [False] * 3
     assert may_repeat_older(group, ClusterExtent(3.0, 0.0), origin).tolist() == [False, True, False]

@@ -1,4 +1,4 @@
-"""Groups of detections against plain loops, and the figures of their plots."""
+"""Groups of detections against plain loops, and the figures of their clusters."""
 
 import math
 
@@ -49,7 +49,7 @@ def test_a_saturated_receiver_is_cut_in_cells_in_time():
         assert np.ptp(azimuth[label == one]) * 100.0 <= 4.0
 
 
-def test_a_plot_has_its_strongest_members_figures():
+def test_a_cluster_has_its_strongest_members_figures():
     scan = Scan(
         5.0,
         [200.0, 50.0, 201.0],
@@ -75,7 +75,7 @@ def test_without_intensities_the_member_nearest_to_the_centroid_counts():
     assert made.scan.range == pytest.approx([12.0])
 
 
-def test_a_plot_at_the_sensor_has_any_azimuth():
+def test_a_cluster_at_the_sensor_has_any_azimuth():
     scan = Scan(0.0, [0.01, 0.02], [0.0, 1.0])
     made = clusters_of(scan, np.zeros(2, int), ClusterErrors(1.0, 4.0), SENSOR)
     assert made.scan.azimuth_std.tolist() == [math.pi]
@@ -93,8 +93,8 @@ def test_detections_alone_stay_as_they_are():
 
 @pytest.mark.parametrize("independent", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("weighted", [False, True])
-def test_a_plot_errs_as_is_said(independent, weighted):
-    # 20 000 plots of 4 echoes: variances within 4 standard deviations of the estimate.
+def test_a_cluster_errs_as_is_said(independent, weighted):
+    # 20 000 clusters of 4 echoes: variances within 4 standard deviations of the estimate.
     rng = np.random.default_rng(3)
     n, m, extent, place = 20_000, 4, 3.0, 150.0
     sigma = np.array([0.5, place * SENSOR.azimuth_std])

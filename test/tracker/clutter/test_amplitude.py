@@ -1,4 +1,4 @@
-"""Strengths of clutter, learned from scan to scan: units, gain, levels and texture."""
+"""Amplitudes of clutter, learned from scan to scan: units, gain, levels and texture."""
 
 import dataclasses
 import math
@@ -29,15 +29,15 @@ REACH = 120.0 * np.arange(LAGS + 1) + 380.0
 
 
 def judged(
-    learner: ClutterAmplitudes, strength, index: int, range_, azimuth
+    learner: ClutterAmplitudes, amplitude, index: int, range_, azimuth
 ) -> ScanAmplitudes | None:
     """What a learner says of a scan of clutter, from which it learns then."""
-    detections = np.zeros(len(strength), DETECTION)
-    detections["intensity"], detections["index"] = strength, np.arange(len(strength))
+    detections = np.zeros(len(amplitude), DETECTION)
+    detections["intensity"], detections["index"] = amplitude, np.arange(len(amplitude))
     detections["position"] = (range_ * np.array([np.cos(azimuth), np.sin(azimuth)])).T
     cells = MAP.grid.cells(range_, azimuth)
     found = learner.judge(detections, index, 16, lambda: MAP.grid.divided(cells, range_, RINGS))
-    learner.update(np.ones(len(strength)), 750.0, REACH)
+    learner.update(np.ones(len(amplitude)), 750.0, REACH)
     return found
 
 
@@ -51,18 +51,18 @@ class Sea:
         self._scans = enumerate(Simulator(scene, seed))
 
     def pings(
-        self, number: int, changed=lambda strength, range_: strength
+        self, number: int, changed=lambda amplitude, range_: amplitude
     ) -> list[ScanAmplitudes | None]:
         found = []
         for index, simulated in (next(self._scans) for _ in range(number)):
             scan = simulated.scan
-            strength = changed(scan.features["intensity"], scan.range)
-            found.append(judged(self.learner, strength, index, scan.range, scan.azimuth))
+            amplitude = changed(scan.features["intensity"], scan.range)
+            found.append(judged(self.learner, amplitude, index, scan.range, scan.azimuth))
         return found
 
 
-def exponents(scans) -> np.ndarray:
-    """u of the strengths of scans: the inverse of `scaled`."""
+def normalised(scans) -> np.ndarray:
+    """u of the amplitudes of scans: the inverse of `scaled`."""
     return np.concatenate(
         [one.ratio.count * np.log1p(one.scaled / one.ratio.count) for one in scans]
     )
@@ -71,19 +71,19 @@ def exponents(scans) -> np.ndarray:
 @pytest.mark.parametrize(
     "changed",
     [
-        lambda strength, range_: strength,
-        lambda strength, range_: np.sqrt(strength),
-        lambda strength, range_: 10.0 * np.log10(strength) - 20.0,
-        lambda strength, range_: np.clip(np.floor(20.0 * strength) + 1.0, 1.0, 255.0),
-        lambda strength, range_: strength * (5000.0 / range_) ** 4,
-        lambda strength, range_: np.where(range_ > 7000.0, 10.0 * strength, strength),
+        lambda amplitude, range_: amplitude,
+        lambda amplitude, range_: np.sqrt(amplitude),
+        lambda amplitude, range_: 10.0 * np.log10(amplitude) - 20.0,
+        lambda amplitude, range_: np.clip(np.floor(20.0 * amplitude) + 1.0, 1.0, 255.0),
+        lambda amplitude, range_: amplitude * (5000.0 / range_) ** 4,
+        lambda amplitude, range_: np.where(range_ > 7000.0, 10.0 * amplitude, amplitude),
     ],
     ids=["power", "amplitude", "decibels", "8 bits", "fall with range", "step with range"],
 )
-def test_exponents_of_clutter_are_exponential_in_any_unit(changed):
+def test_normalised_amplitudes_of_clutter_are_exponential_in_any_unit(changed):
     sea = Sea()
     sea.pings(16, changed)
-    found = exponents(sea.pings(40, changed))
+    found = normalised(sea.pings(40, changed))
     assert found.mean() == pytest.approx(1.0, abs=0.12)
     assert np.mean(found > 3.0) == pytest.approx(np.exp(-3.0), abs=0.025)
 
@@ -96,34 +96,34 @@ def test_nothing_is_said_before_there_are_references():
     assert sea.learner.use.startswith("used")
 
 
-def test_strengths_that_vanish_say_nothing_and_those_that_appear_again_go_on():
+def test_amplitudes_that_vanish_say_nothing_and_those_that_appear_again_go_on():
     sea = Sea()
     sea.pings(16)
 
-    def missing(strength, range_):
-        return np.full(len(strength), np.nan)
+    def missing(amplitude, range_):
+        return np.full(len(amplitude), np.nan)
 
     assert sea.pings(3, missing) == [None] * 3
-    assert sea.learner.use == "not used: no strengths"
+    assert sea.learner.use == "not used: no amplitudes"
     assert None not in sea.pings(1)
 
 
-def test_saturated_strengths_count_as_the_share_that_saturates():
-    """A tenth of the clutter is at the top value: no exponent is above ln 10."""
+def test_saturated_amplitudes_count_as_the_share_that_saturates():
+    """A tenth of the clutter is at the top value: no normalised amplitude is above ln 10."""
     sea = Sea()
 
-    def saturated(strength, range_):
-        return np.minimum(strength, np.log(10.0))
+    def saturated(amplitude, range_):
+        return np.minimum(amplitude, np.log(10.0))
 
     sea.pings(30, saturated)
     of_top: list[float] = []
 
-    def noted(strength, range_):
-        of_top.append(np.mean(strength >= np.log(10.0)))
-        return saturated(strength, range_)
+    def noted(amplitude, range_):
+        of_top.append(np.mean(amplitude >= np.log(10.0)))
+        return saturated(amplitude, range_)
 
     strongest = [
-        np.sort(exponents([found]))[::-1][: round(share * len(found.scaled))]
+        np.sort(normalised([found]))[::-1][: round(share * len(found.scaled))]
         for found, share in zip(sea.pings(20, noted), of_top, strict=True)
     ]
     at_top = np.concatenate(strongest)
@@ -134,7 +134,7 @@ def test_saturated_strengths_count_as_the_share_that_saturates():
 def test_a_change_of_gain_does_not_pass_for_strong_echoes(gain):
     sea = Sea()
     sea.pings(16)
-    found = exponents(sea.pings(8, lambda strength, range_: gain * strength))
+    found = normalised(sea.pings(8, lambda amplitude, range_: gain * amplitude))
     assert found.mean() == pytest.approx(1.0, abs=0.45)
     assert np.mean(found > 4.0) < 0.06
 
@@ -143,12 +143,12 @@ def test_a_change_to_decibels_drops_the_law_of_before():
     sea = Sea()
     sea.pings(30)
 
-    def decibels(strength, range_):
-        return -30.0 + 10.0 * np.log10(strength)
+    def decibels(amplitude, range_):
+        return -30.0 + 10.0 * np.log10(amplitude)
 
     first = sea.pings(8, decibels)[0]
     assert first is None, "begun anew as decibels"
-    assert exponents(sea.pings(20, decibels)).mean() == pytest.approx(1.0, abs=0.15)
+    assert normalised(sea.pings(20, decibels)).mean() == pytest.approx(1.0, abs=0.15)
 
 
 def test_texture_is_seen_and_independent_clutter_has_none():

@@ -1,11 +1,11 @@
-"""The law of the strength of clutter, and the likelihood ratio of strengths along a path."""
+"""The law of the amplitude of clutter, and the likelihood ratio of amplitudes along a path."""
 
 import math
 
 import numpy as np
 import pytest
 from scipy import integrate, stats
-from support.strength_laws import QUANTILES
+from support.amplitude_laws import QUANTILES
 
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude import TAIL_SAMPLES
@@ -25,11 +25,11 @@ from tsepm_ros.tracker.clutter.amplitude_law import (
 
 def law_of(values, weights=None) -> AmplitudeLaw:
     values = np.asarray(values, float)
-    return AmplitudeLaw.of(values, np.ones(len(values)) if weights is None else weights)
+    return AmplitudeLaw.from_values(values, np.ones(len(values)) if weights is None else weights)
 
 
-def exponents_of(law: AmplitudeLaw, values) -> np.ndarray:
-    return law.exponents(values)[0]
+def normalised_of(law: AmplitudeLaw, values) -> np.ndarray:
+    return law.normalised(values)[0]
 
 
 def test_body_is_the_share_of_references_at_least_as_strong():
@@ -42,12 +42,12 @@ def test_body_is_the_share_of_references_at_least_as_strong():
         -math.log((1.0 + weights[reference >= value].sum()) / (1.0 + weights.sum()))
         for value in values
     ]
-    np.testing.assert_allclose(exponents_of(law, values), expected, atol=1e-12)
+    np.testing.assert_allclose(normalised_of(law, values), expected, atol=1e-12)
 
 
 def test_ties_count_as_at_least_as_strong():
     law = law_of([1.0] * 50 + [2.0] * 50 + [3.0] * 20)
-    assert exponents_of(law, np.array([2.0]))[0] == pytest.approx(-math.log(71.0 / 121.0))
+    assert normalised_of(law, np.array([2.0]))[0] == pytest.approx(-math.log(71.0 / 121.0))
 
 
 def test_tail_is_the_predictive_of_gompertz_law_with_both_parameters_unknown():
@@ -79,7 +79,7 @@ def test_tail_is_the_predictive_of_gompertz_law_with_both_parameters_unknown():
 
     for y in (0.3, 1.0):
         expected = -math.log(tail(y) * (1.0 + k) / (1.0 + len(reference)))
-        assert exponents_of(law, np.array([law.begin + y]))[0] == pytest.approx(expected, abs=1e-4)
+        assert normalised_of(law, np.array([law.begin + y]))[0] == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["exponential", "k", "log-normal", "threshold"])
@@ -88,14 +88,14 @@ def test_few_hundred_references_tell_an_exceedance_of_e_to_the_minus_7(name):
     for seed in range(60):
         rng = np.random.default_rng(seed)
         law = law_of(QUANTILES[name](rng.exponential(size=500)))
-        told.append(exponents_of(law, QUANTILES[name](np.array([7.0])))[0])
+        told.append(normalised_of(law, QUANTILES[name](np.array([7.0])))[0])
     assert 6.0 < np.median(told) < 7.6
 
 
-def test_exponent_ends_where_nothing_can_be_said():
+def test_normalised_amplitude_ends_where_nothing_can_be_said():
     law = law_of(np.log(np.random.default_rng(3).exponential(size=100)))
-    assert exponents_of(law, np.array([50.0]))[0] == law.reach == math.log(101.0) + REACH
-    assert exponents_of(law, np.array([-50.0]))[0] == 0.0
+    assert normalised_of(law, np.array([50.0]))[0] == law.reach == math.log(101.0) + REACH
+    assert normalised_of(law, np.array([-50.0]))[0] == 0.0
 
 
 @pytest.mark.parametrize("name", sorted(QUANTILES))
@@ -115,8 +115,8 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
         samples = TAIL_SAMPLES * law.tail_count
         ratio = rng.choice(ratios, paths, p=prior)
         true = (1.0 + ratio[:, None]) * rng.exponential(size=(paths, 16))
-        exponent = exponents_of(law, quantile(true).ravel()).reshape(true.shape)
-        told = amplitude_law.scaled(exponent, samples)
+        normalised = normalised_of(law, quantile(true).ravel()).reshape(true.shape)
+        told = amplitude_law.scaled(normalised, samples)
         for column, hits in enumerate((3, 5, 8, 16)):
             count = np.full(paths, float(hits))
             learned = amplitude_law.log_ratio(count, told[:, :hits].sum(axis=1), samples)
@@ -133,8 +133,8 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
 
 def test_figure_in_db_goes_on_where_evidence_ends():
     law = law_of(np.log(np.random.default_rng(5).exponential(size=600)))
-    found = law.exponents(np.log(np.array([0.5, 20.0, 60.0])))[1]
-    assert found[0] == exponents_of(law, np.log(np.array([0.5])))[0]
+    found = law.normalised(np.log(np.array([0.5, 20.0, 60.0])))[1]
+    assert found[0] == normalised_of(law, np.log(np.array([0.5])))[0]
     np.testing.assert_allclose(10.0 * np.log10(found[1:] / [20.0, 60.0]), 0.0, atol=2.0)
 
 
@@ -168,7 +168,7 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
 
 
 def test_table_agrees_with_the_formula():
-    table = PathRatio.of(200.0, 16)
+    table = PathRatio.for_count(200.0, 16)
     hits, total = np.arange(17), np.linspace(0.0, 150.0, 17)
     expected = log_ratio(hits.astype(float), total, table.count)
     np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)

@@ -152,7 +152,7 @@ def test_an_empty_scan_is_one_without_clutter():
 def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutter():
     range_, azimuth = np.array([170.0, 297.0, 474.0]), np.radians([22.0, -4.0, 22.0])
     sensor = SensorModel(max_range=500.0)
-    made, seen = ClutterMap(sensor), SeenExtent(Extent.of(sensor))
+    made, seen = ClutterMap(sensor), SeenExtent(Extent.of_sensor(sensor))
     for _ in range(3):
         seen.update(range_, azimuth, np.ones(3))
         take(made, range_, azimuth, lambda: seen.region, 5e5)
@@ -168,7 +168,7 @@ SECTOR = SensorModel(max_range=300.0, azimuth_min=-0.4, azimuth_max=0.6)
 ROUND = SensorModel(max_range=80.0, min_range=60.0)
 
 
-def held(cells: int, length: int, wraps: bool) -> list[list[int]]:
+def windows(cells: int, length: int, wraps: bool) -> list[list[int]]:
     """First cells of the windows that count for each cell: the last few that hold it."""
     step = min(max(length // PER_SIDE, MIN_STEP), length)
     begins = {*range(0, cells, step)} if wraps else {0, *range(cells - length, -1, -step)}
@@ -195,7 +195,7 @@ def looped(
     for height, width in sizes:
         around = wraps and width < columns
         bounds: dict[tuple[int, int], tuple[float, float]] = {}
-        down, across = held(rows, height, False), held(columns, width, around)
+        down, across = windows(rows, height, False), windows(columns, width, around)
         for cell in np.ndindex(shape):
             for begin in itertools.product(down[cell[0]], across[cell[1]]):
                 if begin in bounds:
@@ -239,9 +239,9 @@ SENSOR = SensorModel(clutter_density=1e-8)
 
 
 def test_places_do_not_grow_with_restarts():
-    extent, rng = SeenExtent(Extent.of(SENSOR)), np.random.default_rng(1)
+    extent, rng = SeenExtent(Extent.of_sensor(SENSOR)), np.random.default_rng(1)
     for _ in range(5):
-        before, extent = extent, SeenExtent(Extent.of(SENSOR))
+        before, extent = extent, SeenExtent(Extent.of_sensor(SENSOR))
         extent.take(before.places)
         extent.update(rng.uniform(10.0, 9000.0, 490), rng.uniform(-3.0, 3.0, 490), np.ones(490))
         assert extent.detections < 2 * MAX_DETECTIONS
@@ -292,7 +292,7 @@ def test_the_limit_is_not_exceeded():
     assert limit.azimuth_min <= found.azimuth_min < found.azimuth_max <= limit.azimuth_max
 
 
-def test_held_tracks_detections_do_not_count_and_old_ones_go():
+def test_confirmed_tracks_detections_do_not_count_and_old_ones_go():
     seen = SeenExtent(GIVEN)
     rng = np.random.default_rng(3)
     seen.update(*draw(rng, 400, GIVEN), np.full(400, 0.2))
@@ -321,9 +321,9 @@ def test_a_sector_that_is_seen_across_the_seam_of_the_coverage_is_not_cut(turn):
 
 
 def test_an_extent_has_the_area_of_its_sector_and_knows_a_whole_turn():
-    whole = Extent.of(SensorModel(min_range=10.0, max_range=50.0))
+    whole = Extent.of_sensor(SensorModel(min_range=10.0, max_range=50.0))
     assert whole.all_round
     assert whole.area == pytest.approx(math.pi * (50.0**2 - 10.0**2))
-    half = Extent.of(SensorModel(max_range=50.0, azimuth_min=-1.0, azimuth_max=0.5))
+    half = Extent.of_sensor(SensorModel(max_range=50.0, azimuth_min=-1.0, azimuth_max=0.5))
     assert not half.all_round
     assert half.area == pytest.approx(0.75 * 50.0**2)

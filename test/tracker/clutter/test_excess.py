@@ -13,7 +13,7 @@ from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
     HALF_WIDTHS,
     RECENT,
-    HeldTargets,
+    ConfirmedTargets,
     Overdispersion,
     PredictiveDensity,
     SecondaryEchoes,
@@ -24,14 +24,14 @@ SONAR = SensorModel()
 
 
 def taken(
-    clumps: Overdispersion, made: ClutterMap, cells: Cells, weight: np.ndarray
+    overdispersion: Overdispersion, made: ClutterMap, cells: Cells, weight: np.ndarray
 ) -> PredictiveDensity:
     """Take a scan as a batch; what makes its density uncertain."""
     batch, density = Batch(made.grid.shape[1]), made.at(cells)
     batch.take(cells, (weight, weight), weight, np.ones(made.grid.shape[1]))
     batch.densities.append(density)
-    clumps.update(batch, made.seen.counted)
-    return clumps.predictive(cells, density, made.seen.counted)
+    overdispersion.update(batch, made.seen.counted)
+    return overdispersion.predictive(cells, density, made.seen.counted)
 
 
 def along_path(predictive: PredictiveDensity, row: int, hits: int) -> float:
@@ -85,15 +85,15 @@ def test_a_path_counts_its_own_hits_where_nothing_else_was_seen():
 def test_neighbours_are_those_that_a_loop_counts():
     rng = np.random.default_rng(3)
     made = ClutterMap(SONAR)
-    clumps = Overdispersion(made.grid)
+    overdispersion = Overdispersion(made.grid)
     columns = made.grid.shape[1]
     before: list[list[tuple[int, int, float]]] = []
     for _ in range(5):
         cells = Cells(rng.integers(0, 6, 80), rng.integers(-3, 3, 80) % columns)
         weight = rng.random(80)
         made.update(cells, weight)
-        taken(clumps, made, cells, weight)
-        found = clumps.around(cells, made.at(cells), made.seen.counted)
+        taken(overdispersion, made, cells, weight)
+        found = overdispersion.around(cells, made.at(cells), made.seen.counted)
         around = np.zeros(80)
         for age, scan in enumerate(reversed(before)):
             for row, column, other in scan:
@@ -112,19 +112,19 @@ class Learned:
 
     def __init__(self, sea: LumpySea, scans: int) -> None:
         self.sea, self.map = sea, ClutterMap(sea.sensor)
-        self.clumps = Overdispersion(self.map.grid)
+        self.overdispersion = Overdispersion(self.map.grid)
         for _ in range(scans):
             self.places = sea.scan()
             cells, weight = self.map.grid.cells(*self.places), np.ones(len(self.places[0]))
             self.map.update(cells, weight)
-            self.predictive = taken(self.clumps, self.map, cells, weight)
+            self.predictive = taken(self.overdispersion, self.map, cells, weight)
 
     def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[PredictiveDensity, np.ndarray]:
         """Predictive density at further places, and the true density over the map's."""
         cells = self.map.grid.cells(*places)
         density = self.map.at(cells)
         nothing = np.zeros(len(density))
-        predictive = taken(deepcopy(self.clumps), self.map, cells, nothing)
+        predictive = taken(deepcopy(self.overdispersion), self.map, cells, nothing)
         return predictive, self.sea.density_at(*places) / density
 
 
@@ -132,7 +132,7 @@ class Learned:
 @pytest.mark.parametrize("scans", [4, 8, 40])
 def test_in_even_clutter_next_to_nothing_is_lost(density, scans):
     found = Learned(LumpySea(0.0, density, seed=2), scans)
-    assert found.clumps.variance < 0.02
+    assert found.overdispersion.variance < 0.02
     lost = [along_path(found.predictive, row, 6) for row in range(len(found.places[0]))]
     assert np.mean(lost) > -15.0 / (scans * density * SONAR.coverage_area) - 0.05
 
@@ -143,7 +143,7 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
     # The mean likelihood ratio in clutter is that of true over predictive densities at the hits of
     # targets' paths, each of which begins at a detection and is seen by the later ones.
     found = Learned(LumpySea(math.log(3.0), 1e-6, seed=seed, kind=kind), 24)
-    assert 0.1 < found.clumps.variance < 0.8
+    assert 0.1 < found.overdispersion.variance < 0.8
     range_, azimuth = found.places
     first, draw = range_ * np.exp(1j * azimuth), np.random.default_rng(7)
     velocity = 5.0 * (draw.standard_normal(len(first)) + 1j * draw.standard_normal(len(first)))
@@ -165,12 +165,12 @@ def test_lumps_that_the_map_does_not_resolve_are_hardly_evidence(kind, most, see
 def variance_of(scans, sensor: SensorModel = SONAR) -> float:
     """Variance of the lumps after scans of ranges, azimuths and weights."""
     made = ClutterMap(sensor)
-    clumps = Overdispersion(made.grid)
+    overdispersion = Overdispersion(made.grid)
     for range_, azimuth, weight in scans:
         cells = made.grid.cells(range_, azimuth)
         made.update(cells, weight)
-        taken(clumps, made, cells, weight)
-    return clumps.variance
+        taken(overdispersion, made, cells, weight)
+    return overdispersion.variance
 
 
 def test_clutter_that_ends_within_the_coverage_makes_no_lumps():
@@ -187,7 +187,7 @@ def test_new_targets_in_a_calm_sea_make_no_lumps():
     assert variance_of((*places, np.full(10, float(scan < 3))) for scan in range(8)) < 0.2
 
 
-NO_TARGETS = HeldTargets(np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0))
+NO_TARGETS = ConfirmedTargets(np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def disc(rng: np.random.Generator, number: float, max_range: float = 9000.0) -> np.ndarray:
@@ -195,8 +195,8 @@ def disc(rng: np.random.Generator, number: float, max_range: float = 9000.0) -> 
     return np.array([max_range * np.sqrt(rng.random(n)), rng.uniform(-math.pi, math.pi, n)])
 
 
-def held(range_: float, azimuth: float) -> HeldTargets:
-    return HeldTargets(np.array([7]), np.array([range_]), np.array([azimuth]), np.ones(1))
+def confirmed(range_: float, azimuth: float) -> ConfirmedTargets:
+    return ConfirmedTargets(np.array([7]), np.array([range_]), np.array([azimuth]), np.ones(1))
 
 
 class Sea:
@@ -206,7 +206,7 @@ class Sea:
         self.map = ClutterMap(sensor)
         self.echoes = SecondaryEchoes(self.map.grid)
 
-    def take(self, places: np.ndarray, targets: HeldTargets = NO_TARGETS) -> np.ndarray:
+    def take(self, places: np.ndarray, targets: ConfirmedTargets = NO_TARGETS) -> np.ndarray:
         range_, azimuth = places
         weight = np.ones(len(range_))
         cells = self.map.grid.cells(range_, azimuth)
@@ -226,7 +226,7 @@ def pair_correlation(sea: Sea) -> np.ndarray:
 @pytest.mark.parametrize("number", [3.0, 30.0, 250.0])
 def test_even_clutter_is_left_as_it_is(number):
     rng, sea = np.random.default_rng(4), Sea()
-    factors = [sea.take(disc(rng, number), held(3000.0, 0.5)) for _ in range(50)]
+    factors = [sea.take(disc(rng, number), confirmed(3000.0, 0.5)) for _ in range(50)]
     late = np.concatenate(factors[15:])
     assert np.log(late).mean() < 0.02
     assert np.log(late).std() < 0.15
@@ -268,12 +268,12 @@ def test_a_spoke_of_interference_is_dense_clutter_in_its_scan_alone():
     assert np.median(elsewhere) < 1.05
 
 
-def test_a_second_target_behind_a_held_one_is_not_taken_for_its_ghost():
+def test_a_second_target_behind_a_confirmed_one_is_not_taken_for_its_ghost():
     rng, sea = np.random.default_rng(8), Sea()
     for index in range(5):
         bearing = math.radians(index)
         places = np.append(disc(rng, 30.0), [[5000.0], [bearing]], axis=1)
-        sea.take(places, held(2000.0, bearing))
+        sea.take(places, confirmed(2000.0, bearing))
         where = np.array([5000.0]), np.array([bearing])
-        factor = sea.echoes.behind_targets(held(2000.0, bearing), sea.map.grid.cells(*where))
+        factor = sea.echoes.behind_targets(confirmed(2000.0, bearing), sea.map.grid.cells(*where))
         assert factor[0] < 1.2

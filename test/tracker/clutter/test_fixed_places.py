@@ -152,11 +152,11 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
         cells = learned.cells(position, deviations(range_))
         plain.update(0.4 * ping, view(*pose), position, range_)
         learned.update(0.4 * ping, view(*pose), cells, NONE)
-        if ping % 3 == 0 and learned.found:
+        if ping % 3 == 0 and learned.known:
             expected = [plain.at(*one) for one in zip(position, range_, strict=True)]
             np.testing.assert_allclose(learned.density(cells), expected, rtol=1e-12)
             compared += int(np.count_nonzero(expected))
-        assert learned.found or not any(plain.densities.values())
+        assert learned.known or not any(plain.densities.values())
     assert compared > 10
 
 
@@ -173,7 +173,7 @@ def learned_from(places, pings: int = 200) -> FixedPlaces:
 def density_at(learned: FixedPlaces, place: tuple[float, float]) -> float:
     position = np.array([place])
     cells = learned.cells(position, deviations(np.hypot(*position.T)))
-    return float(learned.density(cells)[0]) if learned.found else 0.0
+    return float(learned.density(cells)[0]) if learned.known else 0.0
 
 
 def test_the_density_of_a_quay_is_found_within_a_factor_of_two():
@@ -203,7 +203,7 @@ def silent(ping, rng):
 )
 def test_a_target_is_no_clutter_and_without_detections_nothing_stays(places, pings):
     learned = learned_from(places, pings)
-    assert not learned.found or density_at(learned, (150.0, 50.0)) == 0.0
+    assert not learned.known or density_at(learned, (150.0, 50.0)) == 0.0
 
 
 @pytest.mark.parametrize(("silence", "pings"), [(0, 24), (40, 120)])

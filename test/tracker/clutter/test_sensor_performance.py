@@ -1,4 +1,4 @@
-"""Errors and detection probability of the sensor, learned from held tracks."""
+"""Errors and detection probability of the sensor, learned from confirmed tracks."""
 
 import math
 
@@ -14,7 +14,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
 )
 from tsepm_ros.tracker.measurement import convert
 
-HELD = np.array([7, 9, 11]), np.array([True, True, False])
+CONFIRMED = np.array([7, 9, 11]), np.array([True, True, False])
 
 
 def fitted(
@@ -30,7 +30,7 @@ def fitted(
     """
     rng = np.random.default_rng(5)
     errors = MeasurementErrors()
-    held = np.array([7, 9])
+    confirmed = np.array([7, 9])
     start = np.array([[150.0, 20.0], [480.0, -200.0]])
     velocity = np.array([[0.5, 0.6], [-0.4, 0.3]])
     for ping in range(pings):
@@ -42,11 +42,11 @@ def fitted(
         detections = convert(Scan(float(ping), range_, azimuth), given, ping)
         seen = rng.random(2) < 0.9
         variance = given.range_variance(range_)
-        errors.update(held[seen], detections[seen], variance[seen], *HELD)
+        errors.update(confirmed[seen], detections[seen], variance[seen], *CONFIRMED)
         if at_the_sensor:
             third = convert(Scan(float(ping), [1.0], [0.0]), given, ping)
-            third["position"] = 0.0  # a plot, joined of echoes around the sensor
-            errors.update(np.array([11]), third, np.ones(1), *HELD)
+            third["position"] = 0.0  # a cluster, joined of echoes around the sensor
+            errors.update(np.array([11]), third, np.ones(1), *CONFIRMED)
     return errors.fitted
 
 
@@ -75,22 +75,22 @@ def test_an_error_that_grows_with_range_is_told_from_a_constant():
     assert found.azimuth_factor == pytest.approx(1.0, rel=0.2)
 
 
-def test_each_track_has_its_own_detections_however_the_held_ones_change():
+def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
     # A loop over the tracks, each alone, against tracks that begin, end and change places.
     rng, given = np.random.default_rng(6), model(0.5, 0.0, 0.02)
     together, alone = MeasurementErrors(), {track: MeasurementErrors() for track in range(9)}
     for ping in range(120):
-        held = rng.permutation([track for track in range(9) if ping // 10 != track])
-        seen = np.sort(held[rng.random(len(held)) < 0.8])
+        confirmed = rng.permutation([track for track in range(9) if ping // 10 != track])
+        seen = np.sort(confirmed[rng.random(len(confirmed)) < 0.8])
         place = 100.0 * np.exp(1j * seen) + ping * (1.0 + seen) + rng.standard_normal(len(seen))
         detections = convert(Scan(float(ping), np.abs(place), np.angle(place)), given, ping)
         variance = given.range_variance(np.abs(place))
-        moves = held % 2 > 0
-        together.update(seen, detections, variance, held, moves)
+        moves = confirmed % 2 > 0
+        together.update(seen, detections, variance, confirmed, moves)
         for track, errors in alone.items():
             own = seen == track
-            of = held == track
-            errors.update(seen[own], detections[own], variance[own], held[of], moves[of])
+            of = confirmed == track
+            errors.update(seen[own], detections[own], variance[own], confirmed[of], moves[of])
     assert len(together.samples) > 300
     assert sorted(together.samples) == sorted(row for one in alone.values() for row in one.samples)
 
@@ -108,16 +108,22 @@ def test_three_detections_in_a_row_by_a_plain_formula():
     # On a line straight ahead; the middle one of 1, 2 and 4 s is 3 m too far and 0.01 rad aside.
     sensor = model(1.0, 0.0, 1e-6)
     errors = MeasurementErrors()
-    held = np.array([1])
+    confirmed = np.array([1])
     for number in range(60):
         for ping, (time, far, turn) in enumerate(
             [(1.0, 101.0, 0.0), (2.0, 105.0, 0.01), (4.0, 104.0, 0.0)]
         ):
             scan = Scan(10.0 * number + time, [far], [turn])
             variance = np.ones(1)
-            errors.update(held, convert(scan, sensor, ping), variance, held, held > 0)
+            errors.update(
+                confirmed, convert(scan, sensor, ping), variance, confirmed, confirmed > 0
+            )
         errors.update(
-            held[:0], convert(scan, sensor, ping)[:0], variance[:0], held[:0], held[:0] > 0
+            confirmed[:0],
+            convert(scan, sensor, ping)[:0],
+            variance[:0],
+            confirmed[:0],
+            confirmed[:0] > 0,
         )
     found = errors.fitted
     assert found is not None
@@ -132,7 +138,7 @@ def walked(
 ) -> FittedErrors:
     """Errors fitted to a target whose ranges are rounded to cells, or that turns now and then."""
     rng, errors, place, course = np.random.default_rng(7), MeasurementErrors(), 300.0 + 0j, 0.3
-    held = np.array([4])
+    confirmed = np.array([4])
     for ping in range(600):
         course += 1.5 * (turns and ping % 12 == 0)
         place += (20.0 if turns else 0.02) * np.exp(1j * course)
@@ -140,7 +146,9 @@ def walked(
         range_ = round(range_ / cell) * cell if cell else range_
         azimuth = np.angle(place) + given.azimuth_std * rng.standard_normal()
         found = convert(Scan(float(ping), [range_], [azimuth]), given, ping)
-        errors.update(held, found, np.full(1, given.range_std**2), held, np.array([moves]))
+        errors.update(
+            confirmed, found, np.full(1, given.range_std**2), confirmed, np.array([moves])
+        )
     assert errors.fitted is not None
     return errors.fitted
 

@@ -1,4 +1,4 @@
-"""Held tracks as in plain loops, and which of them are published."""
+"""Confirmed tracks as in plain loops, and which of them are published."""
 
 from collections import Counter
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.batches import batches
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import CLUTTER, P_D, published, step, tracks
+from support.confirmed import CLUTTER, P_D, published, step, tracks
 from support.held_scenes import ALWAYS, BATCH, ENDS, OPTIONS, SCENES, STATES, compare
 
 from tsepm_ros.tracker import motion
@@ -95,7 +95,7 @@ def test_the_end_of_what_was_never_published_is_not_told():
     for scan in range(1, 60):
         step(hold, 12.0 * scan, detectable=P_D)
         assert hold.ended == {}
-    assert len(hold.held) == 0
+    assert len(hold.confirmed) == 0
     hold = holding(1)
     hold.clear()
     step(hold, 1.0)
@@ -115,15 +115,15 @@ def test_a_downstream_tracker_does_not_decline_what_it_never_heard_of():
     for stamp in np.arange(10.0, 160.0, 10.0):
         step(hold, stamp, detections([[2000.0 + 5.0 * stamp, 1000.0]], stamp, 400.0), P_D)
         if stamp in (10.0, 80.0, 150.0):
-            hold.follow(stamp, TrackArrays.of([]))
-    assert len(hold.held) == 1
+            hold.follow(stamp, TrackArrays.from_tracks([]))
+    assert len(hold.confirmed) == 1
     # Its time begins when the track is published.
     hold.options = LONG
     step(hold, 160.0, detections([[2800.0, 1000.0]], 160.0, 400.0), P_D)
     assert published(hold) == [1]
-    hold.follow(200.0, TrackArrays.of([]))
+    hold.follow(200.0, TrackArrays.from_tracks([]))
     assert published(hold) == [1]
-    hold.follow(230.0, TrackArrays.of([]))
+    hold.follow(230.0, TrackArrays.from_tracks([]))
     assert published(hold) == []
 
 
@@ -140,24 +140,24 @@ def test_a_fixed_echo_outside_the_coverage_is_remembered_as_it_is_and_never_publ
     np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-6)
     hold.options = LONG
     step(hold, 6012.0, detectable=0.0)
-    assert len(hold.released) == len(hold.current) == len(hold.held) == 0
+    assert len(hold.released) == len(hold.current) == len(hold.confirmed) == 0
 
 
 def test_an_existence_that_is_not_known_leaves_the_others_their_probability_to_stand_still():
-    fits = holding(1, 2, 3).held.fits
+    fits = holding(1, 2, 3).confirmed.fits
     alone = fits[np.array([0, 1])].stationary_probability(SLOW, np.array([0.9, 0.8]))
     found = fits.stationary_probability(SLOW, np.array([0.9, 0.8, np.nan]))
     np.testing.assert_allclose(found[:2], alone)
 
 
-def test_what_is_held_back_claims_its_detections_as_every_held_track_does():
+def test_what_is_held_back_claims_its_detections_as_every_confirmed_track_does():
     back, shown = holding(1), holding(1, options=LONG)
     assert (published(back), published(shown)) == ([], [1])
     scan = detections([[2060.0, 1000.0], [2000.0, 9000.0]], 12.0)
     np.testing.assert_array_equal(step(back, 12.0, scan, P_D), step(shown, 12.0, scan, P_D))
-    for one, other in zip(back.held_association, shown.held_association, strict=True):
+    for one, other in zip(back.confirmed_association, shown.confirmed_association, strict=True):
         np.testing.assert_array_equal(one, other)
-    assert back.held_association[1][0] > 0.9
+    assert back.confirmed_association[1][0] > 0.9
     assert (published(back), echoes(back)) == ([], [1])
 
 
@@ -167,7 +167,7 @@ def test_what_exists_hardly_is_neither_published_nor_a_fixed_echo():
     assert echoes(hold) == []
     hold.options = LONG
     step(hold, 1.0)
-    assert (published(hold), len(hold.held)) == ([], 1)
+    assert (published(hold), len(hold.confirmed)) == ([], 1)
 
 
 def test_what_a_downstream_tracker_lists_is_published():

@@ -19,7 +19,8 @@ from tsepm_ros.tracker.motion import position_after, update
 
 
 def plain(r, b, likelihood, row, number):
-    """Shares beta_ij, competing ratios and held density, for one kind: lists of lists by track."""
+    """Shares beta_ij, competing ratios and confirmed density, for one kind: lists of lists by
+    track."""
 
     def factor(i, j, values):
         rest = b[i] + sum(values[i][k] for k in range(len(row[i])) if k != j)
@@ -39,11 +40,11 @@ def plain(r, b, likelihood, row, number):
         for i in tracks
     ]
     beta = [[one / (b[i] + sum(competing[i])) for one in competing[i]] for i in tracks]
-    held = [0.0] * number
+    confirmed = [0.0] * number
     for i in tracks:
         for j in range(len(row[i])):
-            held[row[i][j]] += factor(i, j, competing)
-    return beta, [math.expm1(one) for one in held]
+            confirmed[row[i][j]] += factor(i, j, competing)
+    return beta, [math.expm1(one) for one in confirmed]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -55,13 +56,13 @@ def test_targets_compete_for_detections_as_in_plain_loops(seed):
     ratios = rng.exponential(3.0, (n, 3, k))
     row = np.array([[rng.permutation(number)[:k] for _ in range(2)] for _ in range(n)])
     clutter = rng.uniform(0.5, 2.0, number)
-    ratio, probability, held = associate(existence, empty, modes, ratios, row, clutter)
+    ratio, probability, confirmed = associate(existence, empty, modes, ratios, row, clutter)
     of_filter = (modes[:, :, None] * ratios[:, :2]).sum(axis=1)
     for kind, likelihood in enumerate((of_filter, ratios[:, 2])):
         beta, density = plain(existence, empty, likelihood, row[:, kind], number)
         np.testing.assert_allclose(probability[:, kind], beta)
         if kind == 0:
-            np.testing.assert_allclose(held, clutter * density)
+            np.testing.assert_allclose(confirmed, clutter * density)
     left = ratio / ratios
     np.testing.assert_allclose(left[:, 0], left[:, 1], err_msg="both modes are the filter's")
     assert (left <= 1.0 + 1e-12).all()
@@ -71,7 +72,7 @@ def test_targets_compete_for_detections_as_in_plain_loops(seed):
 
 def test_a_target_alone_has_its_detections_by_bayes():
     ratios = np.full((1, 3, 1), 9.0)
-    _, probability, held = associate(
+    _, probability, confirmed = associate(
         np.array([0.8]),
         np.array([0.1]),
         np.array([[0.5, 0.5]]),
@@ -80,7 +81,7 @@ def test_a_target_alone_has_its_detections_by_bayes():
         np.array([2.0]),
     )
     np.testing.assert_allclose(probability, 9.0 / 9.1)
-    np.testing.assert_allclose(held, 2.0 * 0.8 * 9.0 / (0.2 + 0.8 * 0.1))
+    np.testing.assert_allclose(confirmed, 2.0 * 0.8 * 9.0 / (0.2 + 0.8 * 0.1))
 
 
 def test_existence_falls_and_rises_by_the_likelihood_ratio_of_the_scan():

@@ -1,4 +1,4 @@
-"""What stands still, by the prior of speeds and the fits, and held tracks not published."""
+"""What stands still, by the prior of speeds and the fits, and confirmed tracks not published."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import P_D, step, tracks
+from support.confirmed import P_D, step, tracks
 
 from tsepm_ros.tracker.maintenance import stationary
 from tsepm_ros.tracker.maintenance.stationary import StraightFits, stationary_probability
@@ -110,7 +110,7 @@ def test_over_scans_the_fit_is_least_squares_on_all_detections(monkeypatch):
         found["azimuth_std"] = sensor.azimuth_std
         hold.step(time, found, np.array([1e-12]), lambda at: np.full(len(at), 0.9), sensor, 10.0)
     expected, spread = batch_fit(times, places, sensor.range_std**2, times[-1])
-    fits = hold.held.fits
+    fits = hold.confirmed.fits
     sigma = np.sqrt(np.diag(spread))
     np.testing.assert_allclose(fits.state[0] / sigma, expected / sigma, atol=0.05)
     np.testing.assert_allclose(np.sqrt(np.diag(fits.covariance[0])), sigma, rtol=0.02)
@@ -126,7 +126,7 @@ def test_places_are_the_fits_given_that_the_targets_stand_still():
     root = rng.normal(size=(4, 4))
     covariance = root @ root.T + np.eye(4)
     state = rng.normal(size=4)
-    place, spread = StraightFits.of(state[None], covariance[None]).places()
+    place, spread = StraightFits.from_states(state[None], covariance[None]).places()
     # A measurement of the velocity, zero and without error, as a Kalman update.
     pick = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     gain = covariance @ pick.T @ np.linalg.inv(pick @ covariance @ pick.T)
@@ -143,7 +143,7 @@ def test_the_share_of_rest_is_that_of_the_tracks_held():
     prior, number = CommonOptions(min_speed=0.3, max_speed=5.0), 20
     still, vague = np.diag([1.0, 1e-3, 1.0, 1e-3]) ** 2, np.diag([1.0, 50.0, 1.0, 50.0]) ** 2
     covariance = np.stack([still] * number + [vague])
-    fits = StraightFits.of(np.zeros((number + 1, 4)), covariance)
+    fits = StraightFits.from_states(np.zeros((number + 1, 4)), covariance)
     found = fits.stationary_probability(prior, np.ones(number + 1))
     share, weight = stationary.STATIONARY_SHARE, stationary.PRIOR_TRACKS
     even = stationary_probability(prior, np.zeros((1, 4)), vague[None], 0.5)[0]
@@ -166,9 +166,9 @@ def test_the_share_of_rest_is_that_of_the_tracks_held():
 def test_one_detection_changes_the_odds_of_a_change_by_a_bounded_factor():
     hold = TrackMaintenance(CommonOptions(hold_time=1e6))
     hold.add(tracks(1), 0.99)
-    before = hold.held.fits.change_odds[0]
+    before = hold.confirmed.fits.change_odds[0]
     # Far from the fit, but within the gate of a turn.
     step(hold, 12.0, detections([[2060.0, 1400.0]], 12.0), P_D)
     begun = -math.expm1(-12.0 / stationary.TIME_TO_CHANGE)
-    after = hold.held.fits.change_odds[0]
+    after = hold.confirmed.fits.change_odds[0]
     assert after <= (before + begun) / stationary.GLITCH

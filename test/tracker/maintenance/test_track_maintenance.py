@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, detections
-from support.held import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, published, step, tracks
+from support.confirmed import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, published, step, tracks
 from support.held_scenes import compare
 
 from tsepm_ros import ConfirmedTrack, SensorModel
@@ -26,7 +26,7 @@ from tsepm_ros.tracker.maintenance.track_maintenance import (
     MIN_EXISTENCE,
     ExternalTracker,
     TrackMaintenance,
-    best_held,
+    best_confirmed,
 )
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -63,8 +63,8 @@ def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monk
         chain /= chain.sum()
         if chain[:2].sum() < MIN_EXISTENCE:
             break
-        np.testing.assert_allclose(hold.held.existence, [chain[:2].sum()], rtol=1e-9)
-        np.testing.assert_allclose(hold.held.visible, [chain[0] / chain[:2].sum()], rtol=1e-9)
+        np.testing.assert_allclose(hold.confirmed.existence, [chain[:2].sum()], rtol=1e-9)
+        np.testing.assert_allclose(hold.confirmed.visible, [chain[0] / chain[:2].sum()], rtol=1e-9)
     assert hold.ended == {1: "missed"}
     assert 10 < scan < 60, "independent misses would end it after 4"
 
@@ -90,7 +90,7 @@ def test_a_track_ends_with_its_reason_and_once(ended):
     hold = ended()
     assert hold.ended == {1: ended.__name__}
     assert 1 not in ids(hold)
-    step(hold, hold.held.tracks.stamp.max(initial=0.0) + 100.0, detectable=P_D)
+    step(hold, hold.confirmed.tracks.stamp.max(initial=0.0) + 100.0, detectable=P_D)
     assert 1 not in hold.ended
 
 
@@ -109,9 +109,9 @@ def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatc
 
 
 def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> TrackArrays:
-    """A start beside the first held track, m, with these hits."""
-    state = hold.held.tracks.state[:1] + np.array([0.0, 0.0, aside, 0.0])
-    new = tracks(90, stamp=hold.held.tracks.stamp[0])
+    """A start beside the first confirmed track, m, with these hits."""
+    state = hold.confirmed.tracks.state[:1] + np.array([0.0, 0.0, aside, 0.0])
+    new = tracks(90, stamp=hold.confirmed.tracks.stamp[0])
     return replace(new, state=state, hits=np.fromiter([hits], object))
 
 
@@ -132,8 +132,10 @@ def silent(min_speed: float = 0.0) -> TrackMaintenance:
 def test_a_lost_track_is_continued_while_its_density_is_above_that_of_births(larger, found):
     hold = silent()
     new = start(hold, 90.0, (6, 1), (7, 1), (8, 1))
-    covariance = hold.held.tracks.covariance[0] + new.covariance[0]
-    density = hold.held.existence[0] * multivariate_normal([0, 0, 90.0, 0], covariance).pdf(0.0)
+    covariance = hold.confirmed.tracks.covariance[0] + new.covariance[0]
+    density = hold.confirmed.existence[0] * multivariate_normal([0, 0, 90.0, 0], covariance).pdf(
+        0.0
+    )
     # Targets are born as often as the two expected here vanish, for the length of fading.
     born = 2.0 * SCANS_OF_FADING / SCANS_TO_VANISH
     area = born / (density * math.pi * 10.0**2)
@@ -142,28 +144,28 @@ def test_a_lost_track_is_continued_while_its_density_is_above_that_of_births(lar
 
 def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_recognised():
     hold = silent(8.0)
-    assert hold.held.status.tolist() == [Status.FIXED]
+    assert hold.confirmed.status.tolist() == [Status.FIXED]
     assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
     hold = silent()
-    hold.follow(96.0, hold.held.tracks)
+    hold.follow(96.0, hold.confirmed.tracks)
     assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
 
 
 def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision():
     hold = silent()
-    assert hold.held.status.tolist() == [Status.WITHHELD]
+    assert hold.confirmed.status.tolist() == [Status.WITHHELD]
     again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
     again = replace(again, age=np.array([24.0]), scan_count=np.array([3]))
-    hold.held = replace(hold.held, proven=np.array([1e-4]))
+    hold.confirmed = replace(hold.confirmed, proven=np.array([1e-4]))
     found = hold.revise(again, (), np.array([0.95]))
     assert published(hold) == [1] == found.track_id.tolist()
-    assert (hold.held.existence[0], hold.held.visible[0]) == (0.95, 1.0)
-    assert (hold.held.last_detected[0], hold.held.covered_scans[0]) == (96.0, 0.0)
-    np.testing.assert_array_equal(hold.held.tracks.state, again.state)
+    assert (hold.confirmed.existence[0], hold.confirmed.visible[0]) == (0.95, 1.0)
+    assert (hold.confirmed.last_detected[0], hold.confirmed.covered_scans[0]) == (96.0, 0.0)
+    np.testing.assert_array_equal(hold.confirmed.tracks.state, again.state)
     assert found.revision.tolist() == [1]
     assert (found.existence_probability[0], found.time_since_hit[0]) == (0.95, 0.0)
-    assert hold.held.hit_sigma[0] == pytest.approx(50.0), "the start's, not the lost track's"
-    assert hold.held.proven[0] >= UNPROVEN
+    assert hold.confirmed.hit_sigma[0] == pytest.approx(50.0), "the start's, not the lost track's"
+    assert hold.confirmed.proven[0] >= UNPROVEN
     assert found.age[0] == 96.0, "since its first hit of all"
     assert found.hits.tolist() == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
     assert hold.ended == {}
@@ -177,11 +179,11 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
     probability, announced, still
 ):
     one = replace(tracks(1), stationary_probability=np.array([probability]))
-    held = replace(ConfirmedTracks.of(one, 0.9), announced=np.array([announced]))
-    assert held.stands_still(CommonOptions(min_speed=0.5)).tolist() == [still]
-    assert held.stands_still(CommonOptions()).tolist() == [False]
+    confirmed = replace(ConfirmedTracks.from_tracks(one, 0.9), announced=np.array([announced]))
+    assert confirmed.stands_still(CommonOptions(min_speed=0.5)).tolist() == [still]
+    assert confirmed.stands_still(CommonOptions()).tolist() == [False]
     expected = Status.FIXED if still else Status.PUBLISHED
-    assert held.statuses(CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
+    assert confirmed.statuses(CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
 
 
 def follow_tracker(hold: TrackMaintenance, stamp: float, *listed: int) -> None:
@@ -205,12 +207,12 @@ def test_a_tracker_that_comes_back_empty_gets_time_to_list_what_is_held():
 def test_what_a_tracker_lists_exists_as_it_says_and_ends_by_no_rule_while_it_is_heard():
     hold, ended = holding(1, 2), {}
     follow_tracker(hold, 0.0, 1)
-    assert (hold.held.existence[0], hold.held.proven[0]) == (0.99, 0.99)
+    assert (hold.confirmed.existence[0], hold.confirmed.proven[0]) == (0.99, 0.99)
     for stamp in range(1, 60):
         step(hold, stamp, detectable=P_D)
         ended |= hold.ended
     assert (ended, published(hold)) == ({2: "missed"}, [1])
-    assert hold.held.existence[0] < MIN_EXISTENCE
+    assert hold.confirmed.existence[0] < MIN_EXISTENCE
     step(hold, 61.0, detectable=P_D)
     assert (hold.ended, ids(hold)) == ({1: "missed"}, [])
 
@@ -239,7 +241,7 @@ def test_tracked_targets_known_as_exactly_as_is_taken_do_no_harm():
         found = detections(told.state[:, 0::2] + rng.standard_normal((8, 2)), 12.0 * scan, 1e-12)
         assert np.isfinite(step(hold, 12.0 * scan + 1e-3, found, P_D)).all()
         assert np.isfinite(hold.current.covariance).all()
-        assert np.isfinite(hold.held.existence).all()
+        assert np.isfinite(hold.confirmed.existence).all()
     assert len(ids(hold)) == 8
 
 
@@ -258,7 +260,7 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
 
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
     existence = np.array([0.5, 0.9, 0.9, 0.9])
-    assert best_held(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
+    assert best_confirmed(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
 
 
 def test_a_step_is_that_of_plain_loops(monkeypatch):
@@ -273,7 +275,7 @@ def test_of_targets_that_move_the_detections_are_told():
     hold = TrackMaintenance(CommonOptions())
     moving = ConfirmedTrack(3, 0.0, np.array([0.0, 8.0, 3e3, 0.0]), 4.0 * np.eye(4), (), 0.0)
     still = ConfirmedTrack(5, 0.0, np.array([3e3, 0.0, 0.0, 0.0]), 4.0 * np.eye(4), (), 0.0)
-    hold.add(TrackArrays.of([moving, still]), 0.99)
+    hold.add(TrackArrays.from_tracks([moving, still]), 0.99)
     found = detections([[3e3, 0.0], [80.0, 3e3], [5e3, 5e3]], 10.0, 25.0)
     found["range_std"], found["azimuth_std"] = 5.0, 0.002
     density = hold.step(
@@ -284,5 +286,5 @@ def test_of_targets_that_move_the_detections_are_told():
     assert hold.detections_of_moving().tolist() == [1]
     assert (density[:2] > 1e-4).all()
     assert density[2] == 0.0
-    assert (hold.held.existence > 0.99).all()
-    assert hold.held.hit_sigma.tolist() == [5.0, 5.0]
+    assert (hold.confirmed.existence > 0.99).all()
+    assert hold.confirmed.hit_sigma.tolist() == [5.0, 5.0]

@@ -23,16 +23,17 @@ from tsepm_ros.tools.evaluation.measures import closest_approach
 ENCOUNTER = ((18_000.0, 187.0, 6.0, 330.0), (17_000.0, 189.0, 4.0, 190.0))
 """Targets A and B of Fig. 4: distance (m), azimuth (degrees), speed (m/s), heading (degrees)."""
 ENVIRONMENT_TABLE_1 = ((16.038, 7.500), (22.449, 1.090))
-"""Feature distances of plots 1 and 2 to the tracks A and B, to which they are said to belong."""
+"""Feature distances of detections 1 and 2 to the tracks A and B, to which they are said to belong.
+"""
 
 
 FEATURES = 3
 TRIALS = 50
 """Simulated decisions per run."""
 OFFSETS = (0.5, 1.0, 2.0, 3.0)
-"""Differences between the targets' features, standard deviations of one plot."""
+"""Differences between the targets' features, standard deviations of one detection."""
 HISTORIES = ((10, 10), (3, 3), (30, 5))
-"""Numbers of earlier plots of the tracks A and B."""
+"""Numbers of earlier detections of the tracks A and B."""
 TIME_STEP = 1.0
 """Interval of the curves, s."""
 SLOPES: dict[str, Callable[[FloatArray], tuple[float, float]]] = {
@@ -207,17 +208,17 @@ def _figure_4(
 
 
 def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Whether plot 1 goes to A and plot 2 to B, by two rules.
+    """Whether detection 1 goes to A and detection 2 to B, by two rules.
 
     Parameters
     ----------
     distances : (..., 2, 2) ndarray
-        J of each plot (row) with each track, A and B.
+        J of each detection (row) with each track, A and B.
 
     Returns
     -------
     each : (..., 2) ndarray of bool
-        Whether plot 1 goes to A and plot 2 to B by the smaller J of each plot.
+        Whether detection 1 goes to A and detection 2 to B by the smaller J of each detection.
     pairs : (...) ndarray of bool
         Whether both do, if the pair of the smallest J of all is taken first.
     """
@@ -238,14 +239,14 @@ def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
     Parameters
     ----------
     history : (..., n, p) ndarray
-        Features of a track's plots.
+        Features of a track's detections.
     candidate : (..., p) ndarray
-        Features of the plot that may be the track's next.
+        Features of the detection that may be the track's next.
 
     Returns
     -------
     (...) ndarray
-        J, small for a plot of the same target.
+        J, small for a detection of the same target.
     """
     n = history.shape[-2]
     mean = history.mean(axis=-2)
@@ -256,9 +257,9 @@ def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
 def decide(
     rng: np.random.Generator, trials: int, offset: float, histories: tuple[int, int]
 ) -> tuple[Estimate, Estimate]:
-    """Simulate encounters of a target A and a target B, a plot of each, decided by Eqs. 10-11.
+    """Simulate encounters of a target A and a target B, a detection of each, decided by Eqs. 10-11.
 
-    The three features are independent and Gaussian, in units of one plot's standard deviation.
+    The three features are independent and Gaussian, in units of one detection's standard deviation.
 
     Parameters
     ----------
@@ -267,25 +268,25 @@ def decide(
     offset : float
         Difference of each feature of B from that of A.
     histories : (int, int)
-        Numbers of earlier plots of A and of B.
+        Numbers of earlier detections of A and of B.
 
     Returns
     -------
     each : Estimate
-        Share of the plots that are decided rightly, each to the track of its smaller J.
+        Share of the detections that are decided rightly, each to the track of its smaller J.
     pairs : Estimate
-        Share of the encounters, if the pair of the smallest J is taken first and the other plot
-        goes to the other track.
+        Share of the encounters, if the pair of the smallest J is taken first and the other
+        detection goes to the other track.
     """
     centres = (0.0, offset)
-    plots = rng.standard_normal((trials, 2, FEATURES)) + np.array(centres)[:, None]
+    detections = rng.standard_normal((trials, 2, FEATURES)) + np.array(centres)[:, None]
     earlier = [
         rng.standard_normal((trials, 1, count, FEATURES)) + centre
         for count, centre in zip(histories, centres, strict=True)
     ]
-    distances = np.stack([decision(history, plots) for history in earlier], axis=-1)
+    distances = np.stack([decision(history, detections) for history in earlier], axis=-1)
     each, pairs = smallest(distances)
-    # The two plots of an encounter meet the same histories.
+    # The two detections of an encounter meet the same histories.
     return mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials)
 
 
@@ -300,26 +301,27 @@ def _decision_parts(setting: Setting) -> list[Part]:
             shares = decide(rng, trials, offset, histories)
             rows.append(["{}, {}".format(*histories), offset, *shares])
     (a1, b1), (a2, b2) = table
-    alone = ", ".join(f"plot {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))
+    alone = ", ".join(f"detection {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))
     return [
-        "### Table 1: association of the plots",
-        f"Published: J of plot 1 is {a1:g} with A and {b1:g} with B, of plot 2 {a2:g} and {b2:g}; "
-        "plot 1 is said to be A's, plot 2 B's. By the smaller J of each plot alone it would be "
-        f"{alone}; the smallest J of all first, each plot and track once, "
+        "### Table 1: association of the detections",
+        f"Published: J of detection 1 is {a1:g} with A and {b1:g} with B, of "
+        f"detection 2 {a2:g} and {b2:g}; detection 1 is said to be A's, detection 2 B's. "
+        "By the smaller J of each detection alone it would be "
+        f"{alone}; the smallest J of all first, each detection and track once, "
         f"{'gives' if pairs else 'does not give'} the published decision.",
         "The source prints neither units nor variances. Simulated are three independent Gaussian "
-        "features, each with an offset between the targets in standard deviations of a plot; "
-        f"{trials} encounters with a plot of each target; J by Eqs. 10 and 11.",
+        "features, each with an offset between the targets in standard deviations of a detection; "
+        f"{trials} encounters with a detection of each target; J by Eqs. 10 and 11.",
         Table(
             "environment_2018_table_1",
             {
-                "plots of A, B before": "",
+                "detections of A, B before": "",
                 "offset": "g",
-                "plots right, smaller J of each plot": ".3f",
+                "detections right, smaller J of each detection": ".3f",
                 "encounters right, smallest J first": ".3f",
             },
             rows,
             [row for row in rows if row[0] != "3, 3" and row[1] in (1.0, 2.0)],
         ),
-        "With unequal histories the longer history attracts all plots.",
+        "With unequal histories the longer history attracts all detections.",
     ]

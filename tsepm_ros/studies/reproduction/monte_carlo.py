@@ -114,7 +114,7 @@ class Started:
     def on(cls, scene: SimulatedScene, initiator: Tracker, scans: int) -> Started:
         """The tracks that a method starts in the first scans."""
         parts = [initiator.process(scan) for scan in scene.scans[:scans]]
-        return cls(scene, TrackArrays.joined(NO_TRACKS, *map(TrackArrays.of, parts)))
+        return cls(scene, TrackArrays.joined(NO_TRACKS, *map(TrackArrays.from_tracks, parts)))
 
     @property
     def hits(self) -> IntArray:

@@ -116,11 +116,11 @@ class Reports(dict[int, Report]):
         Parameters
         ----------
         present : collection of int
-            Ids of the held tracks.
+            Ids of the confirmed tracks.
         stamp : float
             s.
         reports : mapping of int to report
-            Of held tracks, by id.
+            Of confirmed tracks, by id.
         """
         gone = [self.pop(track) for track in list(self) if track not in present]
         self.update(reports)
@@ -284,7 +284,7 @@ def _angle(degrees: float, digits: int, signs: str) -> str:
 def report_writer(
     file: TextIO, reference: GeographicReference, notes: dict[str, str], form: str = "nmea"
 ) -> Callable[[ScanResult], None]:
-    """A writer of the held tracks of a run as TLL, or as deltas of Signal K, scan by scan.
+    """A writer of the confirmed tracks of a run as TLL, or as deltas of Signal K, scan by scan.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
 
 
 class TrackBridge(ParameterisedNode):
-    """Subscribes to the held tracks and publishes them in the messages and sentences of others."""
+    """Subscribes to confirmed tracks and publishes them in the messages and sentences of others."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_bridge", **node_options)
@@ -112,7 +112,7 @@ class TrackBridge(ParameterisedNode):
 
     def destroy_node(self) -> None:
         """End what the receivers show, destroy the node and close its socket."""
-        self._report(TrackArrays.of([]), self._reported)
+        self._report(TrackArrays.from_tracks([]), self._reported)
         self._socket.close()
         super().destroy_node()
 
@@ -120,7 +120,7 @@ class TrackBridge(ParameterisedNode):
         self._odometry = odometry
 
     def _take(self, cloud: PointCloud2) -> None:
-        """Hand on the tracks that are held after a ping, if somebody takes them now."""
+        """Hand on the confirmed tracks after a ping, if somebody takes them now."""
         wanted = [one for one in self._messages if one[0].get_subscription_count()]
         try:
             stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))

@@ -108,13 +108,13 @@ WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 RUN_ARGUMENTS: Arguments = {
     "--out": {
         "type": in_folder,
-        "help": "folder for tracks.csv, current.csv (held tracks), tracks.mcap and picture.png",
+        "help": "folder for tracks.csv, current.csv (confirmed tracks), tracks.mcap, picture.png",
     },
     "--as": {
         "choices": ("geojson", "nmea", "signalk"),
         "dest": "form",
-        "help": "held tracks with latitude and longitude, in place of the table, or in the folder "
-        "of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
+        "help": "confirmed tracks with latitude and longitude, in place of the table, or in the "
+        "folder of --out as tracks.geojson, tracks.nmea (TLL) or tracks.signalk (deltas)",
     },
     "--origin": {
         "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
@@ -468,7 +468,7 @@ def _geographic(
 
 def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
     """Writers of the files in a folder, or else of the standard output, by path."""
-    reason, folder = run.session.settings.make_initiator().reason, options.out
+    reason, folder = run.session.settings.make_tracker().reason, options.out
     if folder is None:
         if options.form:
             return {Path("standard output"): _geographic(options, run, sys.stdout, stack)}

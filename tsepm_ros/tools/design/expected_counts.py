@@ -213,7 +213,7 @@ class Expected:
     Attributes
     ----------
     potential : (scans,) ndarray
-        Potential tracks held after the scan.
+        Potential tracks kept after the scan.
     started : (scans,) ndarray
         Potential tracks started.
     raw : (scans,) ndarray

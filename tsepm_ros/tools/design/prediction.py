@@ -103,7 +103,7 @@ class Case:
         m/s.
     ratio_db : float, optional
         Signal-to-clutter ratio of the targets, dB, fluctuating in Rayleigh clutter; without it
-        detections have no strength.
+        detections have no amplitude.
 
     Raises
     ------
@@ -140,7 +140,7 @@ class Case:
 
     @property
     def clutter_strength(self) -> ClutterStrength | None:
-        """Law of the strength of clutter, where detections have one."""
+        """Law of the amplitude of clutter, where detections have one."""
         return None if self.ratio_db is None else ClutterStrength()
 
     @property

@@ -152,14 +152,14 @@ class StartSummary:
 
 @dataclass(frozen=True)
 class ScanSummary:
-    """False starts in a scan, and the held tracks after it.
+    """False starts in a scan, and the confirmed tracks after it.
 
     Attributes
     ----------
     false : int
         False starts in this scan.
     held : int
-        Targets with a held track within 3 sigma; -1 if the starter holds no tracks.
+        Targets with a confirmed track within 3 sigma; -1 if the starter holds no tracks.
     at : int
         Targets within 3 sigma of which a track was started, in this scan or before.
     corrections : int
@@ -330,7 +330,7 @@ def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArr
 
 
 def _targets_held(run: SimulatedRun, scan: int) -> int:
-    """Number of targets with a held track within 3 sigma; -1 if the starter holds no tracks."""
+    """Targets with a confirmed track within 3 sigma; -1 if the starter holds no tracks."""
     index = run.scenario.warm_up + scan
     held, stamp = run.held[index], run.scans[index].stamp
     targets = run.simulator.truth(stamp)[:, 0::2]
@@ -370,7 +370,7 @@ class Measures:
         False and misplaced starts: per run, per scan and km^2 of coverage, and per hour.
     redundant_per_run : Estimate
     held : Estimate
-        Share of targets with a held track within 3 sigma at the end.
+        Share of targets with a confirmed track within 3 sigma at the end.
     confirmation_time, confirmation_median, confirmation_95 : Estimate
         Time from the first scan to the true starts, s: mean, median and 95 % quantile.
     position_error, velocity_error : Estimate

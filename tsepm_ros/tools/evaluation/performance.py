@@ -53,7 +53,7 @@ start's hits are from the target, and it is within 3 sigma of the measurement er
 All other figures are of starts as first published (revision 0).
 - *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
 farther from it. *redundant*: another true start of a target.
-- *targets held at the end*: with a held track within 3 sigma, whatever its hits.
+- *targets held at the end*: with a confirmed track within 3 sigma, whatever its hits.
 - *pure starts*: all hits from one target, redundant starts excluded, misplaced starts included. \
 Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
 ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.

@@ -181,7 +181,7 @@ class TrackStarter(Protocol):
 
     The evaluation reads `stamp`, `state`, `covariance` (nan if unknown) and `hits` of its tracks.
     With the optional attribute `current`, tracks with a `state` (n, 4) at the last scan's
-    stamp, the held tracks are evaluated too.
+    stamp, the confirmed tracks are evaluated too.
     """
 
     def process(self, scan: Scan) -> Sequence[ConfirmedTrack]:
@@ -298,7 +298,7 @@ class SimulatedScene:
 
 @dataclass
 class SimulatedRun(SimulatedScene):
-    """The scans, starts and held tracks of one run.
+    """The scans, starts and confirmed tracks of one run.
 
     Attributes
     ----------
@@ -307,7 +307,7 @@ class SimulatedRun(SimulatedScene):
     corrections : list of (int, ConfirmedTrack)
         Later revisions of starts, with the index of the scan that brought each.
     held : list of (n, 2) ndarray or None
-        Positions of the held tracks after each scan; None if the starter holds no tracks.
+        Positions of the confirmed tracks after each scan; None if the starter holds no tracks.
     """
 
     starts: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)

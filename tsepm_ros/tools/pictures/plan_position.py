@@ -118,7 +118,7 @@ def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
 
 
 def draw(scene: RunScene) -> Figure:
-    """Draw a whole run: detections, truth, starts with their hits, held tracks as trails.
+    """Draw a whole run: detections, truth, starts with their hits, confirmed tracks as trails.
 
     Where the starts are judged by truth, each of the first four targets is enlarged beside the
     plan, and its hits are numbered by their scans.
@@ -319,7 +319,7 @@ def ship(heading: float) -> MarkerPath:
 
 
 def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
-    """Draw the way of a held track, see `RunScene.ways`: dashed where it coasts."""
+    """Draw the way of a confirmed track, see `RunScene.ways`: dashed where it coasts."""
     for line, left_out in ((COASTING_LINE, False), ("-", way[:, 2] > 0.0)):
         axes.plot(
             *np.where(left_out, np.nan, way[:, :2].T),

@@ -36,7 +36,7 @@ class ScanView:
         Position of the sensor at the nearest echo, m, and the heading of the vessel, rad, nan if
         unknown; None without a sensor pose.
     new, held : TrackArrays
-        Tracks confirmed in this scan; all held tracks after it.
+        Tracks confirmed in this scan; all confirmed tracks after it.
     fixed_echoes : (n, 2) ndarray
         Positions of fixed echoes, with `min_speed`, m.
     restart : bool
@@ -165,7 +165,7 @@ class RunScene:
         return hits
 
     def ways(self) -> dict[int, FloatArray]:
-        """Way of each held track by its id.
+        """Way of each confirmed track by its id.
 
         Each is an (m, 3) array: x and y (m), and the time since its target was detected (s). A row
         of nan stands for scans in which the track was withheld.

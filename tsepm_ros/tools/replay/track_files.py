@@ -43,7 +43,7 @@ DIGITS = 7
 
 
 def track_table(file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None) -> TrackWriter:
-    """A writer of CSV: a row per confirmed track with its reason, or the held tracks.
+    """A writer of CSV: a row per confirmed track with its reason, or the confirmed tracks.
 
     A correction is a row of its own, with the same id and the next revision.
 
@@ -51,7 +51,7 @@ def track_table(file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = N
     ----------
     file : text file
     reason : callable, optional
-        Returns the reason of a track's confirmation. Without it the tracks that are held at each
+        Returns the reason of a track's confirmation. Without it the confirmed tracks at each
         scan are written, a row per scan and track.
     """
     writer = csv.writer(file, lineterminator="\n")
@@ -187,7 +187,7 @@ def track_listing(
 
 @contextmanager
 def track_lines(file: TextIO, reference: GeographicReference) -> Iterator[TrackWriter]:
-    """A writer of held tracks as GeoJSON (RFC 7946), a line each, at the end of the `with` block.
+    """A writer of confirmed tracks as GeoJSON (RFC 7946), a line each, at the end of `with`.
 
     Parameters
     ----------

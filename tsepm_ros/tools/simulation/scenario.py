@@ -317,7 +317,7 @@ class Strengths:
 
 
 Features = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation of plots' features, by name."""
+"""Mean and standard deviation of detections' features, by name."""
 
 
 @dataclass(frozen=True)
@@ -358,7 +358,7 @@ class TargetArea:
     speed : float
         m/s.
     features : mapping, optional
-        Features of their plots.
+        Features of their detections.
     strength : TargetStrength, optional
         Of their echoes, where the clutter has a strength.
     """
@@ -431,7 +431,7 @@ class Scenario:
     clutter_patches : tuple of ClutterPatch
         Additional clutter inside the coverage.
     target_features : tuple of mapping
-        Features of the plots of each of `targets`; Gaussian, widths at least 0.
+        Features of the detections of each of `targets`; Gaussian, widths at least 0.
     clutter_features : mapping
         Features of false detections, likewise.
     clutter_strength : ClutterStrength, optional

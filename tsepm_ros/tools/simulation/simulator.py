@@ -215,7 +215,7 @@ class Simulator:
         return 0.5 * speed * (out + back), azimuth
 
     def _plot_features(self, origin: NDArray[np.int64]) -> dict[str, FloatArray]:
-        """Features of the scan's detections, (n,) by name, for the features of any plot."""
+        """Features of the scan's detections, (n,) by name, for the features of any detection."""
         drawn = {}
         for name in ECHO_FEATURES:
             if not any(name in features for features in self._features):

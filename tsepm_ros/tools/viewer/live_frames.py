@@ -185,7 +185,7 @@ class LiveFrames:
     def _new_facts(self, scan: ScanMessages, complete: bool) -> dict[str, Frame]:
         """Facts of the tracks that are confirmed by a scan or seen for the first time.
 
-        `complete`: whether the held tracks have arrived, so that others are forgotten.
+        `complete`: whether the confirmed tracks have arrived, so that others are forgotten.
         """
         new, held = scan.tracks[NEW], scan.tracks[TRACKS]
         new_ids, ids = new.track_id.tolist(), held.track_id.tolist()

@@ -15,8 +15,8 @@ field         meaning
 ``own_ship``  x, y, heading (from x, counter-clockwise) and vx, vy, or null; null: unknown
 ``detections``  x and y of each detection in turn
 ``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
-``tracks``    a row per held track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the angle of
-              the major one, standard deviation of the speed, time since the last detection
+``tracks``    a row per confirmed track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the
+              angle of the major one, standard deviation of the speed, time since the last detection
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
 ============= ===================================================================================
@@ -126,8 +126,8 @@ def make_frame(
     detections : (n, 2) ndarray, optional
         Positions in the fixed frame, m. Positions that are not finite are left out.
     tracks, potential, fixed : sequence of ConfirmedTrack, optional
-        Held tracks, potential tracks and fixed echoes at the stamp. Tracks with a state that is
-        not finite are left out.
+        Confirmed tracks, potential tracks and fixed echoes at the stamp. Tracks with a state that
+        is not finite are left out.
     own_ship : (x, y, heading, vx, vy), optional
         m, rad and m/s; what is nan is unknown.
     restart : bool, optional
@@ -151,7 +151,7 @@ def make_frame(
 
 
 def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
-    """Rows of held tracks, see the module's table.
+    """Rows of confirmed tracks, see the module's table.
 
     An ellipse of a covariance that is not finite has semi-axes of 0.
     """
@@ -217,7 +217,7 @@ def track_facts(
         ``first``: stamp of the first hit, s, or None; ``confirmed``, ``hits``, ``reason``,
         ``revision``. A recording adds ``ended``: stamp, s, and reason.
     """
-    arrays = TrackArrays.of(tracks)
+    arrays = TrackArrays.from_tracks(tracks)
     return {
         str(track.track_id): {
             "first": round(track.stamp - track.age, 3) if math.isfinite(track.age) else None,
@@ -278,7 +278,7 @@ def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]
 
 
 def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
-    arrays = TrackArrays.of(tracks)
+    arrays = TrackArrays.from_tracks(tracks)
     return arrays.where(np.flatnonzero(np.isfinite(arrays.state).all(axis=1)))
 
 

@@ -47,7 +47,7 @@ MAX_WAITING = 500
 IMAGE_TIME, MAX_IMAGE = 3.0, 1 << 16
 """Time for which images are received after a browser asked for one, s; and their most bytes."""
 CHECK_PERIOD = 1.0
-"""Time between checks whether anything publishes held tracks, s."""
+"""Time between checks whether anything publishes confirmed tracks, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""

@@ -27,7 +27,7 @@ The extent is that of the box of the largest L, with pairs that count (m - 1) / 
 a group, and a ratio of at most `LARGEST`: a box that is too small misses some, one that is too
 large has more clutter.
 
-Their scatter tells what is error and what is extent. Within plots of m detections the sums of
+Their scatter tells what is error and what is extent. Within clusters of m detections the sums of
 squared deviations along and across the line of sight have the means ``(m - 1) (f s^2 + v)``, see
 `grouping`. The sensor's variance s^2 differs between the two; the variance v of where on the target
 the detections arise does not.
@@ -71,7 +71,7 @@ MARGIN = 1.5
 PRIOR = 0.1
 """Detections in the strips beside those that are counted."""
 LOG_RATIO = math.log(1e6)
-"""Logarithm of the likelihood ratio of several detections a target at which plots are made."""
+"""Logarithm of the likelihood ratio of several detections a target at which clusters are made."""
 LEAST = 1e-3
 """Pairs of clutter that are expected at least."""
 LARGEST = 20.0
@@ -94,20 +94,21 @@ SCATTER_PRIOR = 0.5
 """Degrees of freedom for which the extent counts before anything is seen: v = extent^2 / 12, and
 all error common to the ping."""
 TRIPLES = 6.0
-"""Degrees of freedom of plots of three and more from which on pairs do not count.
+"""Degrees of freedom of clusters of three and more from which on pairs do not count.
 
 Detections of clutter are next to others by chance, and rarely in threes.
 """
 LONGEST_RUN = 30.0
-"""Extent, m, in which neighbouring rays are one plot where none is given: a shore is no target."""
+"""Extent, m, in which neighbouring rays are one cluster where none is given: a shore is no target.
+"""
 WHOLE = 2.0
-"""Extent of a plot over the half width of the boxes in which its detections were seen."""
+"""Extent of a cluster over the half width of the boxes in which its detections were seen."""
 BESIDE = 32.0
 """Distance from a track within which a second start waits, m: shorter for a short range."""
 LONGEST_WAY = 48.0
-"""Distance from a track within which a start may be of the same hull, m: as `BESIDE`."""
-ONE_HULL = math.log(1e3)
-"""L from which on a held track is of the hull of an older one: a choice."""
+"""Distance from a track within which a start may be of the same extent, m: as `BESIDE`."""
+ONE_EXTENT = math.log(1e3)
+"""L from which on a confirmed track is of the extent of an older one: a choice."""
 RECENT = 8
 """Pings whose detections between two tracks count."""
 
@@ -135,8 +136,8 @@ def unit_of(sensor: SensorModel) -> float:
 def extents_of(sensor: SensorModel) -> FloatArray:
     """The fields of `ClusterExtent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = unit_of(sensor), sensor.range_resolution, sensor.azimuth_resolution
-    beams = ((beam, math.inf),) if beam else tuple((one, unit * EXTENTS[-1]) for one in BEAMS)
-    boxes = [(unit * one + cell, unit * one, *width) for one in EXTENTS for width in beams]
+    beams = ((beam, math.inf),) if beam else tuple((size, unit * EXTENTS[-1]) for size in BEAMS)
+    boxes = [(unit * size + cell, unit * size, *width) for size in EXTENTS for width in beams]
     return np.transpose(boxes)[..., None]
 
 
@@ -192,12 +193,12 @@ class Beside:
 
 
 def log_ratio(
-    found: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
+    counted: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
 ) -> FloatArray:
     """L of counts, (e,), for an excess of at most a largest ratio."""
     mean = MARGIN * expected
-    excess = np.clip(found / mean, 1.0, largest)
-    return np.asarray(found * np.log(excess) - mean * (excess - 1.0))
+    excess = np.clip(counted / mean, 1.0, largest)
+    return np.asarray(counted * np.log(excess) - mean * (excess - 1.0))
 
 
 def beyond_one(number: FloatArray) -> FloatArray:
@@ -235,7 +236,7 @@ class MultiDetectionTest:
 
     @property
     def extent(self) -> ClusterExtent:
-        """Extent of a plot by the box for which most speaks, by the areas alone."""
+        """Extent of a cluster by the box for which most speaks, by the areas alone."""
         ratios = log_ratio(self._pairs.counted, self._pairs.expected + LEAST, LARGEST)
         return ClusterExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
 
@@ -264,7 +265,7 @@ class MultiDetectionTest:
         self._groups = self._groups.faded(KEPT, groups.counted, groups.expected)
 
     def update_tracks(
-        self, scan: Scan, density: float, track_id: IntArray, own: IntArray, held: IntArray
+        self, scan: Scan, density: float, track_id: IntArray, own: IntArray, confirmed: IntArray
     ) -> None:
         """Count what lies beside the detections of tracks instead, in the ping of `update`.
 
@@ -278,10 +279,10 @@ class MultiDetectionTest:
             Mean clutter density, 1/m^2.
         track_id, own : (k,) ndarray of int
             Tracks, and the detection of each.
-        held : (h,) ndarray of int
-            Ids of all tracks that are held.
+        confirmed : (h,) ndarray of int
+            Ids of all confirmed tracks.
         """
-        self._tracks = self._tracks[np.isin(self._tracks["track_id"], held)]
+        self._tracks = self._tracks[np.isin(self._tracks["track_id"], confirmed)]
         if not len(own):
             return
         beside = Beside(scan, own, self._extents)
@@ -299,7 +300,7 @@ class MultiDetectionTest:
         one_side = squares / np.maximum(pings, 1.0) > SIDE
         resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
         # As long as these may be a second target's, one a ping does not count.
-        found = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
+        extra = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
         looks = tracks["looks"][:, None]
         chance = LEAST - np.expm1(-density * beside.area.T)
         by_chance = log_ratio(pings, looks * chance) < SUSPICION
@@ -311,7 +312,7 @@ class MultiDetectionTest:
         groups = _beyond_two(self._beside_each_other(rest), density)
         self._more = self._before.faded(
             KEPT,
-            (used * found.T).sum(axis=1) + groups.counted,
+            (used * extra.T).sum(axis=1) + groups.counted,
             np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)])
             + groups.expected,
         )
@@ -334,8 +335,8 @@ def _beyond_two(beside: Beside, density: float) -> Excess:
     used, mean = beside.area > 0.0, beside.area * density
     more = (mean + np.expm1(-mean)) / 3.0
     strips = (used * beyond_one(beside.strips)).sum(axis=2)
-    found = (used * beyond_one(beside.number)).sum(axis=1)
-    return Excess(found, np.stack([more.sum(axis=1), *strips]))
+    counted = (used * beyond_one(beside.number)).sum(axis=1)
+    return Excess(counted, np.stack([more.sum(axis=1), *strips]))
 
 
 def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
@@ -357,19 +358,20 @@ def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class ClusterDispersion:
-    """What the plots seen show of the scatter of their detections.
+    """What the clusters seen show of the scatter of their detections.
 
     Attributes
     ----------
     sums : (6, 2) ndarray
-        Over the plots of two detections and of more: degrees of freedom ``sum (m - 1)``, number of
-        plots, squared deviations along and across, and ``sum (m - 1) s^2`` along and across, m^2.
+        Over the clusters of two detections and of more: degrees of freedom ``sum (m - 1)``, number
+        of clusters, squared deviations along and across, and ``sum (m - 1) s^2`` along and across,
+        m^2.
     """
 
     sums: FloatArray = field(default_factory=lambda: np.zeros((6, 2)))
 
     def after(self, scan: Scan, label: IntArray, sensor: SensorModel) -> ClusterDispersion:
-        """With the plots of one more ping: detections and the group of each, (n,)."""
+        """With the clusters of one more ping: detections and the group of each, (n,)."""
         _, first, group = np.unique(label, return_index=True, return_inverse=True)
         size = np.asarray(np.bincount(group), float)
         turn = wrap(scan.azimuth - scan.azimuth[first][group])
@@ -381,37 +383,37 @@ class ClusterDispersion:
         across = scan.range * (turn - mean(turn)[group])
         squares = [np.bincount(group, apart**2) for apart in (along, across)]
         errors = [(size - 1.0) * mean(variance) for variance in error_variances(scan, sensor)]
-        plots = np.stack([size - 1.0, np.ones(len(size)), *squares, *errors])
+        clusters = np.stack([size - 1.0, np.ones(len(size)), *squares, *errors])
         kinds = np.stack([size == 2.0, size > 2.0], axis=1)
-        return ClusterDispersion((1.0 - 1.0 / MEMORY) * self.sums + plots @ kinds)
+        return ClusterDispersion((1.0 - 1.0 / MEMORY) * self.sums + clusters @ kinds)
 
     @property
     def _counted(self) -> FloatArray:
-        """Sums over the plots that count, (6,)."""
+        """Sums over the clusters that count, (6,)."""
         return self.sums @ np.array([self.sums[0, 1] < TRIPLES, 1.0])
 
     @property
     def mean_size(self) -> float:
-        """Mean number of detections of a plot that has several."""
-        freedom, plots, *_ = self._counted
-        return 1.0 + float(freedom / max(plots, 1e-9))
+        """Mean number of detections of a cluster that has several."""
+        freedom, clusters, *_ = self._counted
+        return 1.0 + float(freedom / max(clusters, 1e-9))
 
     def errors(self, extent: ClusterExtent) -> ClusterErrors:
         """The errors of targets of an extent: f and v that solve both means, if f is possible."""
         freedom, start = self._counted[0] + SCATTER_PRIOR, extent.along**2 / 12.0
-        found = (self._counted[2:4] + SCATTER_PRIOR * start) / freedom
+        scatter = (self._counted[2:4] + SCATTER_PRIOR * start) / freedom
         error = self._counted[4:] / freedom
         apart = error[1] - error[0]
         known = abs(apart) > 1e-12
-        independent = float(np.clip((found[1] - found[0]) / apart, 0.0, 1.0)) if known else 0.0
+        independent = float(np.clip((scatter[1] - scatter[0]) / apart, 0.0, 1.0)) if known else 0.0
         # The smaller scatter tells more precisely what is left for the extent.
-        weight = 1.0 / np.maximum(found, 1e-12) ** 2
-        left = (found - independent * error) @ weight / weight.sum()
+        weight = 1.0 / np.maximum(scatter, 1e-12) ** 2
+        left = (scatter - independent * error) @ weight / weight.sum()
         return ClusterErrors(independent, max(float(left), 0.0))
 
 
 class ExtendedTargets:
-    """Makes plots, where that is asked for, or where the detections ask for it.
+    """Makes clusters, where that is asked for, or where the detections ask for it.
 
     Parameters
     ----------
@@ -425,7 +427,7 @@ class ExtendedTargets:
     since : float
         Time of the scan that showed it, s.
     scatter : ClusterDispersion
-        Of the detections about their plots.
+        Of the detections about their clusters.
     test : MultiDetectionTest
         For several detections a target against clutter.
     """
@@ -446,17 +448,17 @@ class ExtendedTargets:
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
-        changed = copy.copy(self)
-        changed.sensor, changed.common = sensor, common
+        other = copy.copy(self)
+        other.sensor, other.common = sensor, common
         if _concerning(sensor, common) != _concerning(self.sensor, self.common):
-            changed.reset()
+            other.reset()
         else:
-            changed.test = copy.deepcopy(self.test)
-        return changed
+            other.test = copy.deepcopy(self.test)
+        return other
 
     @property
     def active(self) -> bool:
-        """Whether plots are made."""
+        """Whether clusters are made."""
         return self.common.plots == "on" or (self.seen and self.common.plots == "auto")
 
     @property
@@ -474,12 +476,12 @@ class ExtendedTargets:
         return self.test.extent
 
     def clusters_of(self, scan: Scan, density: float, stays: BoolArray) -> Clusters | None:
-        """The plots of a scan's detections; None where none is asked for.
+        """The clusters of a scan's detections; None where none is asked for.
 
         Parameters
         ----------
         scan : Scan
-            n detections, or plots of `runs_of`.
+            n detections, or clusters of `runs_of`.
         density : float
             Mean clutter density, 1/m^2.
         stays : (n,) ndarray of bool
@@ -497,17 +499,17 @@ class ExtendedTargets:
         extent = self.extent
         label = grouping.grouped(scan.range, scan.azimuth, extent)
         self.scatter = self.scatter.after(scan, label, self.sensor)
-        found = grouping.clusters_of(scan, label, self.scatter.errors(extent), self.sensor)
-        self._row = found.strongest
-        return found
+        clusters = grouping.clusters_of(scan, label, self.scatter.errors(extent), self.sensor)
+        self._row = clusters.strongest
+        return clusters
 
-    def learn(self, own: OwnDetections, held: ConfirmedTracks, density: float) -> None:
-        """Learn from what lies beside held tracks' detections in the scan of `clusters_of`.
+    def learn(self, own: OwnDetections, confirmed: ConfirmedTracks, density: float) -> None:
+        """Learn from what lies beside confirmed tracks' detections in the scan of `clusters_of`.
 
         Parameters
         ----------
         own : OwnDetections
-        held : ConfirmedTracks
+        confirmed : ConfirmedTracks
             At that scan.
         density : float
             Mean clutter density, 1/m^2.
@@ -515,10 +517,10 @@ class ExtendedTargets:
         if not self._learns or not len(self._row):
             return
         track_id, row = own[0], self._row[own[1]]
-        ids, rows = held.tracks.track_id, np.flatnonzero(self._counts)
+        ids, rows = confirmed.tracks.track_id, np.flatnonzero(self._counts)
         still = np.isin(track_id, ids) & self._counts[row]
-        place = np.searchsorted(rows, row[still])
-        self.test.update_tracks(self._part, density, track_id[still], place, ids)
+        position = np.searchsorted(rows, row[still])
+        self.test.update_tracks(self._part, density, track_id[still], position, ids)
         self._judge(self._part.stamp)
 
     def _judge(self, stamp: float) -> None:
@@ -526,20 +528,20 @@ class ExtendedTargets:
         if not self.seen and self.test.log_ratio >= LOG_RATIO:
             self.seen, self.since = True, stamp
 
-    def waits(self, new: TrackArrays, held: TrackArrays, origin: FloatArray) -> BoolArray:
+    def waits(self, new: TrackArrays, confirmed: TrackArrays, origin: FloatArray) -> BoolArray:
         """Which newly confirmed tracks (n,) wait, or are of the target of an older track.
 
         Parameters
         ----------
-        new, held : TrackArrays
+        new, confirmed : TrackArrays
             At one stamp.
         origin : (2,) ndarray
             The sensor's position, m.
         """
-        number, nothing = len(held), np.zeros(len(new), bool)
+        number, nothing = len(confirmed), np.zeros(len(new), bool)
         if not self._learns or not len(new):
             return nothing
-        both = TrackArrays.joined(held, new)
+        both = TrackArrays.joined(confirmed, new)
         filled = self._fill(both, number, SUSPICION)
         if self.seen:
             before = new.stamp - new.age < self.since
@@ -547,10 +549,10 @@ class ExtendedTargets:
         reach = BESIDE * unit_of(self.sensor)
         near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
         near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        waits = self.test.waits(held.track_id)
+        waits = self.test.waits(confirmed.track_id)
         if self.test.crowded:
             # Echoes in a row that stand still, a quay, look for some hits like a target along it.
-            still = held.stationary_probability > PROBABLE
+            still = confirmed.stationary_probability > PROBABLE
             moves = is_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
             moves &= new.hit_count >= MAX_UNRESOLVED_HITS
             near[:, :number] &= waits | (still & ~moves[:, None])
@@ -558,35 +560,35 @@ class ExtendedTargets:
             near = near[:, :number] & waits
         return np.asarray(filled | near.any(axis=1))
 
-    def of_one_hull(self, held: TrackArrays) -> BoolArray:
-        """Which held tracks (n,) are of an older one's target, since plots are made."""
-        return self._fill(held, 0, ONE_HULL)
+    def of_one_extent(self, confirmed: TrackArrays) -> BoolArray:
+        """Which confirmed tracks (n,) are of an older one's target, since clusters are made."""
+        return self._fill(confirmed, 0, ONE_EXTENT)
 
     def _fill(self, tracks: TrackArrays, first: int, least: float) -> BoolArray:
         """Whether detections fill the way from each track from a first one on to an older one.
 
-        To the nearest, as on a hull, with L at least as given. Targets of their own have none in
+        To the nearest, as on an extent, with L at least as given. Targets of their own have none in
         the middle third of it, where that is longer than their errors. Both ends move as the older
         track.
         """
-        place, velocity = (tracks.state[:, :2] + 1j * tracks.state[:, 2:]).T
+        position, velocity = (tracks.state[:, :2] + 1j * tracks.state[:, 2:]).T
         filled = np.zeros(len(tracks), bool)
         for row in range(max(first, 1), len(tracks)):
-            apart, now = np.abs(place - place[row]), tracks.stamp[row]
+            apart, now = np.abs(position - position[row]), tracks.stamp[row]
             apart[row] = np.inf
             older = int(np.argmin(apart))
             shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
             if older < row and shorter < apart[older] <= LONGEST_WAY * unit_of(self.sensor):
-                way = place[older] - place[row]
+                way = position[older] - position[row]
                 seen = [at @ (1.0, 1j) + velocity[older] * (now - t) for t, at, _ in self._recent]
-                off = (np.concatenate(seen) - place[row]) / way - 0.5
+                off = (np.concatenate(seen) - position[row]) / way - 0.5
                 inside = np.maximum(np.abs(off.real), np.abs(off.imag)) <= 1.0 / 6.0
-                expected = PRIOR + sum(one for *_, one in self._recent) * abs(way) ** 2 / 9.0
+                expected = PRIOR + sum(rate for *_, rate in self._recent) * abs(way) ** 2 / 9.0
                 filled[row] = log_ratio(float(inside.sum()), expected) >= least
         return filled[first:]
 
     def runs_of(self, scan: Scan) -> Clusters | None:
-        """Plots of the groups that a scan comes with; None where it has none, or plots are off."""
+        """Clusters of the groups that a scan comes with; None without, or if clusters are off."""
         if scan.group is None or self.common.plots == "off":
             return None
         longest = self.common.target_extent or LONGEST_RUN
@@ -603,20 +605,23 @@ class ExtendedTargets:
         return (
             "targets give several detections per ping: detections within "
             f"{extent.along:.3g} m{beam} of each other are combined into one "
-            f"plot{average}"
+            f"cluster{average}"
         )
 
 
-def further_plots(
-    held: ConfirmedTracks, positions: FloatArray, extent: ClusterExtent, sensor_position: FloatArray
+def further_clusters(
+    confirmed: ConfirmedTracks,
+    positions: FloatArray,
+    extent: ClusterExtent,
+    sensor_position: FloatArray,
 ) -> FloatArray:
-    """Density of plots that targets of an extent may have beside their own.
+    """Density of clusters that targets of an extent may have beside their own.
 
     One of each target that exists, uniform within the extent of where it is: a choice.
 
     Parameters
     ----------
-    held : ConfirmedTracks
+    confirmed : ConfirmedTracks
     positions : (d,) ndarray
         m.
     extent : ClusterExtent
@@ -628,7 +633,7 @@ def further_plots(
     (d,) ndarray
         1/m^2.
     """
-    centre = held.tracks.state[:, 0::2] - sensor_position
+    centre = confirmed.tracks.state[:, 0::2] - sensor_position
     range_ = np.hypot(*centre.T)
     sight = centre @ (1.0, -1j) / np.maximum(range_, 1e-9)
     across = extent.across_at(range_)
@@ -638,7 +643,7 @@ def further_plots(
     # Along the line of sight, and i times across.
     apart = (positions[row] - sensor_position - centre[track]) @ (1.0, 1j) * sight[track]
     inside = (np.abs(apart.real) <= extent.along) & (np.abs(apart.imag) <= across[track])
-    density = inside * (held.existence / area)[track]
+    density = inside * (confirmed.existence / area)[track]
     return np.asarray(np.bincount(row, density, minlength=len(positions)), float)
 
 

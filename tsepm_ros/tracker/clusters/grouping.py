@@ -87,24 +87,24 @@ class ClusterErrors:
 
 @dataclass(frozen=True)
 class Clusters:
-    """The plots of a scan.
+    """The clusters of a scan.
 
     Attributes
     ----------
     scan : Scan
-        A detection for each plot: its centroid, and what else its strongest member has.
+        A detection for each cluster: its centroid, and what else its strongest member has.
     strongest : (p,) ndarray of int
-        The strongest member of each plot, a detection of the scan that the plots are of.
+        The strongest member of each cluster, a detection of the scan that the clusters are of.
     own_range_std : (p,) ndarray of bool
-        Whether a plot's range error differs from what the scan or the sensor model has.
+        Whether a cluster's range error differs from what the scan or the sensor model has.
     """
 
     scan: Scan
     strongest: IntArray
     own_range_std: BoolArray
 
-    def of(self, before: Clusters) -> Clusters:
-        """The same as plots of the scan that plots were made of before, of whose scan these are."""
+    def traced_through(self, before: Clusters) -> Clusters:
+        """The same, with members in the scan that the clusters `before` were made of."""
         return replace(
             self,
             strongest=before.strongest[self.strongest],
@@ -175,13 +175,13 @@ def grouped(range: FloatArray, azimuth: FloatArray, extent: ClusterExtent) -> In
     if crowded(range, azimuth, extent, MAX_PAIRS):
         return cells(np.zeros(len(range), np.int64), range, azimuth, extent)
     # Detections of one place are joined first, whatever lies beside them.
-    _, first, place = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
+    _, first, index = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
     if len(first) == len(range):
         return complete_linkage(len(first), *pairs_within(range, azimuth, extent))
     order = np.argsort(first)
     first, rank = first[order], np.argsort(order)
     label = complete_linkage(len(first), *pairs_within(range[first], azimuth[first], extent))
-    return np.asarray(first[label][rank[place]], np.int64)
+    return np.asarray(first[label][rank[index]], np.int64)
 
 
 def runs(scan: Scan, extent: ClusterExtent) -> IntArray:
@@ -228,11 +228,11 @@ def clusters_of(
     errors: ClusterErrors,
     sensor: SensorModel,
 ) -> Clusters:
-    """Make a plot of each group of a scan's detections.
+    """Make a cluster of each group of a scan's detections.
 
     The centroid is weighted by intensity where every member has one above 0. The strongest member,
-    or, where intensities are missing, that nearest to the centroid, lends the plot its intensity,
-    time offset, range rate, pose and index. The widths reach over all members.
+    or, where intensities are missing, that nearest to the centroid, lends the cluster its
+    intensity, time offset, range rate, pose and index. The widths reach over all members.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def clusters_of(
     group, first = order[group], np.sort(first)
     n = len(first)
     size = np.bincount(group, minlength=n)
-    weight, by_intensity = _weights(scan, group, n)
+    weight, by_amplitude = _weights(scan, group, n)
     turn = wrap(scan.azimuth - scan.azimuth[first][group])
 
     def mean(values: FloatArray) -> FloatArray:
@@ -263,7 +263,7 @@ def clusters_of(
     range_ = np.where(size > 1, mean(scan.range), scan.range[first])
     turned = mean(turn)
     off = np.hypot(scan.range - range_[group], scan.range * (turn - turned[group]))
-    rank = np.where(by_intensity[group], -weight, off)
+    rank = np.where(by_amplitude[group], -weight, off)
     best = np.lexsort((rank, group))[np.cumsum(size) - size]
     share = np.bincount(group, weight**2, minlength=n)
     own = sensor.range_variance(range_) if scan.range_std is None else mean(scan.range_std**2)
@@ -271,29 +271,29 @@ def clusters_of(
     angle = np.full(n, sensor.azimuth_std**2) if given is None else mean(given**2)
     factor = np.where(size > 1, 1.0 + errors.independent * (share - 1.0), 1.0)
     spread = np.where(size > 1, share, 1.0) * errors.extent_variance
-    changed = (size > 1) | (spread > 0.0)
+    own_errors = (size > 1) | (spread > 0.0)
     return Clusters(
         scan=chosen(scan, best).replaced(
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
-            range_std=_std("range_std", np.where(changed, own * factor + spread, own)),
+            range_std=_std("range_std", np.where(own_errors, own * factor + spread, own)),
             azimuth_std=_std("azimuth_std", angle * factor + spread / range_**2),
             group=None,
         ),
         strongest=best,
-        own_range_std=changed,
+        own_range_std=own_errors,
     )
 
 
 def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
-    """Weight of each detection in its group, adding up to 1; which groups go by intensity."""
-    strength = scan.features.get("intensity", np.full(len(scan), np.nan))
+    """Weight of each detection in its group, adding up to 1; which groups go by amplitude."""
+    amplitude = scan.features.get("intensity", np.full(len(scan), np.nan))
     with np.errstate(invalid="ignore"):
-        usable = (strength > 0.0) & (strength < 1e100)
-    by_intensity = np.bincount(group, ~usable, minlength=n) == 0
-    weight = np.where(by_intensity[group], strength, 1.0)
+        usable = (amplitude > 0.0) & (amplitude < 1e100)
+    by_amplitude = np.bincount(group, ~usable, minlength=n) == 0
+    weight = np.where(by_amplitude[group], amplitude, 1.0)
     weight = weight / largest_of(weight, group, n)[group]
-    return weight / np.bincount(group, weight, minlength=n)[group], by_intensity
+    return weight / np.bincount(group, weight, minlength=n)[group], by_amplitude
 
 
 def _std(name: str, variance: FloatArray) -> FloatArray:

@@ -1,17 +1,17 @@
-"""The amplitude of clutter: levels, texture, and exponents of detections.
+"""The amplitude of clutter: levels, texture, and normalised amplitudes of detections.
 
-The exponent of a detection is u = -ln P(clutter is at least as strong), see `amplitude_law`: it is
-free of the unit. Strengths are compared after taking away the level of their ping and of their
-place (`ping_level`, `PlaceLevels`); what the levels leave in common to neighbours, a texture,
-counts as a doubt about the law. Detections of targets are weighed down by the evidence of their
-positions alone: weighed by their strength, clutter would lose its tail.
+The normalised amplitude of a detection is u = -ln P(clutter is at least as strong), see
+`amplitude_law`: it is free of the unit. Amplitudes are compared after taking away the level of
+their ping and of their place (`ping_level`, `PlaceLevels`); what the levels leave in common to
+neighbours, a texture, counts as a doubt about the law. Detections of targets are weighed down by
+the evidence of their positions alone: weighed by their amplitude, clutter would lose its tail.
 
-A level is a shift of the logarithms of strengths. It changes only as far as the detections require,
-from long windows to short ones (Lepski, as in `density`), so that a level that does not change
-costs nothing, and ties stay ties. An unknown target may have a detection a ping: as many do not
-count in a rise.
+A level is a shift of the logarithms of amplitudes. It changes only as far as the detections
+require, from long windows to short ones (Lepski, as in `density`), so that a level that does not
+change costs nothing, and ties stay ties. An unknown target may have a detection a ping: as many do
+not count in a rise.
 
-A texture: paths of clutter lie within a neighbourhood. Where its strengths are alike, a path of
+A texture: paths of clutter lie within a neighbourhood. Where its amplitudes are alike, a path of
 strong clutter is as likely as a single strong detection. The rank correlation of neighbours that
 cannot be one target's gives the N of `amplitude_law`: those of one ping, and those of two pings
 that are too far apart. A target has no part in it, however strong.
@@ -52,7 +52,7 @@ REFERENCE = np.dtype(
         ("place", np.float64),  # as the levels of places learned it, or nan
         ("weight", np.float64),  # probability to be of clutter
         ("position", np.complex128),  # x + i y, m
-        ("strength", np.float64),  # as measured
+        ("amplitude", np.float64),  # as measured
     ]
 )
 LAGS = 3
@@ -84,11 +84,11 @@ MAX_TARGET_COUNT = 16.0
 TAIL_SAMPLES = 2.0
 """Samples of the tail for which each of its detections stands, in N; see `amplitude_law`."""
 MAX_SAME_SHARE = 0.9
-"""Share of one value from which on strengths say nothing: they are constant."""
+"""Share of one value from which on amplitudes say nothing: they are constant."""
 TAIL_CHANGE = 4.0
 """New references for which each whose weight changes counts: it may be in the tail."""
 WINSORISED = (0.05, 0.95)
-"""Quantiles of strengths at which those of the levels of places end."""
+"""Quantiles of amplitudes at which those of the levels of places end."""
 LEAST_CHANGE = 0.05
 """Sum of the changes of weights of a ping's references that is worth the while."""
 SATURATED = 4
@@ -114,7 +114,7 @@ class Texture:
 
     @property
     def doubt(self) -> float:
-        """1 / N, 0 for independent strengths.
+        """1 / N, 0 for independent amplitudes.
 
         Kendall's correlation of Clayton's copula is ``1 / (1 + 2 N)``, and two thirds of Spearman's
         if that is small.
@@ -153,13 +153,13 @@ class Texture:
         # A ping has few references: all distances are cheaper than a tree.
         apart = position[own:, None] - position
         square = apart.real**2 + apart.imag**2
-        one, two = np.nonzero((square < near**2) & (square > least))
+        newest, any_row = np.nonzero((square < near**2) & (square > least))
         weight = rows["weight"]
-        pairs = weight[own:][one] * weight[two]
-        pairs[two >= own] *= 0.5  # each pair of the last ping is there twice
+        pairs = weight[own:][newest] * weight[any_row]
+        pairs[any_row >= own] *= 0.5  # each pair of the last ping is there twice
         share = law.at_least[np.searchsorted(law.values, rows["value"])] / law.count
         rank = math.sqrt(12.0) * (0.5 - share)  # of mean 0 and variance 1
-        self._products = keep * self._products + float(pairs @ (rank[own:][one] * rank[two]))
+        self._products = keep * self._products + float(pairs @ (rank[own:][newest] * rank[any_row]))
         self._count = keep * self._count + float(pairs.sum())
 
 
@@ -176,7 +176,7 @@ def ping_level(
     level : float
         The level as a rule.
     values : (n,) ndarray
-        Logarithms of strengths of the last pings, in order.
+        Logarithms of amplitudes of the last pings, in order.
     sizes : sequence of int
         Number of values of each ping.
     windows : sequence of int
@@ -342,7 +342,7 @@ class PlaceLevels:
         if not self.wraps:
             left = np.clip(left, 0, np.maximum(columns - side, 0))
         top = np.minimum(bottom + side, rows)
-        count, total = (sums.of(bottom, top, left, side) for sums in self._sums)
+        count, total = (sums.over(bottom, top, left, side) for sums in self._sums)
         # As many detections as a target may have do not count in a rise.
         target = min(self._pings + 2.0, MAX_TARGET_COUNT)
         spread = PLACE_DEVIATIONS * self._deviation
@@ -372,7 +372,7 @@ class PlaceLevels:
 
 
 class ClutterAmplitudes:
-    """Learns the law of the strengths of clutter.
+    """Learns the law of the amplitudes of clutter.
 
     Parameters
     ----------
@@ -384,13 +384,13 @@ class ClutterAmplitudes:
     Attributes
     ----------
     use : str
-        Whether strengths count as of the last scan, in words.
+        Whether amplitudes count as of the last scan, in words.
     texture : Texture
     """
 
     def __init__(self, shape: tuple[int, int], wraps: bool) -> None:
         self._shape, self._wraps = shape, wraps
-        self.use = "not used: no strengths"
+        self.use = "not used: no amplitudes"
         self._forget()
 
     def _forget(self) -> None:
@@ -412,68 +412,73 @@ class ClutterAmplitudes:
         most_hits: int,
         rings: Callable[[], Cells],
     ) -> ScanAmplitudes | None:
-        """What the strengths of a scan's detections say, by the scans before.
+        """What the amplitudes of a scan's detections say, by the scans before.
 
-        Their exponents without an end become the field `strength` of the detections.
+        Their normalised amplitudes without an end become the field `amplitude` of the detections.
 
         Parameters
         ----------
         detections : (d,) ndarray of DETECTION
-            Strengths in any unit; nan where they are not measured.
+            Amplitudes in any unit; nan where they are not measured.
         scan : int
             Its index.
         most_hits : int
             Hits that a path may have.
         rings : callable
             Cells of the clutter map, its rows divided into `RINGS`; called only if there are
-            strengths.
+            amplitudes.
 
         Returns
         -------
         ScanAmplitudes or None
-            None where strengths say nothing; `use` says why.
+            None where amplitudes say nothing; `use` says why.
         """
         self._next = None
-        strength = detections["intensity"]
-        row = np.flatnonzero(np.isfinite(strength))
+        amplitude = detections["intensity"]
+        row = np.flatnonzero(np.isfinite(amplitude))
         if not len(row):
-            self.use = "not used: no strengths"
+            self.use = "not used: no amplitudes"
             return None
-        if not self._decibels and (strength[row] < 0.0).any():
+        if not self._decibels and (amplitude[row] < 0.0).any():
             self._forget()
             self._decibels = True
-        raw = strength[row] if self._decibels else np.log(np.maximum(strength[row], 1e-30))
-        one = np.empty(len(row), REFERENCE)
-        one["key"] = keys_of(scan, detections["index"][row])
+        raw = amplitude[row] if self._decibels else np.log(np.maximum(amplitude[row], 1e-30))
+        reference = np.empty(len(row), REFERENCE)
+        reference["key"] = keys_of(scan, detections["index"][row])
         cells = rings()
-        one["at"] = self._places.places_of(cells.row[row], cells.column[row])
-        place = self._places.at(one["at"])
-        raw -= place
+        reference["at"] = self._places.places_of(cells.row[row], cells.column[row])
+        place_level = self._places.at(reference["at"])
+        raw -= place_level
         level = self._level_with(raw)
         value = raw - level
-        one["raw"], one["value"], one["level"], one["place"] = raw, value, level, place
-        one["position"] = detections["position"][row] @ (1.0, 1j)
-        one["strength"] = strength[row]
-        one["by_range"] = self._places.by_range(one["at"])
-        self._next = one, row
+        reference["raw"], reference["value"], reference["level"], reference["place"] = (
+            raw,
+            value,
+            level,
+            place_level,
+        )
+        reference["position"] = detections["position"][row] @ (1.0, 1j)
+        reference["amplitude"] = amplitude[row]
+        reference["by_range"] = self._places.by_range(reference["at"])
+        self._next = reference, row
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
-            self.use = "not used: too few strengths so far"
+            self.use = "not used: too few amplitudes so far"
             return None
         if law.constant_share > MAX_SAME_SHARE:
-            self.use = "not used: constant strengths"
+            self.use = "not used: constant amplitudes"
             return None
         doubt = self.texture.doubt
         alike = "; neighbouring clutter is alike" if doubt > 0.0 else ""
         self.use = f"used: compared with {law.count:.0f} of clutter{alike}"
-        exponent, extrapolated = np.full((2, len(strength)), np.nan)
-        exponent[row], extrapolated[row] = law.exponents(value)
+        normalised, extrapolated = np.full((2, len(amplitude)), np.nan)
+        normalised[row], extrapolated[row] = law.normalised(value)
         top, share = self._top
-        at_top = strength >= top
-        exponent[at_top] = np.minimum(exponent[at_top], -math.log(share))
-        detections["strength"] = extrapolated
+        at_top = amplitude >= top
+        normalised[at_top] = np.minimum(normalised[at_top], -math.log(share))
+        detections["amplitude"] = extrapolated
         count = TAIL_SAMPLES * law.tail_count
-        return ScanAmplitudes.of(exponent, 1.0 / (1.0 / count + doubt), most_hits)
+        return ScanAmplitudes.from_normalised(normalised, 1.0 / (1.0 / count + doubt), most_hits)
 
     def _level_with(self, raw: FloatArray) -> float:
         """The level of a ping of logarithms (n,); the first has its median."""
@@ -535,21 +540,25 @@ class ClutterAmplitudes:
         if not len(rows) or not len(scan):
             return
         key = keys_of(scan, index)
-        place = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
-        known = np.flatnonzero(rows["key"][place] == key)
-        place = place[known]
-        gone = np.maximum(rows["weight"][place] - (1.0 - probability[known]), 0.0)
+        index_of = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
+        known = np.flatnonzero(rows["key"][index_of] == key)
+        index_of = index_of[known]
+        gone = np.maximum(rows["weight"][index_of] - (1.0 - probability[known]), 0.0)
         _, ping = np.unique(scan[known], return_inverse=True)
-        changed = np.flatnonzero(np.bincount(ping, gone)[ping] >= LEAST_CHANGE)
-        if not len(changed):
+        affected = np.flatnonzero(np.bincount(ping, gone)[ping] >= LEAST_CHANGE)
+        if not len(affected):
             return
-        place, gone = place[changed], gone[changed]
-        rows["weight"][place] -= gone
+        index_of, gone = index_of[affected], gone[affected]
+        rows["weight"][index_of] -= gone
         self._new += TAIL_CHANGE * float(gone.sum())
-        levelled = np.flatnonzero(np.isfinite(rows["place"][place]))
-        place, gone = place[levelled], gone[levelled]
-        at, values, age = rows["at"][place], rows["place"][place], rows["ping"][-1] - rows["ping"]
-        self._places.withdraw(at, values, gone, age[place])
+        levelled = np.flatnonzero(np.isfinite(rows["place"][index_of]))
+        index_of, gone = index_of[levelled], gone[levelled]
+        at, values, age = (
+            rows["at"][index_of],
+            rows["place"][index_of],
+            rows["ping"][-1] - rows["ping"],
+        )
+        self._places.withdraw(at, values, gone, age[index_of])
 
     def _learn_law(self) -> None:
         rows, before = self._references, self._level
@@ -566,16 +575,16 @@ class ClutterAmplitudes:
             usual = rows["level"] == before
             rows["level"][usual] = self._level
             rows["value"][usual] = rows["raw"][usual] - self._level
-        self._top = _top(rows["strength"], rows["weight"])
-        law = self._law = AmplitudeLaw.of(rows["value"], rows["weight"])
+        self._top = _top(rows["amplitude"], rows["weight"])
+        law = self._law = AmplitudeLaw.from_values(rows["value"], rows["weight"])
         self._new = 0.0
         lowest, highest = map(law.quantile, WINSORISED)
         self._bounds = lowest, highest, float(np.clip(law.values, lowest, highest).std())
 
 
-def _top(strength: FloatArray, weight: FloatArray) -> tuple[float, float]:
+def _top(amplitude: FloatArray, weight: FloatArray) -> tuple[float, float]:
     """The end of the scale, and the share of the reference there; infinite if it is not seen."""
-    at_top = strength == strength.max()
+    at_top = amplitude == amplitude.max()
     if at_top.sum() < SATURATED:
         return math.inf, 1.0
-    return float(strength.max()), float((1.0 + weight[at_top].sum()) / (1.0 + weight.sum()))
+    return float(amplitude.max()), float((1.0 + weight[at_top].sum()) / (1.0 + weight.sum()))

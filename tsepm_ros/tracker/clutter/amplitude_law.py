@@ -2,12 +2,12 @@
 
 The law is learned from a reference of clutter. The body goes by ranks, with ties as at least as
 strong: ``P(z) = (1 + number >= z) / (1 + n)``. The k strongest determine a smooth tail. Its hazard
-rises exponentially with the logarithm z of the strength (Gompertz's law), over the excess y = z - t
-over the tail's begin t::
+rises exponentially with the logarithm z of the amplitude (Gompertz's law), over the excess y = z -
+t over the tail's begin t::
 
     P(z) = P(t) exp(-a (exp(b y) - 1) / b)
 
-b = 0 is a Pareto law of the strength; its exponential law, Weibull's laws (also the tail of a K
+b = 0 is a Pareto law of the amplitude; its exponential law, Weibull's laws (also the tail of a K
 distribution), and in good approximation the log-normal law have larger b. Both parameters are
 integrated over: a with the prior 1 / a, which gives a closed form, b over a grid::
 
@@ -16,7 +16,7 @@ integrated over: a with the prior 1 / a, which gives a closed form, b over a gri
 
 Decibels are logarithms already: the family is the same for them.
 
-The strengths of a target's echoes give a likelihood ratio along a path. For clutter u = -ln
+The amplitudes of a target's echoes give a likelihood ratio along a path. For clutter u = -ln
 P(clutter is at least as strong) is exponential of mean 1, whatever the unit and the law. A
 fluctuating target (Swerling I) with the signal-to-clutter ratio r is exponential of mean 1 + r. The
 ratio is unknown, and the same along a path, so that the number n of a path's hits and the sum S of
@@ -47,7 +47,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 MIN_REFERENCES = 20
-"""Clutter detections without which nothing is said of a strength."""
+"""Clutter detections without which nothing is said of an amplitude."""
 TAIL_COUNT = 4.0
 """The tail holds this times the square root of the reference's count ..."""
 MAX_TAIL_SHARE = 0.5
@@ -57,13 +57,14 @@ CURVATURES = np.array([-0.2, 0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0])
 MAX_GROWTH = 30.0
 """Largest logarithm of a hazard's growth over the tail: no overflow."""
 REACH = 2.0
-"""The exponent is at most ln(1 + n) and this."""
+"""The normalised amplitude is at most ln(1 + n) and this."""
 RANK_DEVIATIONS = 2.0
 """The tail is no thinner than the ranks allow, with so many standard deviations of their count."""
 RATIOS_DB = np.arange(-5.0, 12.6, 2.5)
 """Signal-to-clutter ratios of the prior, which is uniform over them, dB.
 
-The exponents of stronger targets end where those of the strongest do: the law is not known there.
+The normalised amplitudes of stronger targets end where those of the strongest do: the law is not
+known there.
 """
 SAYS_NOTHING = 0.4
 """Prior probability that the target is no stronger than clutter, r = 0."""
@@ -81,12 +82,12 @@ GRID_END, GRID_POINTS = 4000.0, 320
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeLaw:
-    """The law of clutter's strength.
+    """The law of clutter's amplitude.
 
     Attributes
     ----------
     values : (n,) ndarray
-        The reference, ascending: logarithms of strengths.
+        The reference, ascending: logarithms of amplitudes.
     at_least : (n + 1,) ndarray
         Weight of the reference from each value on; 0 at the end.
     begin : float
@@ -106,13 +107,13 @@ class AmplitudeLaw:
     tail_count: float
 
     @classmethod
-    def of(cls, values: FloatArray, weights: FloatArray) -> AmplitudeLaw:
+    def from_values(cls, values: FloatArray, weights: FloatArray) -> AmplitudeLaw:
         """The law of a reference.
 
         Parameters
         ----------
         values, weights : (n,) ndarray
-            Logarithms of strengths, and the probability that each is of clutter.
+            Logarithms of amplitudes, and the probability that each is of clutter.
         """
         order = np.argsort(values, kind="stable")
         values, weights = values[order], weights[order]
@@ -157,25 +158,25 @@ class AmplitudeLaw:
 
     @property
     def reach(self) -> float:
-        """The largest exponent that is told: all that is stronger counts as censored there."""
+        """The largest normalised amplitude: all that is stronger counts as censored there."""
         return math.log1p(self.count) + REACH
 
-    def exponents(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Exponents of values (m,).
+    def normalised(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Normalised amplitudes of values (m,).
 
         Returns
         -------
         told : (m,) ndarray
             ``u = -ln P(z)``, at least 0, up to the law's reach.
         extrapolated : (m,) ndarray
-            Mean of u over the tails, without an end: for a figure in dB. It is not the exponent of
-            the mean exceedance, which evidence needs.
+            Mean of u over the tails, without an end: for a figure in dB. It is not the normalised
+            amplitude of the mean exceedance, which evidence needs.
         """
         rank = self.at_least[np.searchsorted(self.values, values)]
         share = (1.0 + rank) / (1.0 + self.count)
         rows = np.flatnonzero(values > self.begin) if len(self.curvature) else np.zeros(0, np.int64)
         if len(rows):
-            tails = self._tail_exponents(values[rows])
+            tails = self._normalised_tails(values[rows])
             count = rank[rows]
             least = np.maximum(count - RANK_DEVIATIONS * np.sqrt(count), 0.0)
             thinned = (self.share @ np.exp(-tails)) * (1.0 + self.tail_count)
@@ -188,8 +189,8 @@ class AmplitudeLaw:
         extrapolated[rows] = np.maximum(told[rows], begin + self.share @ tails)
         return told, extrapolated
 
-    def _tail_exponents(self, values: FloatArray) -> FloatArray:
-        """Exponent over that of the tail's begin of values beyond it (m,), for each b, (b, m)."""
+    def _normalised_tails(self, values: FloatArray) -> FloatArray:
+        """Normalised amplitude above the tail's begin of values (m,), for each b, (b, m)."""
         excess = np.minimum(values - self.begin, MAX_GROWTH / abs(self.curvature[-1]))
         grown = _hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
         return np.asarray(self.tail_count * np.log1p(grown))
@@ -210,9 +211,9 @@ def ratio_prior() -> tuple[FloatArray, FloatArray]:
     return ratios, weights
 
 
-def scaled(exponent: FloatArray, count: float) -> FloatArray:
-    """The v of each u, (n,): the exponent in units of a scale that N samples determine."""
-    return np.asarray(count * np.expm1(np.minimum(exponent / count, 50.0)))
+def scaled(normalised: FloatArray, count: float) -> FloatArray:
+    """The v of each u, (n,): the amplitude in units of a scale that N samples determine."""
+    return np.asarray(count * np.expm1(np.minimum(normalised / count, 50.0)))
 
 
 def log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
@@ -253,7 +254,7 @@ class PathRatio:
     table: FloatArray
 
     @classmethod
-    def of(cls, count: float, most_hits: int) -> PathRatio:
+    def for_count(cls, count: float, most_hits: int) -> PathRatio:
         """The table for N, in steps of `COUNT_STEP`, and up to a number of hits."""
         step = math.floor(math.log(max(count, 0.1)) / COUNT_STEP)
         return _path_ratio(step, most_hits)
@@ -288,12 +289,12 @@ def _path_ratio(step: int, most_hits: int) -> PathRatio:
 
 @dataclass(frozen=True, eq=False)
 class ScanAmplitudes:
-    """What the strengths of a scan's detections say.
+    """What the amplitudes of a scan's detections say.
 
     Attributes
     ----------
     told : (d,) ndarray of bool
-        Whether the strength of each counts.
+        Whether the amplitude of each counts.
     scaled : (d,) ndarray
         v of each; 0 where it does not count.
     ratio : PathRatio
@@ -304,20 +305,22 @@ class ScanAmplitudes:
     ratio: PathRatio
 
     @classmethod
-    def of(cls, exponent: FloatArray, count: float, most_hits: int) -> ScanAmplitudes:
-        """The strengths of exponents u (d,), nan where they do not count.
+    def from_normalised(
+        cls, normalised: FloatArray, count: float, most_hits: int
+    ) -> ScanAmplitudes:
+        """What normalised amplitudes u say, (d,), nan where they do not count.
 
         Parameters
         ----------
-        exponent : (d,) ndarray
+        normalised : (d,) ndarray
         count : float
             N.
         most_hits : int
             Hits that a path may have.
         """
-        ratio = PathRatio.of(count, most_hits)
-        told = np.isfinite(exponent)
-        return cls(told, scaled(np.where(told, exponent, 0.0), ratio.count), ratio)
+        ratio = PathRatio.for_count(count, most_hits)
+        told = np.isfinite(normalised)
+        return cls(told, scaled(np.where(told, normalised, 0.0), ratio.count), ratio)
 
 
 def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
@@ -326,7 +329,7 @@ def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
     Parameters
     ----------
     hits, total : (n,) ndarray
-        n, not necessarily whole numbers of hits, and S of exponents without an end.
+        n, not necessarily whole numbers of hits, and S of normalised amplitudes without an end.
     """
     if not (hits > 0.0).any():
         return np.full(len(hits), np.nan)

@@ -77,7 +77,7 @@ class Extent:
     azimuth_max: float
 
     @classmethod
-    def of(cls, sensor: SensorModel) -> Extent:
+    def of_sensor(cls, sensor: SensorModel) -> Extent:
         """A sensor's coverage as given."""
         begin, width = sensor.azimuth_min, sensor.sector_width
         return cls(sensor.min_range, sensor.max_range, begin, begin + width)
@@ -267,7 +267,7 @@ def along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, Int
     -------
     begin : (w,) ndarray of int
         Their first cells.
-    held : (p, b) ndarray of int
+    windows : (p, b) ndarray of int
         Windows that hold each block of cells between such beginnings.
     block : (c,) ndarray of int
         Of each cell.
@@ -276,12 +276,12 @@ def along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, Int
     back = np.arange(length // step)[:, None]
     if wraps and length < cells:
         begin = np.arange(0, cells, step)
-        held, edges = (np.arange(len(begin)) - back) % len(begin), begin
+        windows, edges = (np.arange(len(begin)) - back) % len(begin), begin
     else:
         begin = np.unique(np.append(0, np.arange(cells - length, -1, -step)))
         edges = np.append(begin, np.arange(cells - length + step, cells, step))
-        held = np.clip(np.arange(len(edges)) - back, 0, len(begin) - 1)
-    return begin, held, np.searchsorted(edges, np.arange(cells), side="right") - 1
+        windows = np.clip(np.arange(len(edges)) - back, 0, len(begin) - 1)
+    return begin, windows, np.searchsorted(edges, np.arange(cells), side="right") - 1
 
 
 def window_sums(shapes: list[tuple[int, int]], values: FloatArray, wraps: bool) -> list[FloatArray]:
@@ -357,10 +357,10 @@ class Bounds:
 
     def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
-        _, held, row = along(self._cells[0], height, False)
-        values = values.take(held, axis=0).max(axis=0)
-        _, held, column = along(self._cells[1], width, self._wraps)
-        values = values.take(held, axis=1).max(axis=1)
+        _, windows, row = along(self._cells[0], height, False)
+        values = values.take(windows, axis=0).max(axis=0)
+        _, windows, column = along(self._cells[1], width, self._wraps)
+        values = values.take(windows, axis=1).max(axis=1)
         return np.asarray(values[row][:, column])
 
 
@@ -509,7 +509,7 @@ class ClutterMap:
         self._counts = np.zeros(self.grid.shape)
         self._scans = np.zeros(self.grid.shape[1])  # that looked at each column
         self._level = 1.0
-        region, shares = Region.whole(Extent.of(sensor)), np.ones(len(self._scans))
+        region, shares = Region.whole(Extent.of_sensor(sensor)), np.ones(len(self._scans))
         self.seen = SeenCells(self.grid, region, sensor.coverage_area, shares)
         self._renew(region)
 

@@ -45,7 +45,7 @@ scan, which a density does not describe.
   over those that the map expects (Moller, Waagepetersen, "Statistical inference and simulation for
   spatial point processes", 2003). The factor is the mean of the level by the other detections. In
   even clutter g = 1, and so is the factor.
-- Behind a held target: the lower bound by the detections of the last scans there.
+- Behind a confirmed target: the lower bound by the detections of the last scans there.
 """
 
 from __future__ import annotations
@@ -166,8 +166,8 @@ class PredictiveDensity(NamedTuple):
         """
         if math.isinf(self.shape):
             return np.zeros(len(parent))
-        found = Excess(np.maximum(self.around[row], hits[parent]), self.expected[row])
-        return np.minimum(-np.log(found.mean(1.0 / self.shape)), 0.0)
+        excess = Excess(np.maximum(self.around[row], hits[parent]), self.expected[row])
+        return np.minimum(-np.log(excess.mean(1.0 / self.shape)), 0.0)
 
 
 class Overdispersion:
@@ -271,8 +271,8 @@ class Overdispersion:
         return row % rows, column % columns, inside
 
 
-class HeldTargets(NamedTuple):
-    """Held tracks in the sensor's frame, (n,) each.
+class ConfirmedTargets(NamedTuple):
+    """Confirmed tracks in the sensor's frame, (n,) each.
 
     Attributes
     ----------
@@ -300,7 +300,7 @@ class _Strips:
         Rows at which the strips begin: behind the target, and at half the area left.
     """
 
-    def __init__(self, grid: PolarGrid, targets: HeldTargets) -> None:
+    def __init__(self, grid: PolarGrid, targets: ConfirmedTargets) -> None:
         row, middle = grid.cells(targets.range, targets.azimuth)
         start = np.minimum(row + BEHIND, grid.shape[0])
         self.middle = middle[:, None, None]
@@ -315,7 +315,7 @@ class _Strips:
     def sums(self, values: BlockSums) -> FloatArray:
         """Sums of the cells in each strip, (n, widths, 2)."""
         end, left = np.array(values.rows), self.middle - _WIDTHS
-        return np.maximum(values.of(self.start, end, left, 2 * _WIDTHS + 1), 0.0)
+        return np.maximum(values.over(self.start, end, left, 2 * _WIDTHS + 1), 0.0)
 
 
 class SecondaryEchoes:
@@ -337,8 +337,8 @@ class SecondaryEchoes:
         self._track_id, self._scans = np.zeros(0, np.int64), np.zeros(0)
         self._behind = Excess(*np.zeros((2, 0, len(HALF_WIDTHS), 2)))
 
-    def behind_targets(self, targets: HeldTargets, cells: Cells) -> FloatArray:
-        """Factor (n,) of the map's density in cells, by held targets."""
+    def behind_targets(self, targets: ConfirmedTargets, cells: Cells) -> FloatArray:
+        """Factor (n,) of the map's density in cells, by confirmed targets."""
         if not len(targets.track_id) or not len(cells.row):
             return np.ones(len(cells.row))
         _, scans, behind = self._of_targets(targets.track_id)
@@ -347,8 +347,8 @@ class SecondaryEchoes:
         factor = 1.0 + targets.existence[:, None, None] * rise
         if not rise.any():
             return np.ones(len(cells.row))
-        held = _Strips(self._grid, targets).hold(cells)
-        return np.asarray(np.where(held, factor[..., None], 1.0).max(axis=(0, 1, 2)))
+        in_strips = _Strips(self._grid, targets).hold(cells)
+        return np.asarray(np.where(in_strips, factor[..., None], 1.0).max(axis=(0, 1, 2)))
 
     def among(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> FloatArray:
         """Factor (n,) of the map's density in cells, by the other detections of their scan.
@@ -368,12 +368,12 @@ class SecondaryEchoes:
         level = self._before(cells, weight, expected).mean(np.maximum(correlation - 1.0, 0.0))
         return np.maximum(level, 1.0).max(axis=0)
 
-    def update(self, targets: HeldTargets, batch: Batch, expected: BlockSums) -> None:
+    def update(self, targets: ConfirmedTargets, batch: Batch, expected: BlockSums) -> None:
         """Learn from a batch: pairs of its last scan, and what is behind targets in all.
 
         Parameters
         ----------
-        targets : HeldTargets
+        targets : ConfirmedTargets
         batch : Batch
         expected : BlockSums
             Of the numbers that the map expects in a scan.
@@ -399,8 +399,8 @@ class SecondaryEchoes:
         else:
             counts = np.zeros(self._grid.shape)
             np.add.at(counts, cells, weight)
-            before = BlockSums(counts, self._grid.wraps).of(*strips)
-        return Excess(*np.maximum([before, expected.of(*strips)], 0.0))  # rounding errors
+            before = BlockSums(counts, self._grid.wraps).over(*strips)
+        return Excess(*np.maximum([before, expected.over(*strips)], 0.0))  # rounding errors
 
     def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:
         """Ids of targets (n,), scans since they are known, and what is behind them."""

@@ -3,12 +3,12 @@
 No detection on land is a target's. A quay, a row of piles or a field of kelp has echoes at random
 places, ping for ping, within the same outline. It may be thinner than any window of the clutter
 map, which also moves and turns with the sensor. Detections are counted by periods, also those of
-held tracks that do not move: tracks that clutter started would otherwise hide it. Clutter differs
-from a target that stands still in that it lies on both sides, more than the errors of a detection
-away. Let N_0 be the count in a cell, and N_1 and N_2 those in two cells that are `DIRECTIONS` away
-on opposite sides, in each the largest period counted as the second largest (a target that passes is
-in a single one). With n scans that saw the cell, about, in the periods since the first detection in
-it, the density in a cell of side s is ::
+confirmed tracks that do not move: tracks that clutter started would otherwise hide it. Clutter
+differs from a target that stands still in that it lies on both sides, more than the errors of a
+detection away. Let N_0 be the count in a cell, and N_1 and N_2 those in two cells that are
+`DIRECTIONS` away on opposite sides, in each the largest period counted as the second largest (a
+target that passes is in a single one). With n scans that saw the cell, about, in the periods since
+the first detection in it, the density in a cell of side s is ::
 
     min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
 
@@ -135,9 +135,9 @@ class LandMask:
         column = np.floor((cosine * east + sine * north) / self.resolution)
         row = np.floor((cosine * north - sine * east) / self.resolution)
         inside = (column >= 0) & (column < self._columns) & (row >= 0) & (row < self._rows)
-        place = row[inside].astype(np.int64) * self._columns + column[inside].astype(np.int64)
+        index = row[inside].astype(np.int64) * self._columns + column[inside].astype(np.int64)
         on_land = np.zeros(len(positions), bool)
-        on_land[inside] = (self._bits[place >> 3] >> (7 - (place & 7)).astype(np.uint8)) & 1
+        on_land[inside] = (self._bits[index >> 3] >> (7 - (index & 7)).astype(np.uint8)) & 1
         return on_land
 
 
@@ -181,7 +181,7 @@ class FixedPlaces:
         self._views: list[View] = []
 
     @property
-    def found(self) -> bool:
+    def known(self) -> bool:
         """Whether clutter stays anywhere."""
         return len(self._cells) > 0
 
@@ -219,7 +219,7 @@ class FixedPlaces:
             What the scan looked at.
         cells : CellNumbers
         moving : (k,) ndarray of int
-            Rows of detections that are left out, those of held tracks that move.
+            Rows of detections that are left out, those of confirmed tracks that move.
         """
         if stamp <= self._last:
             return
@@ -281,9 +281,9 @@ def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
 
     The largest count of a cell counts as the second largest.
     """
-    cells = np.concatenate([one.cells for one in periods])
-    counts = np.concatenate([one.counts for one in periods]).astype(float)
-    period = np.repeat(np.arange(len(periods)), [len(one.cells) for one in periods])
+    cells = np.concatenate([part.cells for part in periods])
+    counts = np.concatenate([part.counts for part in periods]).astype(float)
+    period = np.repeat(np.arange(len(periods)), [len(part.cells) for part in periods])
     order = np.lexsort((counts, cells))
     cells, counts, period = cells[order], counts[order], period[order]
     last = np.flatnonzero(np.diff(cells, append=-1))  # the largest; no cell is negative
@@ -317,20 +317,20 @@ def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
 def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) -> FloatArray:
     """Number of scans, (n,), that saw each place (n, 2), from its first period (n,) on; about."""
     # Most sensors look at the same from scan to scan.
-    views = {view for one in periods for view in one.views}
+    views = {view for part in periods for view in part.views}
     covered = {view: view.covers(places) for view in views}
     scans = np.zeros(len(places))
-    for number, one in enumerate(periods):
-        seen = sum((share * covered[view] for view, share in one.views.items()), np.zeros(1))
-        scans += np.where(first <= number, one.scans / one.views.total() * seen, 0.0)
+    for number, part in enumerate(periods):
+        seen = sum((share * covered[view] for view, share in part.views.items()), np.zeros(1))
+        scans += np.where(first <= number, part.scans / part.views.total() * seen, 0.0)
     return scans
 
 
 def _numbers(position: FloatArray, level: IntArray) -> IntArray:
     """Numbers (...) of the cells of positions (..., 2) with sides of powers of two (...)."""
-    place = np.floor(np.ldexp(position, -level[..., None])).astype(np.int64) & _MASK
+    index = np.floor(np.ldexp(position, -level[..., None])).astype(np.int64) & _MASK
     of_level = (level + _LEVELS).astype(np.int64) << 2 * _BITS
-    return np.asarray(of_level | (place[..., 0] << _BITS) | place[..., 1])
+    return np.asarray(of_level | (index[..., 0] << _BITS) | index[..., 1])
 
 
 def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
@@ -358,6 +358,6 @@ def _sides(cells: IntArray) -> FloatArray:
 
 def _middles(cells: IntArray) -> FloatArray:
     """Middles of cells, (n, 2), m."""
-    place = np.stack([cells >> _BITS, cells], axis=1) & _MASK
-    place -= (place >> (_BITS - 1)) << _BITS  # below zero
-    return np.asarray((place + 0.5) * _sides(cells)[:, None])
+    index = np.stack([cells >> _BITS, cells], axis=1) & _MASK
+    index -= (index >> (_BITS - 1)) << _BITS  # below zero
+    return np.asarray((index + 0.5) * _sides(cells)[:, None])

@@ -29,7 +29,7 @@ from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterMap, Extent, SeenExtent
 from tsepm_ros.tracker.clutter.excess import (
-    HeldTargets,
+    ConfirmedTargets,
     Overdispersion,
     PredictiveDensity,
     SecondaryEchoes,
@@ -115,13 +115,13 @@ class Learned:
     Attributes
     ----------
     clutter_map : ClutterMap
-    clumps : Overdispersion
+    overdispersion : Overdispersion
         How much lumpier clutter is than the map.
     seen_extent : SeenExtent
         Where clutter is seen, in the coverage.
-    strengths : ClutterAmplitudes
-        Strengths of clutter.
-    persistent : FixedPlaces
+    amplitudes : ClutterAmplitudes
+        Amplitudes of clutter.
+    fixed_places : FixedPlaces
         Where clutter stays in the fixed frame.
     secondary_echoes : SecondaryEchoes
         Clutter behind targets, and behind other clutter of a scan.
@@ -133,16 +133,16 @@ class Learned:
     clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
     detection_probability : DetectionProbability
-        Estimated from the held tracks.
+        Estimated from the confirmed tracks.
     errors : MeasurementErrors
-        Innovations of the held tracks' detections.
+        Innovations of the confirmed tracks' detections.
     """
 
     clutter_map: ClutterMap
-    clumps: Overdispersion
+    overdispersion: Overdispersion
     seen_extent: SeenExtent
-    strengths: ClutterAmplitudes
-    persistent: FixedPlaces
+    amplitudes: ClutterAmplitudes
+    fixed_places: FixedPlaces
     secondary_echoes: SecondaryEchoes
     batch: Batch
     all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
@@ -159,7 +159,7 @@ class Learned:
         return cls(
             clutter_map,
             Overdispersion(grid),
-            SeenExtent(Extent.of(sensor)),
+            SeenExtent(Extent.of_sensor(sensor)),
             ClutterAmplitudes(grid.shape, grid.wraps),
             FixedPlaces(sensor),
             SecondaryEchoes(grid),
@@ -183,9 +183,9 @@ class Learned:
         return replace(
             kept,
             clutter_map=fresh.clutter_map,
-            clumps=fresh.clumps,
+            overdispersion=fresh.overdispersion,
             seen_extent=fresh.seen_extent,
-            strengths=fresh.strengths,
+            amplitudes=fresh.amplitudes,
             secondary_echoes=fresh.secondary_echoes,
             batch=fresh.batch,
         )
@@ -201,9 +201,9 @@ class ScanClutter:
     sensor : SensorModel
         As given.
     counts_echoes : bool
-        Whether clutter behind targets counts, which the held tracks must be for it.
+        Whether clutter behind targets counts, which the confirmed tracks must be for it.
     range, azimuth : (d,) ndarray
-        Of the detections or plots, m and rad.
+        Of the detections or clusters, m and rad.
     detections : (d,) ndarray of DETECTION, optional
         Converted; without them clutter that stays is left out.
 
@@ -211,8 +211,8 @@ class ScanClutter:
     ----------
     predictive : PredictiveDensity or None
         What makes the density uncertain; None where it is given, and until `learn`.
-    strengths : ClutterAmplitudes or None
-        The law of strengths, where the method learns it.
+    amplitudes : ClutterAmplitudes or None
+        The law of amplitudes, where the method learns it.
     polar : tuple of ndarray
         Range and azimuth, as given.
     cells : Cells
@@ -239,18 +239,20 @@ class ScanClutter:
         self._places: CellNumbers | None = None
         self._staying = np.zeros(len(range))
         if self._echoes and detections is not None:
-            self._places = learned.persistent.cells(
+            self._places = learned.fixed_places.cells(
                 detections["position"], detections["major_sigma"]
             )
-            if learned.persistent.found:
-                self._staying = learned.persistent.density(self._places)
+            if learned.fixed_places.known:
+                self._staying = learned.fixed_places.density(self._places)
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
         self.predictive: PredictiveDensity | None = None
-        self.strengths = learned.strengths if common.intensity == "auto" and counts_echoes else None
+        self.amplitudes = (
+            learned.amplitudes if common.intensity == "auto" and counts_echoes else None
+        )
 
-    def before(self, targets: Callable[[], HeldTargets]) -> FloatArray:
-        """Density at each detection, (d,), 1/m^2, with the held targets as of the last scan."""
+    def before(self, targets: Callable[[], ConfirmedTargets]) -> FloatArray:
+        """Density at each detection, (d,), 1/m^2, with confirmed targets as of the last scan."""
         density = self.density()
         if self._echoes:
             density *= self._learned.secondary_echoes.behind_targets(targets(), self.cells)
@@ -262,7 +264,7 @@ class ScanClutter:
         view: View,
         weight: FloatArray,
         min_area: float,
-        targets: Callable[[], HeldTargets],
+        targets: Callable[[], ConfirmedTargets],
         moving: Callable[[], IntArray],
     ) -> FloatArray:
         """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
@@ -278,9 +280,9 @@ class ScanClutter:
         min_area : float
             See `ClutterMap.update`.
         targets : callable
-            The held targets as of this scan.
+            The confirmed targets as of this scan.
         moving : callable
-            Rows of detections that are probably of held tracks that move.
+            Rows of detections that are probably of confirmed tracks that move.
         """
         learned, self.weight = self._learned, weight
         clutter_map, batch, echoes = learned.clutter_map, learned.batch, learned.secondary_echoes
@@ -294,37 +296,37 @@ class ScanClutter:
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
         density, area = self.density(), clutter_map.seen.counted
         if self._echoes:
-            held, expected = targets(), clutter_map.expected
+            confirmed, expected = targets(), clutter_map.expected
             if whole:
-                echoes.update(held, batch, expected)
+                echoes.update(confirmed, batch, expected)
             density *= echoes.among(self.cells, weight, expected)
-            density *= echoes.behind_targets(held, self.cells)
+            density *= echoes.behind_targets(confirmed, self.cells)
             batch.densities.append(density)
             if whole:
-                learned.clumps.update(batch, area)
-            self.predictive = learned.clumps.predictive(self.cells, density, area)
+                learned.overdispersion.update(batch, area)
+            self.predictive = learned.overdispersion.predictive(self.cells, density, area)
         if whole:
             batch.end(stamp)
         if self._places is not None:
-            learned.persistent.update(stamp, view, self._places, moving())
+            learned.fixed_places.update(stamp, view, self._places, moving())
         return self._raised(density)
 
-    def judge_strengths(
+    def judge_amplitudes(
         self, detections: NDArray[np.void], scan_index: int, most_hits: int
     ) -> ScanAmplitudes | None:
-        """What the strengths of a scan's detections say; see `ClutterAmplitudes.judge`."""
-        if self.strengths is None:
+        """What the amplitudes of a scan's detections say; see `ClutterAmplitudes.judge`."""
+        if self.amplitudes is None:
             return None
         grid = self._learned.clutter_map.grid
-        return self.strengths.judge(
+        return self.amplitudes.judge(
             detections,
             scan_index,
             most_hits,
             lambda: grid.divided(self.cells, self.polar[0], RINGS),
         )
 
-    def learn_strengths(self, detections: NDArray[np.void], moved: float) -> None:
-        """Learn the law of the strengths of clutter from the scan that was judged.
+    def learn_amplitudes(self, detections: NDArray[np.void], moved: float) -> None:
+        """Learn the law of the amplitudes of clutter from the scan that was judged.
 
         Parameters
         ----------
@@ -332,12 +334,12 @@ class ScanClutter:
         moved : float
             Distance that a target moves at most from scan to scan, m.
         """
-        if self.strengths is None:
+        if self.amplitudes is None:
             return
         sigma = detections["major_sigma"]
         error = 3.0 * float(np.median(sigma)) if len(sigma) else 0.0
         reach = moved * np.arange(LAGS + 1.0) + math.sqrt(2.0) * error
-        self.strengths.update(self.weight, (LAGS + 1.0) * moved + error, reach)
+        self.amplitudes.update(self.weight, (LAGS + 1.0) * moved + error, reach)
 
     def withdraw(self, share: FloatArray) -> None:
         """Take back a share of each detection (d,): that of a target after all."""
@@ -347,7 +349,7 @@ class ScanClutter:
             self._learned.clutter_map.withdraw(self.cells, taken)
 
     @property
-    def is_persistent(self) -> BoolArray:
+    def is_fixed(self) -> BoolArray:
         """Whether each detection is where clutter stays and the map does not show it, (d,)."""
         return self._staying > (RISE * self.density() if self._staying.any() else 0.0)
 
@@ -455,8 +457,8 @@ def read(
         )
     fresh = Learned.initial(sensor)
     numbers = {name: _numbers(content, name, *row) for name, row in _bounds(sensor).items()}
-    for fault, found in _contradictions(numbers, fresh.clutter_map.grid.shape).items():
-        if found:
+    for fault, contradicts in _contradictions(numbers, fresh.clutter_map.grid.shape).items():
+        if contradicts:
             raise ValueError(f"{UNLEARNED}: {fault}")
     share = 0.5 ** min(age / HALF_LIFE, MAX_HALF_LIVES)
     scans, detected, covered = (

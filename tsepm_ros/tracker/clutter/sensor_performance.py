@@ -1,9 +1,10 @@
-"""What the detections of held tracks show of the sensor: its detection probability and errors.
+"""What the detections of confirmed tracks show of the sensor: its detection probability and errors.
 
 A missed target was present if it is detected again. Therefore the scans from each detection of a
-held target to its next detection count as one detection in their number: a target that has left is
-not counted as missed, however long its track is held. A track counts as far as the scans after its
-start prove that its target exists: the detections of false tracks are not those of targets.
+confirmed target to its next detection count as one detection in their number: a target that has
+left is not counted as missed, however long its track is held. A track counts as far as the scans
+after its start prove that its target exists: the detections of false tracks are not those of
+targets.
 
 The sensor's errors are compared with those given. Of three detections of one target in a row, the
 middle one is compared with the straight line between the other two. With ``a = (t_3 - t_2) / (t_3 -
@@ -120,7 +121,7 @@ class FittedErrors:
 
 
 class MeasurementErrors:
-    """Collects the innovations of held tracks' detections.
+    """Collects the innovations of confirmed tracks' detections.
 
     Attributes
     ----------
@@ -141,10 +142,10 @@ class MeasurementErrors:
         track_id: IntArray,
         detections: NDArray[np.void],
         range_variance: FloatArray,
-        held: IntArray,
+        confirmed: IntArray,
         moves: BoolArray,
     ) -> None:
-        """Update with the detections (k,) that are held tracks' own.
+        """Update with the detections (k,) that are confirmed tracks' own.
 
         Parameters
         ----------
@@ -152,17 +153,17 @@ class MeasurementErrors:
         detections : (k,) ndarray of DETECTION
         range_variance : (k,) ndarray
             Assumed, m^2.
-        held : (n,) ndarray of int
-            Ids of all held tracks; others are forgotten.
+        confirmed : (n,) ndarray of int
+            Ids of all confirmed tracks; others are forgotten.
         moves : (n,) ndarray of bool
             Whether each moves.
         """
-        if not np.array_equal(held, self._track_id):
-            _, new, old = np.intersect1d(held, self._track_id, return_indices=True)
-            last = np.full((2, len(held), 3), complex(np.nan, np.nan))
+        if not np.array_equal(confirmed, self._track_id):
+            _, new, old = np.intersect1d(confirmed, self._track_id, return_indices=True)
+            last = np.full((2, len(confirmed), 3), complex(np.nan, np.nan))
             last[:, new] = self._last[:, old]
-            self._track_id, self._last = held, last
-        own, row = (track_id[:, None] == held).nonzero()
+            self._track_id, self._last = confirmed, last
+        own, row = (track_id[:, None] == confirmed).nonzero()
         detections = taken(detections, own)
         self._last[:, row, :2] = self._last[:, row, 1:]
         self._last[:, row, 2] = detections["time"], detections["position"] @ (1.0, 1j)
@@ -195,7 +196,7 @@ class MeasurementErrors:
         columns = np.array(self.samples).T
         distance, along, turn, range_variance, azimuth_variance = columns[:5]
         variance = partial(_variance, columns[5] > 0.0)
-        square, one = distance**2, np.ones(1)
+        square, unit = distance**2, np.ones(1)
         # Squares of nearly 0, of rounded ranges, leave it as it was assumed.
         grows = _grows(np.maximum(along, NEARLY_ZERO * range_variance), distance)
         return FittedErrors(
@@ -204,8 +205,8 @@ class MeasurementErrors:
             if grows
             else 0.0,
             azimuth_std=variance(turn, azimuth_variance) ** 0.5,
-            range_factor=variance(along / range_variance, one) ** 0.5,
-            azimuth_factor=variance(turn / azimuth_variance, one) ** 0.5,
+            range_factor=variance(along / range_variance, unit) ** 0.5,
+            azimuth_factor=variance(turn / azimuth_variance, unit) ** 0.5,
             median_range=float(np.median(distance)),
         )
 

@@ -44,8 +44,8 @@ false start say nothing of targets, whatever their number. A choice.
 
 PROVING = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
-STRENGTH_MEMORY = 30
-"""Detections over which the strength of a track is averaged."""
+AMPLITUDE_MEMORY = 30
+"""Detections over which the amplitude of a track is averaged."""
 SURE = 0.9
 """Probability to stand still above which a published track becomes a fixed echo."""
 RECOGNISED = 4.5
@@ -78,7 +78,7 @@ _FOUND_AGAIN = (
 
 
 class Status(IntEnum):
-    """What becomes of a held track: published, withheld while it is vague, or a fixed echo."""
+    """What becomes of a confirmed track: published, withheld while it is vague, or a fixed echo."""
 
     PUBLISHED = 0
     WITHHELD = 1
@@ -87,7 +87,7 @@ class Status(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ConfirmedTracks(Rows):
-    """Held tracks, a row each.
+    """Confirmed tracks, a row each.
 
     Attributes
     ----------
@@ -118,9 +118,9 @@ class ConfirmedTracks(Rows):
         Whether the track was ever published.
     hit_sigma : (n,) ndarray
         Standard deviation of the last detection, along its major axis, m; of a new track its own.
-    strength_hits, strength_total : (n,) ndarray
-        Detections with a strength so far, each weighted by the probability that it is the track's,
-        and the sum of their exponents.
+    amplitude_hits, amplitude_total : (n,) ndarray
+        Detections with an amplitude so far, each weighted by the probability that it is the
+        track's, and the sum of their normalised amplitudes.
     """
 
     existence: FloatArray
@@ -136,31 +136,31 @@ class ConfirmedTracks(Rows):
     status: IntArray
     announced: BoolArray
     hit_sigma: FloatArray
-    strength_hits: FloatArray
-    strength_total: FloatArray
+    amplitude_hits: FloatArray
+    amplitude_total: FloatArray
 
     @classmethod
-    def of(
+    def from_tracks(
         cls,
         tracks: TrackArrays,
         existence: float | FloatArray,
         misfit: float | FloatArray = 1.0,
-        strengths: tuple[FloatArray, FloatArray] | None = None,
+        amplitudes: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
     ) -> ConfirmedTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
-        Without `strengths` no strength of their hits is known: their number and the sum of their
-        exponents. The covariances are too small for the hits by factors `misfit`, a number or (n,),
-        which counts in the fits. The last hits had the errors `hit_sigma`, by default those of the
-        tracks.
+        Without `amplitudes` no amplitude of their hits is known: their number and the sum of their
+        normalised amplitudes. The covariances are too small for the hits by factors `misfit`, a
+        number or (n,), which counts in the fits. The last hits had the errors `hit_sigma`, by
+        default those of the tracks.
         """
         n = len(tracks)
-        strength_hits, strength_total = strengths or (np.zeros(n), np.zeros(n))
+        amplitude_hits, amplitude_total = amplitudes or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
-            models=InteractingModels.of(tracks.state, tracks.covariance),
-            fits=StraightFits.of(
+            models=InteractingModels.from_states(tracks.state, tracks.covariance),
+            fits=StraightFits.from_states(
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
             existence=np.array(np.broadcast_to(existence, n), float),
@@ -175,14 +175,14 @@ class ConfirmedTracks(Rows):
             hit_sigma=major_sigma(tracks.covariance[:, 0::2, 0::2])
             if hit_sigma is None
             else hit_sigma,
-            strength_hits=strength_hits,
-            strength_total=strength_total,
+            amplitude_hits=amplitude_hits,
+            amplitude_total=amplitude_total,
         )
 
     @classmethod
     def none(cls) -> ConfirmedTracks:
         """No rows."""
-        return cls.of(TrackArrays.of([]), 0.0)
+        return cls.from_tracks(TrackArrays.from_tracks([]), 0.0)
 
     def predicted(self, stamp: float, max_speed: float, stays: BoolArray) -> ConfirmedTracks:
         """The rows at the stamp of a scan (s), before its detections.
@@ -254,7 +254,7 @@ class ConfirmedTracks(Rows):
 
         Returns
         -------
-        held : ConfirmedTracks
+        confirmed : ConfirmedTracks
         detected : (k,) ndarray
             Of the tracks that the scan covered: probability that the target exists, by the scans
             since its start alone, and was detected.
@@ -283,7 +283,7 @@ class ConfirmedTracks(Rows):
         detected = of_target * existence
         scans = self.covered_scans + covered
         mean, spread = models.combined()
-        held = changed(
+        confirmed = changed(
             self,
             tracks=changed(self.tracks, state=mean, covariance=spread),
             models=models,
@@ -296,33 +296,33 @@ class ConfirmedTracks(Rows):
             covered_scans=scans * (1.0 - detected),
             last_detected=np.where(detected >= PROBABLE, self.tracks.stamp, self.last_detected),
         )
-        return held, (of_target * proven)[covered], scans[covered]
+        return confirmed, (of_target * proven)[covered], scans[covered]
 
-    def with_strengths(
-        self, row: IntArray, probability: FloatArray, strength: FloatArray
+    def with_amplitudes(
+        self, row: IntArray, probability: FloatArray, amplitude: FloatArray
     ) -> ConfirmedTracks:
-        """The rows with the strengths of the detections that may be theirs.
+        """The rows with the amplitudes of the detections that may be theirs.
 
-        Older detections fade, over `STRENGTH_MEMORY`: the aspect changes.
+        Older detections fade, over `AMPLITUDE_MEMORY`: the aspect changes.
 
         Parameters
         ----------
         row, probability : (n, k) ndarray
             Detections near each track, and the probability that each is its target's.
-        strength : (d,) ndarray
-            Exponent of each detection; nan where it is not known.
+        amplitude : (d,) ndarray
+            Normalised amplitude of each detection; nan where it is not known.
         """
-        known = np.isfinite(strength)
+        known = np.isfinite(amplitude)
         if not known.any():
             return self
         share = np.where(known[row], probability, 0.0)
         hits = share.sum(axis=1)
-        total = (share * np.where(known, strength, 0.0)[row]).sum(axis=1)
-        keep = 1.0 - np.minimum(hits, 1.0) / STRENGTH_MEMORY
+        total = (share * np.where(known, amplitude, 0.0)[row]).sum(axis=1)
+        keep = 1.0 - np.minimum(hits, 1.0) / AMPLITUDE_MEMORY
         return changed(
             self,
-            strength_hits=keep * self.strength_hits + hits,
-            strength_total=keep * self.strength_total + total,
+            amplitude_hits=keep * self.amplitude_hits + hits,
+            amplitude_total=keep * self.amplitude_total + total,
         )
 
     def revised(
@@ -335,30 +335,30 @@ class ConfirmedTracks(Rows):
         the first hit of all. Its hits are those of the start, by which it is judged.
         """
         tracks = self.tracks
-        _, row, place = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
-        new = corrected.where(place)
+        _, row, index = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
+        new = corrected.where(index)
         if existence is not None:
             new = changed(new, age=np.maximum(new.age, tracks.age[row]))
         figures = {name: getattr(new, name) for name in _OF_START}
         tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
-        fresh = ConfirmedTracks.of(new, 0.0 if existence is None else existence[place])
+        fresh = ConfirmedTracks.from_tracks(new, 0.0 if existence is None else existence[index])
         started = ["models", "fits"]
         if existence is not None:
             fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
             started += _FOUND_AGAIN
-        held = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
-        return changed(held, tracks=tracks)
+        confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
+        return changed(confirmed, tracks=tracks)
 
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
 
         Their targets exist with a probability; hits and evaluation stay as they are.
         """
-        _, row, place = np.intersect1d(self.tracks.track_id, reported.track_id, return_indices=True)
-        new = reported.where(place)
+        _, row, index = np.intersect1d(self.tracks.track_id, reported.track_id, return_indices=True)
+        new = reported.where(index)
         age = self.tracks.age[row] + new.stamp - self.tracks.stamp[row]
-        fresh = ConfirmedTracks.of(new, existence)
-        held = with_rows(
+        fresh = ConfirmedTracks.from_tracks(new, existence)
+        confirmed = with_rows(
             self,
             row,
             models=fresh.models,
@@ -371,7 +371,7 @@ class ConfirmedTracks(Rows):
             announced=True,
         )
         figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
-        return changed(held, tracks=with_rows(self.tracks, row, age=age, **figures))
+        return changed(confirmed, tracks=with_rows(self.tracks, row, age=age, **figures))
 
     def judged(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows after an update, with the figures of their tracks that only maintenance knows.
@@ -382,7 +382,9 @@ class ConfirmedTracks(Rows):
         fits, tracks = self.fits, self.tracks
         over = np.flatnonzero(fits.change_odds >= MAX_CHANGE_ODDS)
         if len(over):
-            fresh = StraightFits.of(tracks.state[over], tracks.covariance[over], CHANGED_SHARE)
+            fresh = StraightFits.from_states(
+                tracks.state[over], tracks.covariance[over], CHANGED_SHARE
+            )
             fits = with_rows(fits, over, **fresh.__dict__)
         probability = np.full_like(self.existence, np.nan)
         if options.min_speed:
@@ -390,7 +392,7 @@ class ConfirmedTracks(Rows):
         tracks = changed(
             tracks,
             stationary_probability=probability,
-            signal_to_clutter_db=ratio_db(self.strength_hits, self.strength_total),
+            signal_to_clutter_db=ratio_db(self.amplitude_hits, self.amplitude_total),
             existence_probability=self.existence,
             time_since_hit=tracks.stamp - self.last_detected,
         )

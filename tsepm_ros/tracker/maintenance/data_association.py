@@ -170,7 +170,7 @@ def associate(
     For each target, the detections of the others are clutter: L_ij / prod_k!=i f_kj stands for
     L_ij, with the f_kj of targets alone, in all but the numerator of f_ij of j itself (as in
     Musicki, La Scala, "Multi-target tracking in clutter without measurement assignment", IEEE
-    Trans. Aerosp. Electron. Syst. 44(3), 2008). The density of held targets' detections is
+    Trans. Aerosp. Electron. Syst. 44(3), 2008). The density of confirmed targets' detections is
     ``lambda_j (prod_i f_ij - 1)``. Where another detection may as well be target i's, the share of
     target i in detection j is small, so a second target close to it is detectable.
 
@@ -193,8 +193,8 @@ def associate(
         L_ijm of each pair in each mode; detections of other targets count as clutter.
     probability : (n, 2, k) ndarray
         beta_ij = L_ij / Lambda_i: that detection j is target i's, if the target exists.
-    held_density : (d,) ndarray
-        Density of detections of held targets at each detection, 1/m^2.
+    confirmed_density : (d,) ndarray
+        Density of detections of confirmed targets at each detection, 1/m^2.
     """
     ratio, r, b = over_modes(mode_probability, ratios), existence[:, None], empty[:, None]
 
@@ -205,9 +205,9 @@ def associate(
         others = 1.0 - r[..., None] + r[..., None] * remaining
         return np.log1p(r[..., None] * ratio / np.maximum(others, least[..., None]))
 
-    alone, place = log_factor(ratio), row + len(clutter) * np.arange(2)[:, None]
-    explained = np.bincount(place.ravel(), alone.ravel(), minlength=2 * len(clutter))
-    left = np.exp(-np.minimum(explained[place] - alone, MAX_LOG_FACTOR))
+    alone, index = log_factor(ratio), row + len(clutter) * np.arange(2)[:, None]
+    explained = np.bincount(index.ravel(), alone.ravel(), minlength=2 * len(clutter))
+    left = np.exp(-np.minimum(explained[index] - alone, MAX_LOG_FACTOR))
     competing = left * ratio
     factor = log_factor(competing)[:, 0]
     explained = np.bincount(row[:, 0].ravel(), factor.ravel(), minlength=len(clutter))
@@ -249,8 +249,8 @@ def updated_states(
     second_moment = gated.updated[1] - covariance[track, mode] + moved[:, :, None] * moved[:, None]
     moments = np.concatenate([moved, second_moment.reshape(-1, 16)], axis=1)
     moments *= probability[gated.pairs][:, None]
-    place = 20 * (state.shape[1] * track + mode)[:, None] + np.arange(20)
-    sums = np.bincount(place.ravel(), moments.ravel(), minlength=5 * state.size)
+    index = 20 * (state.shape[1] * track + mode)[:, None] + np.arange(20)
+    sums = np.bincount(index.ravel(), moments.ravel(), minlength=5 * state.size)
     sums = sums.reshape(*state.shape[:-1], 20)
     mean, change = sums[..., :4], sums[..., 4:].reshape(covariance.shape)
     covariance = covariance + change - mean[..., :, None] * mean[..., None, :]
@@ -264,5 +264,5 @@ def updated_existence(existence: FloatArray, ratio: FloatArray) -> FloatArray:
 
 
 OwnDetections = tuple[IntArray, IntArray]
-"""Detections of a scan that are held tracks', with more than some probability: id of the track, and
-detection, (k,) each."""
+"""Detections of a scan that are confirmed tracks', with more than some probability: id of the
+track, and detection, (k,) each."""

@@ -16,7 +16,7 @@ a factor, the likelihood of v is the density of the fitted velocity, ``N(v; v^, 
 the posterior probability that the target stands still. This evidence grows with every ping.
 
 The fit hardly forgets, so that slow motion shows. A fixed echo that moves off leaves its fit
-behind; the held track follows it, since its filter allows for manoeuvres. With Lambda the
+behind; the confirmed track follows it, since its filter allows for manoeuvres. With Lambda the
 likelihood ratio of a scan, target against none (see `data_association`), of the filter and of the
 fit, the odds that the motion has changed are (Shiryaev 1963)::
 
@@ -145,7 +145,7 @@ class StraightFits(Rows):
     share: FloatArray
 
     @classmethod
-    def of(
+    def from_states(
         cls, state: FloatArray, covariance: FloatArray, share: float = STATIONARY_SHARE
     ) -> StraightFits:
         """Fits that begin with states (n, 4) and covariances (n, 4, 4)."""
@@ -199,8 +199,8 @@ class StraightFits(Rows):
         gain = np.swapaxes(np.linalg.solve(spread, np.swapaxes(cross, 1, 2)), 1, 2)
         state, covariance = np.zeros_like(self.state), np.zeros_like(self.covariance)
         state[:, 0::2] = self.state[:, 0::2] - (gain @ self.state[:, 1::2, None])[..., 0]
-        place = self.covariance[:, 0::2, 0::2] - gain @ np.swapaxes(cross, 1, 2)
-        covariance[:, 0::2, 0::2] = 0.5 * (place + np.swapaxes(place, 1, 2))
+        position = self.covariance[:, 0::2, 0::2] - gain @ np.swapaxes(cross, 1, 2)
+        covariance[:, 0::2, 0::2] = 0.5 * (position + np.swapaxes(position, 1, 2))
         covariance[:, 1::2, 1::2] = spread
         return state, covariance
 

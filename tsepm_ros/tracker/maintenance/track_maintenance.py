@@ -1,6 +1,6 @@
 """Confirmed tracks maintained: carried from scan to scan, updated by their detections, and ended.
 
-The states of tracks that a downstream tracker lists replace the held states. The rules that end
+The states of tracks that a downstream tracker lists replace those here. The rules that end
 tracks here apply only to tracks that it has not listed yet.
 """
 
@@ -38,7 +38,7 @@ from tsepm_ros.tracker.tracks import (
 )
 
 REMEMBERED_SCANS = 16
-"""Scans whose detections of held tracks are remembered, for starts by these."""
+"""Scans whose detections of confirmed tracks are remembered, for starts by these."""
 HOLD_SCANS = 50
 """Scans after whose time without a detection a track ends, where `hold_time` is 0: a choice."""
 MOST_PLACES = 500
@@ -79,13 +79,13 @@ class TrackMaintenance:
 
     Attributes
     ----------
-    held : ConfirmedTracks
-        Every track held, published or not, with all that is known of it.
+    confirmed : ConfirmedTracks
+        Every confirmed track, published or not, with all that is known of it.
     tracker : ExternalTracker
         Whether a downstream tracker was heard since the last clearing, and still is.
     ended : dict
         Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
-    held_association : tuple of (p,) ndarray
+    confirmed_association : tuple of (p,) ndarray
         Detections of the last scan that may be the tracks', and the probability ``r_i beta_ij`` of
         each that the target exists and the detection is its.
     own_detections : OwnDetections
@@ -107,7 +107,7 @@ class TrackMaintenance:
         self._forget()
 
     def _forget(self) -> None:
-        self.held = ConfirmedTracks.none()
+        self.confirmed = ConfirmedTracks.none()
         self.tracker, self._last_report = ExternalTracker.NONE, -math.inf
         self._begun: dict[tuple[int, int], int] = {}
         self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
@@ -116,30 +116,30 @@ class TrackMaintenance:
     def _forget_scan(self) -> None:
         """Forget what the last step found."""
         none = np.zeros(0, np.int64)
-        self.held_association, self.covered = (none, np.zeros(0)), (np.zeros(0), np.zeros(0))
+        self.confirmed_association, self.covered = (none, np.zeros(0)), (np.zeros(0), np.zeros(0))
         self.own_detections = self.probable_detections = self.nearest_detections = none, none
         self.released = NO_TRACKS
 
     @property
     def current(self) -> TrackArrays:
         """Published tracks, at the last scan's stamp; between `follow` and `step` at their own."""
-        held = self._state()
-        return held.tracks.where(held.status == Status.PUBLISHED)
+        confirmed = self._state()
+        return confirmed.tracks.where(confirmed.status == Status.PUBLISHED)
 
     def _state(self) -> ConfirmedTracks:
-        """Every track held, with its probability to stand still."""
-        self.held = self.held.stated(self.options)
-        return self.held
+        """Every confirmed track, with its probability to stand still."""
+        self.confirmed = self.confirmed.stated(self.options)
+        return self.confirmed
 
     @property
     def fixed_echoes(self) -> TrackArrays:
-        """Held tracks that exist and stand still, at their places."""
+        """Confirmed tracks that exist and stand still, at their places."""
         return self._state().fixed_echoes
 
     def detections_of_moving(self) -> IntArray:
-        """Rows of the last scan's detections that are probably of held tracks that move, (k,)."""
+        """Rows of the last scan's detections probably of confirmed tracks that move, (k,)."""
         ids, rows = self.probable_detections
-        moving = self.held.tracks.track_id[self.held.fits.moves]
+        moving = self.confirmed.tracks.track_id[self.confirmed.fits.moves]
         return rows[(ids[:, None] == moving).any(axis=1)]
 
     def step(
@@ -178,29 +178,31 @@ class TrackMaintenance:
         Returns
         -------
         (d,) ndarray
-            Density at each detection, 1/m^2, of the held targets' detections, to be added to the
-            clutter density; see `data_association.associate`.
+            Density at each detection, 1/m^2, of the confirmed targets' detections, to be added to
+            the clutter density; see `data_association.associate`.
         """
         away = self._begin(stamp, interval, detectable)
-        if not len(self.held):
+        if not len(self.confirmed):
             return np.zeros(len(detections))
-        held = self.held.predicted(stamp, max_speed, away)
-        probability = detectable(held.tracks.state[:, 0::2])
+        confirmed = self.confirmed.predicted(stamp, max_speed, away)
+        probability = detectable(confirmed.tracks.state[:, 0::2])
         covered = probability > 0.0
-        held = held.existing(covered, covered | (whole & ~away))
+        confirmed = confirmed.existing(covered, covered | (whole & ~away))
         # Associate.
-        empty = 1.0 - held.visible * probability * GATE_PROBABILITY
+        empty = 1.0 - confirmed.visible * probability * GATE_PROBABILITY
         state, covariance = (
-            np.concatenate([getattr(held.models, name), getattr(held.fits, name)[:, None]], axis=1)
+            np.concatenate(
+                [getattr(confirmed.models, name), getattr(confirmed.fits, name)[:, None]], axis=1
+            )
             for name in ("state", "covariance")
         )
-        gated = self.gate(held, state, covariance, stamp, detections, sensor)
+        gated = self.gate(confirmed, state, covariance, stamp, detections, sensor)
         row, clutter = gated.row, np.maximum(clutter, MIN_CLUTTER_DENSITY)
         # A detection was possible where there is one, wherever the data sheet ends the coverage.
-        scale = (held.visible * sensor.detection_probability)[:, None, None] / clutter[row]
+        scale = (confirmed.visible * sensor.detection_probability)[:, None, None] / clutter[row]
         ratios = gated.likelihood * scale[:, data_association.SEEKER]
-        ratio, share, held_density = data_association.associate(
-            held.existence, empty, held.models.probability, ratios, row, clutter
+        ratio, share, confirmed_density = data_association.associate(
+            confirmed.existence, empty, confirmed.models.probability, ratios, row, clutter
         )
         # Update.
         mode_ratios = empty[:, None] + ratio.sum(axis=-1)
@@ -208,29 +210,31 @@ class TrackMaintenance:
             state, covariance, gated, ratio / mode_ratios[..., None]
         )
         # A downstream tracker has a speed limit of its own.
-        limit = np.where(self._kept_by_tracker(held), np.inf, max_speed)
+        limit = np.where(self._kept_by_tracker(confirmed), np.inf, max_speed)
         row, shares = row[:, 0], share[:, 0]
-        held, detected, scans = held.updated(state, covariance, mode_ratios, empty, covered, limit)
+        confirmed, detected, scans = confirmed.updated(
+            state, covariance, mode_ratios, empty, covered, limit
+        )
         self.covered = detected, scans
-        of_target = shares * held.existence[:, None]
-        held = held.with_strengths(row, of_target, detections["strength"])
-        held = held.judged(self.options)
-        sigma = self._take_own(held, row, of_target, detections)
+        of_target = shares * confirmed.existence[:, None]
+        confirmed = confirmed.with_amplitudes(row, of_target, detections["amplitude"])
+        confirmed = confirmed.judged(self.options)
+        sigma = self._take_own(confirmed, row, of_target, detections)
         # End.
-        exists = held.existence >= MIN_EXISTENCE
+        exists = confirmed.existence >= MIN_EXISTENCE
         explained = of_target.sum(axis=1)
         if len(detections):
             seen = np.flatnonzero(explained > PROBABLE)
-            self.nearest_detections = held.tracks.track_id[seen], row[seen, 0]
+            self.nearest_detections = confirmed.tracks.track_id[seen], row[seen, 0]
         kept = self.end(exists, np.where(covered, "missed", "left"))
         repeats = self._repeated(sigma[kept], explained[kept])
         self.end(~repeats, "duplicate")
         self._publish(sensor.max_range)
-        return held_density
+        return confirmed_density
 
     def gate(
         self,
-        held: ConfirmedTracks,
+        confirmed: ConfirmedTracks,
         state: FloatArray,
         covariance: FloatArray,
         stamp: float,
@@ -238,12 +242,12 @@ class TrackMaintenance:
         sensor: SensorModel,
     ) -> GatedDetections:
         """Detections in the gates of tracks, and how well they fit; see `data_association.gate`."""
-        means = np.stack([held.tracks.state, held.fits.state], axis=1)
+        means = np.stack([confirmed.tracks.state, confirmed.fits.state], axis=1)
         return data_association.gate(state, covariance, means, stamp, detections, sensor)
 
     def _take_own(
         self,
-        held: ConfirmedTracks,
+        confirmed: ConfirmedTracks,
         row: IntArray,
         of_target: FloatArray,
         detections: NDArray[np.void],
@@ -255,32 +259,34 @@ class TrackMaintenance:
         possible, probable, certain = (
             (of_target > least).nonzero() for least in (0.0, PROBABLE, SURE)
         )
-        self.held_association = row[possible], of_target[possible]
+        self.confirmed_association = row[possible], of_target[possible]
         self.own_detections, self.probable_detections = (
-            (held.tracks.track_id[pairs[0]], row[pairs]) for pairs in (certain, probable)
+            (confirmed.tracks.track_id[pairs[0]], row[pairs]) for pairs in (certain, probable)
         )
         own = taken(detections, row[probable])
         hits = np.stack([own["scan"], own["index"]], axis=1)
         self._owned.append((hits, self.probable_detections[0]))
-        self.held = with_rows(held, probable[0], hit_sigma=own["major_sigma"])
-        return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(held))
+        self.confirmed = with_rows(confirmed, probable[0], hit_sigma=own["major_sigma"])
+        return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(confirmed))
 
     def _publish(self, max_range: float) -> None:
         """Publish, withhold or fix each track; those that are published for the first time."""
         if self.options.min_speed:
             self._state()
-        status = self.held.statuses(self.options, max_range)
-        listed = self._kept_by_tracker(self.held)
+        status = self.confirmed.statuses(self.options, max_range)
+        listed = self._kept_by_tracker(self.confirmed)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
-        new = (status == Status.PUBLISHED) & ~self.held.announced
-        self.held = held = changed(
-            self.held,
+        new = (status == Status.PUBLISHED) & ~self.confirmed.announced
+        self.confirmed = confirmed = changed(
+            self.confirmed,
             status=status,
-            announced=self.held.announced | new,
+            announced=self.confirmed.announced | new,
             # A downstream tracker has known them from now on only.
-            unlisted_since=np.where(new, self.held.tracks.stamp, self.held.unlisted_since),
+            unlisted_since=np.where(
+                new, self.confirmed.tracks.stamp, self.confirmed.unlisted_since
+            ),
         )
-        self.released = held.tracks.where(new) if new.any() else NO_TRACKS
+        self.released = confirmed.tracks.where(new) if new.any() else NO_TRACKS
 
     def _remember_starts(self, tracks: TrackArrays) -> None:
         begun = {
@@ -293,42 +299,42 @@ class TrackMaintenance:
         self._begun = before | begun
 
     def recognised(self, starts: TrackArrays, coverage_area: float) -> IntArray:
-        """Ids of the held tracks that starts (n,) are, or continue; -1 for those of new targets.
+        """Ids of the confirmed tracks that starts (n,) are, or continue; -1 for new targets.
 
         See `merging.own_starts` and `continued`. Targets are born, in the mean, as often as
         they vanish, uniform in the coverage (m^2) and the velocities up to `max_speed`. Fixed
         echoes and the tracks that a downstream tracker lists are left as they are.
         """
-        held = self.held
-        may = (held.status != Status.FIXED) & ~self._kept_by_tracker(held)
+        confirmed = self.confirmed
+        may = (confirmed.status != Status.FIXED) & ~self._kept_by_tracker(confirmed)
         rows = np.flatnonzero(may)
         if not len(starts) or not len(rows):
             return np.full(len(starts), -1)
-        known = set(held.tracks.track_id.tolist())
+        known = set(confirmed.tracks.track_id.tolist())
         by_scan = [
             {(scan, row): i for (scan, row), i in zip(hits.tolist(), ids.tolist(), strict=True)}
             for hits, ids in self._owned
         ]
         remembered = [*by_scan, self._begun]
-        owned = {hit: i for one in remembered for hit, i in one.items() if i in known}
+        owned = {hit: i for claims in remembered for hit, i in claims.items() if i in known}
         mine = {hit for hits in starts.hits for hit in hits}
         busy = (
             {track for hit, track in by_scan[-1].items() if hit not in mine} if by_scan else set()
         )
-        busy |= set(held.tracks.track_id[~may].tolist())
+        busy |= set(confirmed.tracks.track_id[~may].tolist())
         ids = merging.own_starts(starts, owned, frozenset(busy))
-        others, lost = np.flatnonzero(ids < 0), rows[~np.isin(held.tracks.track_id[rows], ids)]
+        others, lost = np.flatnonzero(ids < 0), rows[~np.isin(confirmed.tracks.track_id[rows], ids)]
         volume = coverage_area * math.pi * self.options.max_speed**2
         births = (
-            (1.0 + len(held))
+            (1.0 + len(confirmed))
             * data_association.SCANS_OF_FADING
             / data_association.SCANS_TO_VANISH
             / volume
         )
         ids[others] = merging.continued(
             starts.where(others),
-            held.tracks.where(lost),
-            held.existence[lost],
+            confirmed.tracks.where(lost),
+            confirmed.existence[lost],
             owned,
             births,
         )
@@ -339,28 +345,30 @@ class TrackMaintenance:
         tracks: TrackArrays,
         existence: float | FloatArray,
         misfit: float | FloatArray = 1.0,
-        strengths: tuple[FloatArray, FloatArray] | None = None,
+        amplitudes: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
     ) -> TrackArrays:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
-        Their covariances are too small for the hits by factors `misfit`; `strengths` and
-        `hit_sigma`: `ConfirmedTracks.of`.
+        Their covariances are too small for the hits by factors `misfit`; `amplitudes` and
+        `hit_sigma`: `ConfirmedTracks.from_tracks`.
         Those that are published at once are returned.
         """
         if not len(tracks):
             return tracks
         self._remember_starts(tracks)
-        new = ConfirmedTracks.of(tracks, existence, misfit, strengths, hit_sigma)
-        held = ConfirmedTracks.joined(self.held, changed(new, announced=np.zeros(len(new), bool)))
-        held = held.judged(self.options).stated(self.options)
-        first = len(held) - len(new)
-        fixed = held.stands_still(self.options)[first:]
-        status, announced = held.status.copy(), held.announced.copy()
+        new = ConfirmedTracks.from_tracks(tracks, existence, misfit, amplitudes, hit_sigma)
+        confirmed = ConfirmedTracks.joined(
+            self.confirmed, changed(new, announced=np.zeros(len(new), bool))
+        )
+        confirmed = confirmed.judged(self.options).stated(self.options)
+        first = len(confirmed) - len(new)
+        fixed = confirmed.stands_still(self.options)[first:]
+        status, announced = confirmed.status.copy(), confirmed.announced.copy()
         status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
         announced[first:] = ~fixed
-        self.held = changed(held, status=status, announced=announced)
-        return held.tracks.where(first + np.flatnonzero(~fixed))
+        self.confirmed = changed(confirmed, status=status, announced=announced)
+        return confirmed.tracks.where(first + np.flatnonzero(~fixed))
 
     def revise(
         self,
@@ -368,7 +376,7 @@ class TrackMaintenance:
         replaced: Sequence[int] = (),
         existence: FloatArray | None = None,
     ) -> TrackArrays:
-        """Correct the starts of held tracks, by their ids, and end tracks that were replaced.
+        """Correct the starts of confirmed tracks, by their ids, and end tracks that were replaced.
 
         A track that a downstream tracker lists does not end. With the `existence` of each, the
         tracks were lost and are found again.
@@ -379,12 +387,12 @@ class TrackMaintenance:
             The published tracks that were corrected.
         """
         if replaced:
-            self.end(~np.isin(self.held.tracks.track_id, replaced), "replaced")
+            self.end(~np.isin(self.confirmed.tracks.track_id, replaced), "replaced")
         if not len(corrected):
             return corrected
         self._remember_starts(corrected)
-        held = self.held.revised(corrected, existence)
-        self.held = held.judged(self.options)
+        confirmed = self.confirmed.revised(corrected, existence)
+        self.confirmed = confirmed.judged(self.options)
         current = self.current
         return current.where(np.isin(current.track_id, corrected.track_id))
 
@@ -406,17 +414,17 @@ class TrackMaintenance:
             `tsepm_ros.session.inputs.usable`.
         """
         self._listen(stamp)
-        held = self._state()
-        since, ids = held.unlisted_since, held.tracks.track_id
+        confirmed = self._state()
+        since, ids = confirmed.unlisted_since, confirmed.tracks.track_id
         if self.tracker is not ExternalTracker.ALIVE:
             since = np.maximum(since, stamp)
         self.tracker, self._last_report = ExternalTracker.ALIVE, stamp
         over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
-        over &= held.announced & ((held.status != Status.FIXED) | (since == LISTED))
-        self.held = changed(held, unlisted_since=since)
+        over &= confirmed.announced & ((confirmed.status != Status.FIXED) | (since == LISTED))
+        self.confirmed = changed(confirmed, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
         self.add(tracks[~np.isin(tracks.track_id, ids)], NEW_TRACK_EXISTENCE)
-        self.held = self.held.listed(tracks, NEW_TRACK_EXISTENCE)
+        self.confirmed = self.confirmed.listed(tracks, NEW_TRACK_EXISTENCE)
 
     def _listen(self, stamp: float) -> None:
         """A tracker whose last report is too far from a time (s) is silent."""
@@ -424,13 +432,13 @@ class TrackMaintenance:
         if self.tracker is ExternalTracker.ALIVE and silent:
             self.tracker = ExternalTracker.SILENT
 
-    def _kept_by_tracker(self, held: ConfirmedTracks) -> BoolArray:
+    def _kept_by_tracker(self, confirmed: ConfirmedTracks) -> BoolArray:
         """Which tracks (n,) the downstream tracker keeps: those listed while it is heard."""
-        return (held.unlisted_since == LISTED) & (self.tracker is ExternalTracker.ALIVE)
+        return (confirmed.unlisted_since == LISTED) & (self.tracker is ExternalTracker.ALIVE)
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
-        self._drop(np.zeros(len(self.held), bool), "cleared", self._cleared)
+        self._drop(np.zeros(len(self.confirmed), bool), "cleared", self._cleared)
         self._forget()
 
     def _begin(
@@ -443,11 +451,11 @@ class TrackMaintenance:
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
         self._listen(stamp)
-        fixed = self.held.status == Status.FIXED
+        fixed = self.confirmed.status == Status.FIXED
         away = fixed.copy()
         if fixed.any():
-            away &= detectable(self.held.tracks.state[:, 0::2]) <= 0.0
-        last = self.held.last_detected
+            away &= detectable(self.confirmed.tracks.state[:, 0::2]) <= 0.0
+        last = self.confirmed.last_detected
         longest = self.options.hold_time or HOLD_SCANS * interval or np.inf
         away = away[self.end(fixed | (last >= stamp - longest), "not_detected")]
         most = MOST_PLACES if self.options.min_speed else 0
@@ -459,11 +467,11 @@ class TrackMaintenance:
 
     def _repeated(self, detection_sigma: FloatArray, explained: FloatArray) -> BoolArray:
         """Which tracks have for some scans been where an older one is, (n,)."""
-        tracks, before = self.held.tracks, self.held.agreeing_scans
+        tracks, before = self.confirmed.tracks, self.confirmed.agreeing_scans
         known = merging.located(tracks.covariance, detection_sigma)
         agrees = merging.agrees_with_older(tracks.state, tracks.covariance, known, explained)
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
-        self.held = changed(self.held, agreeing_scans=scans)
+        self.confirmed = changed(self.confirmed, agreeing_scans=scans)
         return scans >= merging.SAME_SCANS
 
     def end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
@@ -472,20 +480,20 @@ class TrackMaintenance:
         Returns which were kept.
         """
         if not kept.all():
-            kept = kept | self._kept_by_tracker(self.held)
+            kept = kept | self._kept_by_tracker(self.confirmed)
             self._drop(kept, reason, self.ended)
         return kept
 
     def _drop(self, kept: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]) -> None:
         """Keep some tracks (n,), and note the others that were announced as ended."""
-        over = np.flatnonzero(self.held.announced & ~kept)
-        ids = self.held.tracks.track_id[over].tolist()
+        over = np.flatnonzero(self.confirmed.announced & ~kept)
+        ids = self.confirmed.tracks.track_id[over].tolist()
         reasons = np.broadcast_to(reason, len(kept))[over].tolist()
         ended |= dict(zip(ids, reasons, strict=True))
-        self.held = self.held[kept]
+        self.confirmed = self.confirmed[kept]
 
 
-def best_held(existence: FloatArray, evaluation: FloatArray, number: int) -> IntArray:
+def best_confirmed(existence: FloatArray, evaluation: FloatArray, number: int) -> IntArray:
     """Rows of the new tracks (n,) that are kept, ascending.
 
     Those that exist most probably, and of equal ones those of the smallest evaluation.

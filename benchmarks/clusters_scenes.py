@@ -1,4 +1,4 @@
-"""Scenes for plots: swimmers with several echoes each, and the paper's box with lumpy clutter."""
+"""Scenes for clusters: swimmers of several echoes, and the paper's box with lumpy clutter."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Swimmers:
         Whether the errors are common to the echoes of a ping, or each echo's own.
     apart : tuple of float, optional
         Where a second swimmer is, seen from the first, m.
-    hull : float
+    extent : float
         Length of the targets along their course, m: above 0, the echoes of a ping are anywhere
         along it, each with errors of its own.
     speed : float
@@ -63,7 +63,7 @@ class Swimmers:
     spread: float = 1.0
     common: bool = True
     apart: tuple[float, float] | None = None
-    hull: float = 0.0
+    extent: float = 0.0
     speed: float = 1.0
     false: float = 20.0
     pings: int = 40
@@ -126,8 +126,8 @@ class Swimmers:
         error: NDArray[np.float64],
     ) -> tuple[NDArray, NDArray, NDArray]:
         number = int(rng.integers(self.echoes[0], self.echoes[1] + 1))
-        if self.hull:
-            along = self.hull * (rng.random(number) - 0.5) / self.speed
+        if self.extent:
+            along = self.extent * (rng.random(number) - 0.5) / self.speed
             x, y = place[:, None] + along * velocity[:, None]
             return self._measured(x, y, rng.standard_normal((2, number)), target)
         away = 0.5 * self.spread * np.sqrt(rng.random(number)) * (number > 1)

@@ -1,17 +1,17 @@
-"""Plots, measured: what `plots` auto does to targets of several echoes, and to the paper's box.
+"""Clusters, measured: what `plots` auto does to targets of several echoes, and to the paper's box.
 
 - swimmers: starts, when, and NEES, for 3 and for 3 to 5 echoes, spread over 1 m and 3 m, with
   errors common to a ping and independent ones, beside one echo; 95 % intervals;
 - two: two swimmers apart;
-- vessels: starts and tracks of a vessel at 3 m/s with 3 to 8 highlights a ping along its hull;
+- vessels: starts and tracks of a vessel at 3 m/s with 3 to 8 highlights a ping along its extent;
 - pool: swimmers held around a fast imaging sonar, by their echoes and the false detections;
 - box: the largest likelihood ratio over the pings of the paper's box, uniform and lumpy, and
   whether the tracks are those of `plots` off to the bit.
 
-    python benchmarks/plots.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
+    python benchmarks/clusters.py swimmers [--runs 20] [--pings 40] [--density given|estimated]
                                         [--sensor given|unknown]
-    python benchmarks/plots.py pool [--runs 20] [--pings 240] [--swimmers 5] [--enter 0]
-    python benchmarks/plots.py box [--pings 2000]
+    python benchmarks/clusters.py pool [--runs 20] [--pings 240] [--swimmers 5] [--enter 0]
+    python benchmarks/clusters.py box [--pings 2000]
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
-from plots_scenes import Pool, Swimmers, box
+from clusters_scenes import Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.tools.terminal import with_progress
@@ -49,7 +49,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Run:
-    """A run: the ping from which on plots are made, the starts, and the tracks held at its end."""
+    """A run: the ping from which clusters are made, the starts, and the tracks held at its end."""
 
     on: float
     starts: list[Start]
@@ -88,7 +88,7 @@ def run(
             error = track.state - ping.truth[target]
             nees = float(error @ np.linalg.solve(track.covariance, error))
             starts.append(Start(number, target, nees))
-        if initiator.plots.active:
+        if initiator.extended_targets.active:
             on = min(on, number)
     return Run(on, starts, len(initiator.current))
 
@@ -117,7 +117,7 @@ def swimmers(options: argparse.Namespace) -> None:
     plain = Swimmers(echoes=(1, 1), pings=options.pings, false=options.false)
     known_of = options.density, options.sensor
     single = [run(plain, seed, *known_of, plots="off") for seed in seeds_of(options)]
-    # Pings with one echo: as if plots were on from the start.
+    # Pings with one echo: as if clusters were on from the start.
     known = [replace(one, on=0.0) for one in single]
     print(
         f"{options.runs} runs of {options.pings} pings, {options.false:g} false detections a ping"
@@ -171,12 +171,12 @@ def two(options: argparse.Namespace) -> None:
 
 
 def vessels(options: argparse.Namespace) -> None:
-    """Print how many tracks a vessel starts, by the length of its hull."""
-    print("| hull | on (median, last) | first start (median, last) | starts | held at the end |")
+    """Print how many tracks a vessel starts, by the length of its extent."""
+    print("| extent | on (median, last) | first start (median, last) | starts | held at the end |")
     print("|---|---|---|---|---|")
-    for hull in (20.0, 40.0, 60.0):
+    for size in (20.0, 40.0, 60.0):
         scene = Swimmers(
-            echoes=(3, 8), hull=hull, speed=3.0, false=options.false, pings=options.pings
+            echoes=(3, 8), extent=size, speed=3.0, false=options.false, pings=options.pings
         )
         runs = [
             run(scene, seed, options.density, options.sensor, plots=options.plots)
@@ -186,7 +186,7 @@ def vessels(options: argparse.Namespace) -> None:
         starts = [len(one.starts) for one in runs]
         held = [one.held for one in runs]
         print(
-            f"| {hull:g} m | {np.median(on):g}, {max(on):g} | {np.median(begin):g}, {max(begin):g} "
+            f"| {size:g} m | {np.median(on):g}, {max(on):g} | {np.median(begin):g}, {max(begin):g} "
             f"| {np.mean(starts):.2f}, at most {max(starts)} "
             f"| {np.mean(held):.2f}, at most {max(held)} |",
             flush=True,
@@ -203,17 +203,17 @@ class Watched:
         Share of the swimmers with a track within 1.5 m.
     elsewhere : float
         Tracks more than 3 m from every swimmer.
-    plots : bool
-        Whether plots are made in the end.
+    clusters : bool
+        Whether clusters are made in the end.
     on : float
-        Pings from the swimmers' first to the one from which on plots are made.
+        Pings from the swimmers' first to the one from which on clusters are made.
     starts : int
         Of the run, elsewhere too.
     """
 
     held: float
     elsewhere: float
-    plots: bool
+    clusters: bool
     on: float
     starts: int
 
@@ -224,7 +224,7 @@ def watched(scene: Pool, seed: int, **options: object) -> Watched:
     held, elsewhere, starts, on = [], [], 0, math.inf
     for number, ping in enumerate(scene.draw(seed)):
         starts += len(initiator.process(ping.scan))
-        if initiator.plots.active:
+        if initiator.extended_targets.active:
             on = min(on, number + 1 - scene.enter)
         if 2 * number < scene.pings:
             continue
@@ -232,14 +232,14 @@ def watched(scene: Pool, seed: int, **options: object) -> Watched:
         distance = np.hypot(apart[..., 0], apart[..., 1])
         held.append(np.mean(distance.min(axis=1, initial=np.inf) < 1.5))
         elsewhere.append(np.sum(distance.min(axis=0, initial=np.inf) > 3.0))
-    active = initiator.plots.active
+    active = initiator.extended_targets.active
     return Watched(float(np.mean(held)), float(np.mean(elsewhere)), active, on, starts)
 
 
 def pool(options: argparse.Namespace) -> None:
     """Print how many swimmers in the pool are held, by their echoes and the false detections."""
     print(
-        "| echoes | false detections | with plots | after pings | starts "
+        "| echoes | false detections | with clusters | after pings | starts "
         "| held: mean, least | tracks elsewhere |"
     )
     print("|---|---|---|---|---|---|---|")
@@ -247,7 +247,7 @@ def pool(options: argparse.Namespace) -> None:
         for false in (4.0, 16.0, 50.0, 100.0):
             scene = Pool(options.swimmers, echoes, false, options.pings, options.enter)
             runs = [watched(scene, seed, plots=options.plots) for seed in seeds_of(options)]
-            held, on = [one.held for one in runs], [one.on for one in runs if one.plots]
+            held, on = [one.held for one in runs], [one.on for one in runs if one.clusters]
             after = f"{np.mean(on):.1f}" if on else "-"
             print(
                 f"| {echoes} | {false:g} | {len(on)} of {len(runs)} | {after} "
@@ -272,10 +272,10 @@ def paper_box(options: argparse.Namespace) -> None:
             same &= one.hits == other.hits and one.state.tobytes() == other.state.tobytes()
             same &= off.current.covariance.tobytes() == auto.current.covariance.tobytes()
             same &= off.statistics == auto.statistics
-            largest = max(largest, auto.plots.test.log_ratio)
+            largest = max(largest, auto.extended_targets.test.log_ratio)
         print(
             f"{kind}: {options.pings} pings, {tracks} tracks, auto is off to the bit: {same}; "
-            f"largest log likelihood ratio {largest:.2f}, that of plots {LOG_RATIO:.2f}",
+            f"largest log likelihood ratio {largest:.2f}, that of clusters {LOG_RATIO:.2f}",
             flush=True,
         )
 

@@ -1,17 +1,17 @@
-"""What the strength of echoes is worth, and whether the target false-track rate holds with it.
+"""What the amplitude of echoes is worth, and whether the target false-track rate holds with it.
 
 - detection: P_D of the box's target 8 pings after it appears, by its signal-to-clutter ratio, and
-  false + misplaced starts; the law of the clutter's strength is learned from the 16 pings of
-  clutter alone before. All targets, and the row without strengths, have the same positions in a
-  run. The difference is that of P_D from the row without strengths at the same measured false rate,
-  which lies on the line through its points at a third of the target rate, at that and at thrice
-  that.
-- false: false starts on clutter alone, by the law of its strength and the target rate.
+  false + misplaced starts; the law of the clutter's amplitude is learned from the 16 pings of
+  clutter alone before. All targets, and the row without amplitudes, have the same positions in a
+  run. The difference is that of P_D from the row without amplitudes at the same measured false
+  rate, which lies on the line through its points at a third of the target rate, at that and at
+  thrice that.
+- false: false starts on clutter alone, by the law of its amplitude and the target rate.
 
 Intervals of values are two-sided (95 %). Bounds are one-sided (95 %), of differences over paired
 runs (bootstrap).
 
-    python benchmarks/strength.py detection [--runs 300] [--seed 1] [--workers 2] [--result FILE]
+    python benchmarks/amplitude.py detection [--runs 300] [--seed 1] [--workers 2] [--result FILE]
         [--rates 10 100] [--row "0 dB" ...]
 """
 
@@ -24,12 +24,11 @@ from collections.abc import Iterator, Sequence
 
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
-from result_tables import printed, write_table
-from strength_scenes import (
+from amplitude_scenes import (
     BOX,
     CLUTTER,
     CLUTTER_PINGS,
-    NO_STRENGTH,
+    NO_AMPLITUDE,
     TARGETS,
     Change,
     Job,
@@ -38,6 +37,7 @@ from strength_scenes import (
     run,
     with_target,
 )
+from result_tables import printed, write_table
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.commands.arguments import add_runs
@@ -56,7 +56,7 @@ from tsepm_ros.tools.terminal import with_progress
 RATES = (1.0, 10.0, 100.0)
 """Target false-track rates, per hour."""
 AROUND = (1.0 / 3.0, 1.0, 3.0)
-"""Parts of a target rate at which the row without strengths is measured."""
+"""Parts of a target rate at which the row without amplitudes is measured."""
 MOST_FALSE = 2.0
 """Largest measured false rate that is claimed, over the target rate."""
 
@@ -97,24 +97,24 @@ def gain_at_equal_rate(found: FloatArray, plain: FloatArray) -> Estimate:
 
 
 def detection_table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
-    """P_D by the target's strength."""
+    """P_D by the target's amplitude."""
     yield (
         "target",
         "target rate",
         "P_D",
-        "less that without strengths at this false rate (one-sided bounds)",
+        "less that without amplitudes at this false rate (one-sided bounds)",
         "false + misplaced/run",
         "false + misplaced",
         "NEES of true starts",
     )
     for rate in options.rates:
-        scene, change = with_target(None), TARGETS[NO_STRENGTH][1]
+        scene, change = with_target(None), TARGETS[NO_AMPLITUDE][1]
         around = [runs_of(scene, change, part * rate, options) for part in AROUND]
         plain = np.array([counted(outcomes) for outcomes in around])
         for name, (ratio, change) in TARGETS.items():
             if name not in options.row:
                 continue
-            known = name == NO_STRENGTH
+            known = name == NO_AMPLITUDE
             outcomes = around[1] if known else runs_of(with_target(ratio), change, rate, options)
             found = counted(outcomes)
             nees = mean([value for one in outcomes for value in one.nees])
@@ -177,7 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         add_result(command)
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = parser.parse_args(given)
-    line = f"python benchmarks/strength.py {shlex.join(given)}"
+    line = f"python benchmarks/amplitude.py {shlex.join(given)}"
     table = printed(COMMANDS[options.command][0](options))
     write_table(options.result, line, table, seed=options.seed, runs=options.runs)
 

@@ -1,4 +1,4 @@
-"""Laws of clutter's strength: ln(strength) that clutter exceeds with the probability exp(-u)."""
+"""Laws of clutter's amplitude: ln(amplitude) that clutter exceeds with the probability exp(-u)."""
 
 from collections.abc import Callable
 
@@ -9,16 +9,16 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 
 def _k_table(shape: float = 0.5) -> tuple[FloatArray, FloatArray]:
-    """Exponents and ln(strength) of K clutter, from the closed form of its exceedance."""
-    strength = np.exp(np.linspace(-30.0, 9.0, 4000))
-    argument = 2.0 * np.sqrt(shape * strength)
+    """Amplitudes, normalised and as ln, of K clutter, from the closed form of its exceedance."""
+    amplitude = np.exp(np.linspace(-30.0, 9.0, 4000))
+    argument = 2.0 * np.sqrt(shape * amplitude)
     log_exceedance = (
         np.log(2.0 / special.gamma(shape))
-        + 0.5 * shape * np.log(shape * strength)
+        + 0.5 * shape * np.log(shape * amplitude)
         + np.log(special.kve(shape, argument))
         - argument
     )
-    return -log_exceedance, np.log(strength)
+    return -log_exceedance, np.log(amplitude)
 
 
 _K = _k_table()

@@ -1,4 +1,4 @@
-"""One scan of held tracks, written from the equations: loops over track, mode and detection.
+"""One scan of confirmed tracks, written from the equations: loops over track, mode and detection.
 
 Interacting multiple models (Blom, Bar-Shalom 1988), integrated probabilistic data association with
 a Markov chain two (Musicki, Evans, Stankovic 1994; with modes: Musicki, Suvorova 2008) and targets
@@ -74,9 +74,9 @@ class PlainStep:
         p_d = detectable(place[:, [0, 2]])
         t["seen"] = p_d > 0.0
         wait(t, t["seen"] | whole_coverage)
-        plots = convert_scan(scan, 0, rule.settings)
-        near = [neighbours(one, plots, stamp) for one in place]
-        likelihood, state, covariance = fits(t, plots, near, scan, rule)
+        detections = convert_scan(scan, 0, rule.settings)
+        near = [neighbours(one, detections, stamp) for one in place]
+        likelihood, state, covariance = fits(t, detections, near, scan, rule)
         # L_ijm = s_i P_D N_ijm / lambda_j, and b_i = 1 - s_i P_D P_G.
         empty = 1.0 - t["visible"] * p_d * P_G
         ratio = likelihood * t["visible"][:, None, None] * rule.detection_probability / clutter
@@ -85,8 +85,8 @@ class PlainStep:
         left = [np.delete(alone, i, axis=0).prod(axis=0) for i in range(len(alone))]
         left = np.reshape(left, mean.shape)
         competing = mean / left
-        of_held = factors(t["existence"], empty, mean, competing).prod(axis=0)
-        self.density = clutter * (of_held - 1.0)
+        of_confirmed = factors(t["existence"], empty, mean, competing).prod(axis=0)
+        self.density = clutter * (of_confirmed - 1.0)
         detected = update(t, state, covariance, ratio / left[:, None], empty, rule, stamp)
         scans = t["covered_scans"] + t["seen"]
         t["covered_scans"] = scans * (1.0 - detected)
@@ -98,9 +98,9 @@ class PlainStep:
         for i, some in enumerate(near):
             if some:
                 spread = t["spread"][i][np.ix_([0, 2], [0, 2])]
-                t["located"][i] = sigma(spread) <= 2.0 * plots[some[0]].major_axis_std
+                t["located"][i] = sigma(spread) <= 2.0 * detections[some[0]].major_axis_std
             for j in np.flatnonzero(origin[i] > 0.5):
-                t["hit_sigma"][i] = plots[j].major_axis_std
+                t["hit_sigma"][i] = detections[j].major_axis_std
         self.end((t["existence"] >= 0.01) | ~t["seen"], "missed")
         self.end(self.tracks["existence"] >= 0.01, "left")
         count(self.tracks)
@@ -161,34 +161,39 @@ def wait(t: Columns, counts: np.ndarray) -> None:
     t["visible"] = np.where(counts, visible, t["visible"])
 
 
-def neighbours(state: np.ndarray, plots: list[Detection], stamp: float) -> list[int]:
-    """The eight plots nearest to where a track is in the middle of the scan, nearest first."""
-    times = [plot.time - stamp for plot in plots] or [0.0]
+def neighbours(state: np.ndarray, detections: list[Detection], stamp: float) -> list[int]:
+    """The eight detections nearest to where a track is in the middle of the scan, nearest first."""
+    times = [detection.time - stamp for detection in detections] or [0.0]
     centre = POSITION @ transition_matrix((min(times) + max(times)) / 2.0) @ state
-    return sorted(range(len(plots)), key=lambda j: math.dist(plots[j].point, centre))[:8]
+    return sorted(range(len(detections)), key=lambda j: math.dist(detections[j].point, centre))[:8]
 
 
 def fits(
-    t: Columns, plots: list[Detection], near: list[list[int]], scan: Mapping[str, Any], rule: Rule
+    t: Columns,
+    detections: list[Detection],
+    near: list[list[int]],
+    scan: Mapping[str, Any],
+    rule: Rule,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Likelihood (n, 2, d) of near plots, and the states if they are the targets'.
+    """Likelihood (n, 2, d) of near detections, and the states if they are the targets'.
 
-    A plot is compared at its own time; S is that of the track's nearest plot at that plot's time.
-    So is the Kalman gain. Where plots have range rates, S and the gain are each plot's own.
+    A detection is compared at its own time; S is that of the track's nearest detection at that
+    detection's time. So is the Kalman gain. Where detections have range rates, S and the gain are
+    each detection's own.
     """
-    stamp, shape = scan["stamp"], (len(near), 2, len(plots))
-    rates = np.array(scan.get("features", {}).get("range_rate", np.full(len(plots), math.nan)))
+    stamp, shape = scan["stamp"], (len(near), 2, len(detections))
+    rates = np.array(scan.get("features", {}).get("range_rate", np.full(len(detections), math.nan)))
     has_rate = np.isfinite(rates) & (rule.range_rate_std > 0.0)
     likelihood, states, covariances = (np.zeros((*shape, *more)) for more in ((), (4,), (4, 4)))
     for (i, some), m in itertools.product(enumerate(near), (0, 1)):
         for j in some:
-            plot, nearest = plots[j], plots[j if has_rate.any() else some[0]]
+            detection, nearest = detections[j], detections[j if has_rate.any() else some[0]]
             x, p = t["state"][i, m], t["covariance"][i, m]
             h_nearest = POSITION @ transition_matrix(nearest.time - stamp)
-            h = POSITION @ transition_matrix(plot.time - stamp)
+            h = POSITION @ transition_matrix(detection.time - stamp)
             s = h_nearest @ p @ h_nearest.T
             s = s + covariance_at(h_nearest @ x, nearest.sensing, rule.settings)
-            v = plot.point - h @ x
+            v = detection.point - h @ x
             distance = v @ np.linalg.inv(s) @ v
             scale = 2.0 * math.pi * math.sqrt(np.linalg.det(s))
             gain = p @ h_nearest.T @ np.linalg.inv(s)
@@ -196,7 +201,7 @@ def fits(
             if distance <= GATE_WITH_RANGE_RATE and has_rate[j]:
                 moves = np.array(scan["sensor_velocity"])
                 error, variance, gradient = range_rate_innovation(
-                    x, p, plot, rates[j], moves, stamp, rule.range_rate_std
+                    x, p, detection, rates[j], moves, stamp, rule.range_rate_std
                 )
                 distance += error**2 / variance
                 scale *= math.sqrt(2.0 * math.pi * variance)
@@ -211,7 +216,7 @@ def fits(
 def range_rate_innovation(
     x: np.ndarray,
     p: np.ndarray,
-    plot: Detection,
+    detection: Detection,
     measured: float,
     sensor_velocity: np.ndarray,
     stamp: float,
@@ -223,8 +228,8 @@ def range_rate_innovation(
     variance B and C between them, the mean of what is left out is C / r, its variance
     (A B + C^2) / r^2.
     """
-    at = transition_matrix(plot.time - stamp)
-    offset = POSITION @ at @ x - plot.sensing.position
+    at = transition_matrix(detection.time - stamp)
+    offset = POSITION @ at @ x - detection.sensing.position
     relative = VELOCITY @ at @ x - sensor_velocity
     r = math.hypot(*offset)
     u = offset / r
@@ -240,7 +245,7 @@ def range_rate_innovation(
 def factors(
     existence: np.ndarray, empty: np.ndarray, ratio: np.ndarray, of_others: np.ndarray
 ) -> np.ndarray:
-    """f: factors of the scan's likelihood by each target's possible origin of each plot."""
+    """f: factors of the scan's likelihood by each target's possible origin of each detection."""
     rest = of_others.sum(axis=1, keepdims=True) - of_others
     r = existence[:, None]
     without = 1.0 - r + r * (empty[:, None] + rest)

@@ -1,4 +1,4 @@
-"""Held tracks in tests: a few tracks 1 km apart, and the steps that maintain them."""
+"""Confirmed tracks in tests: a few tracks 1 km apart, and the steps that maintain them."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ MAX_SPEED = 10.0
 
 def tracks(*ids: int, stamp: float = 0.0, x: float = 2000.0) -> TrackArrays:
     """Tracks 1 km apart that go 5 m/s along x."""
-    return TrackArrays.of(
+    return TrackArrays.from_tracks(
         [
             ConfirmedTrack(
                 track_id=track_id,
@@ -48,8 +48,8 @@ def step(
 
 
 def ids(maintenance: TrackMaintenance) -> list[int]:
-    """Ids of the held tracks, published or not."""
-    return maintenance.held.tracks.track_id.tolist()
+    """Ids of the confirmed tracks, published or not."""
+    return maintenance.confirmed.tracks.track_id.tolist()
 
 
 def published(maintenance: TrackMaintenance) -> list[int]:

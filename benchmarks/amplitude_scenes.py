@@ -1,4 +1,4 @@
-"""Scenes of `strength.py`: clutter and targets with strengths, and the runs of `score` on them."""
+"""Scenes of `amplitude.py`: clutter and targets with amplitudes, and runs of `score` on them."""
 
 from __future__ import annotations
 
@@ -25,42 +25,42 @@ AS_CLUTTER = -30.0
 """Ratio of a target whose echoes are as strong as clutter, dB."""
 
 Change = Callable[[np.ndarray, Scan, int], np.ndarray]
-"""The strengths as a sensor gives them, from those simulated, the scan and its index."""
+"""The amplitudes as a sensor gives them, from those simulated, the scan and its index."""
 
 
-def as_drawn(strength: np.ndarray, scan: Scan, index: int) -> np.ndarray:
-    """The strengths as they are drawn."""
-    return strength
+def as_drawn(amplitude: np.ndarray, scan: Scan, index: int) -> np.ndarray:
+    """The amplitudes as they are drawn."""
+    return amplitude
 
 
-def of_8_bits(strength: np.ndarray, scan: Scan, index: int) -> np.ndarray:
+def of_8_bits(amplitude: np.ndarray, scan: Scan, index: int) -> np.ndarray:
     """Steps of a twentieth of the mean, up to 255."""
-    return np.clip(np.floor(20.0 * strength) + 1.0, 1.0, 255.0)
+    return np.clip(np.floor(20.0 * amplitude) + 1.0, 1.0, 255.0)
 
 
-def with_a_step(strength: np.ndarray, scan: Scan, index: int) -> np.ndarray:
+def with_a_step(amplitude: np.ndarray, scan: Scan, index: int) -> np.ndarray:
     """10 dB more beyond 7 km."""
-    return np.where(scan.range > 7000.0, 10.0 * strength, strength)
+    return np.where(scan.range > 7000.0, 10.0 * amplitude, amplitude)
 
 
-def with_a_gain(strength: np.ndarray, scan: Scan, index: int) -> np.ndarray:
+def with_a_gain(amplitude: np.ndarray, scan: Scan, index: int) -> np.ndarray:
     """20 dB more from `GAIN_AT` on."""
-    return 100.0 * strength if index >= GAIN_AT else strength
+    return 100.0 * amplitude if index >= GAIN_AT else amplitude
 
 
-def all_equal(strength: np.ndarray, scan: Scan, index: int) -> np.ndarray:
+def all_equal(amplitude: np.ndarray, scan: Scan, index: int) -> np.ndarray:
     """One value for all."""
-    return np.full(len(strength), 7.0)
+    return np.full(len(amplitude), 7.0)
 
 
-def falling(strength: np.ndarray, scan: Scan, index: int) -> np.ndarray:
+def falling(amplitude: np.ndarray, scan: Scan, index: int) -> np.ndarray:
     """Of targets and clutter alike, with the fourth power of the range."""
-    return strength * (5000.0 / scan.range) ** 4
+    return amplitude * (5000.0 / scan.range) ** 4
 
 
-NO_STRENGTH = "no strength"
+NO_AMPLITUDE = "no amplitude"
 CLUTTER: dict[str, tuple[ClutterStrength | None, Change]] = {
-    NO_STRENGTH: (None, as_drawn),
+    NO_AMPLITUDE: (None, as_drawn),
     "Rayleigh": (ClutterStrength(), as_drawn),
     "K, shape 0.5": (ClutterStrength("k", 0.5), as_drawn),
     "K, texture of 500 m and 3 min": (ClutterStrength("k", 0.5, 500.0, 180.0), as_drawn),
@@ -70,9 +70,9 @@ CLUTTER: dict[str, tuple[ClutterStrength | None, Change]] = {
     "step of 10 dB at 7 km": (ClutterStrength(), with_a_step),
     "gain of 20 dB in the middle": (ClutterStrength(), with_a_gain),
 }
-"""Laws of the strength of clutter, and the sensor's change of it."""
+"""Laws of the amplitude of clutter, and the sensor's change of it."""
 TARGETS: dict[str, tuple[float | None, Change]] = {
-    NO_STRENGTH: (None, as_drawn),
+    NO_AMPLITUDE: (None, as_drawn),
     "all equal": (0.0, all_equal),
     "as clutter": (AS_CLUTTER, as_drawn),
     "as clutter, both falling with range": (AS_CLUTTER, falling),
@@ -127,8 +127,8 @@ def run(job: Job) -> Outcomes:
     for index, simulated in enumerate(simulator):
         scan = simulated.scan
         if job.scene.clutter_strength is not None:
-            strength = job.change(scan.features["intensity"], scan, index)
-            scan = replace(scan, features={"intensity": strength})
+            amplitude = job.change(scan.features["intensity"], scan, index)
+            scan = replace(scan, features={"intensity": amplitude})
         tracks += list(initiator.process(scan))
         origins.append(simulated.origin)
     judged = judge_starts(simulator, tracks, origins)
