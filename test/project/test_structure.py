@@ -219,7 +219,7 @@ def test_the_verb_of_the_tracker_fits_a_screen_and_stands_on_the_page():
         assert line in shown
 
 
-def tested_in(path: Path) -> str:
+def file_of_tests(path: Path) -> str:
     """The file that tests a module, in test/."""
     package, *folders, name = path.relative_to(ROOT).parts
     first = ["adapters"] if package == "msg_adapters" else []
@@ -228,7 +228,7 @@ def tested_in(path: Path) -> str:
 
 def test_each_module_has_its_test_file_and_each_test_file_its_module():
     modules = [path for path in MODULES if path.stem != "__init__"]
-    wanted = {tested_in(path): path for path in modules}
+    wanted = {file_of_tests(path): path for path in modules}
     tests = [path.relative_to(ROOT / "test") for path in ROOT.glob("test/**/test_*.py")]
     mirrored = {path.as_posix() for path in tests if path.parts[0] not in OTHER_TESTS}
     assert sorted(wanted.keys() ^ mirrored) == []
@@ -249,7 +249,7 @@ def test_checks_without_ros_leave_out_the_tests_of_what_needs_it():
     assert all((ROOT / path).exists() for path in paths)
     for path in MODULES:
         if name_of(path).startswith((*WITH_ROS, "msg_adapters")) and path.stem != "__init__":
-            tested = f"test/{tested_in(path)}"
+            tested = f"test/{file_of_tests(path)}"
             assert tested.startswith(tuple(paths)), f"{tested} needs ROS"
 
 

@@ -6,11 +6,8 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from msg_adapters.sonar_images import located
-from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
-from tsepm_ros.tools.replay.image_folder import read_images
 from tsepm_ros.tools.replay.recording import read_recording
 
 GEOMETRY = "range: [1.0, 20.9]\nazimuth: [-1.0, 1.0]\nfalse_detections_per_ping: 5\n"
@@ -43,23 +40,6 @@ def test_detections_and_a_picture_are_written(folder, capsys):
     assert "images 12, empty 0" in capsys.readouterr().err
 
 
-def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
-    imsave = pytest.importorskip("matplotlib.image").imsave
-    with np.load(folder / "images.npz") as stored:
-        images = stored["arr_0"]
-    (folder / "images.npz").unlink()
-    rows = ["time_s,file"]
-    for k, image in enumerate(images):
-        np.save(folder / f"{k}.npy", image.T)
-        rows.append(f"{k},{k}.npy")
-    (folder / "times.csv").write_text("\n".join(rows))
-    (folder / "geometry.yaml").write_text(GEOMETRY + "rows: ranges\n")
-    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 0
-    imsave(folder / "0.png", images[0])
-    (folder / "times.csv").write_text("time_s,file\n0,0.png\n")
-    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
-
-
 def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_given(
     folder, capsys
 ):
@@ -72,115 +52,3 @@ def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_
         sensor = open_run(options, stack).session.settings.sensor
     assert (sensor.min_range, sensor.max_range) == pytest.approx((0.95, 15.0))
     assert (sensor.azimuth_min, sensor.azimuth_max) == pytest.approx((-1.016, 1.016), abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "sentence"),
-    [
-        ("geometry.yaml", "range: [1, 2]\n", "azimuth must be a list, of first and last"),
-        ("times.csv", "time_s\n0\n", "holds 12 images, times.csv 1 times"),
-        ("times.csv", "time_s\nnoon\n", "cannot be read"),
-        ("geometry.yaml", GEOMETRY + "p_fa: 3\n", "p_fa is not a parameter"),
-        (
-            "geometry.yaml",
-            GEOMETRY.replace("-1.0, 1.0", "-60, 60"),
-            "(in rad; -60 degrees are -1.047 rad)",
-        ),
-        ("geometry.yaml", GEOMETRY + "rows: range\n", "rows must be one of auto, ranges, beams"),
-        ("geometry.yaml", GEOMETRY + "false_detections_per_ping: many\n", "must be a number"),
-        ("geometry.yaml", GEOMETRY + "near_range: 0.5\n", "near_range and far_range must be given"),
-        (
-            "geometry.yaml",
-            GEOMETRY.replace("1.0, 20.9", "1, 5" + "0" * 400),
-            "range must be a number",
-        ),
-        ("geometry.yaml", GEOMETRY.replace("[-1.0, 1.0]", "null"), "azimuth must be a list"),
-        ("geometry.yaml", "- 1\n", "expected names and values"),
-        ("geometry.yaml", "a: &a [1]\nrange: *a\n", "aliases"),
-        ("times.csv", "time_s\n" + "0\n" * 12, "ascend"),
-        ("times.csv", "time_s\n" + "".join(f"{k}\n" for k in range(11)) + "nan\n", "ascend"),
-        ("times.csv", "time\n" + "0\n" * 12, "time_s of times.csv must have a number"),
-        ("times.csv", "time_s\n" + "".join(f"{k}e12\n" for k in range(12)), "in milliseconds?"),
-        ("images.npz", "PK broken", "cannot be read as images"),
-    ],
-)
-def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, text, sentence):
-    (folder / name).write_text(text)
-    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
-    assert sentence in capsys.readouterr().err
-
-
-def huge_array(shape: str) -> bytes:
-    """A file .npy whose header promises a shape."""
-    head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
-    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode() + b"x" * 100
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("0.npy", huge_array("(1000000, 10000000)")),
-        ("0.npy", huge_array("()")),
-        ("0.pgm", b"P5\n99999999 99999999\n255\n"),
-        ("0.pgm", b"P5\n30 30\n255\n"),
-        ("0.png", b"\x89PNG\r\n\x1a\nbroken"),
-        ("0.ppm", b"P6\n2 1\n255\n\x01\x01\x01\x01\x02\x01"),
-    ],
-    ids=["huge array", "no array", "huge picture", "cut picture", "broken picture", "colours"],
-)
-def test_an_image_that_cannot_be_read_is_refused_whatever_its_header_says(
-    tmp_path, capsys, name, content
-):
-    pytest.importorskip("matplotlib")
-    (tmp_path / "geometry.yaml").write_text(GEOMETRY)
-    (tmp_path / "times.csv").write_text(f"time_s,file\n0,{name}\n")
-    (tmp_path / name).write_bytes(content)
-    assert main(["detect", str(tmp_path), "--out", str(tmp_path / "o.csv")]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("refused: ") and ("colours" in said or name != "0.ppm")
-
-
-def test_pictures_of_16_bits_and_of_three_equal_channels_are_as_their_arrays(tmp_path):
-    pytest.importorskip("matplotlib")
-    rng = np.random.default_rng(2)
-    images = rng.rayleigh(4000.0, (3, 30, 90)).astype(np.uint16)
-    found = []
-    for form in ("npy", "pgm", "ppm"):
-        folder = tmp_path / form
-        folder.mkdir()
-        (folder / "geometry.yaml").write_text(GEOMETRY)
-        names = [f"{k}.{form}" for k in range(3)]
-        rows = [f"{k},{name}" for k, name in enumerate(names)]
-        (folder / "times.csv").write_text("\n".join(["time_s,file", *rows]))
-        for name, image in zip(names, images if form != "ppm" else images >> 8, strict=True):
-            if form == "npy":
-                np.save(folder / name, image)
-            elif form == "pgm":
-                (folder / name).write_bytes(b"P5\n90 30\n65535\n" + image.astype(">u2").tobytes())
-            else:
-                three = np.repeat(image.astype(np.uint8), 3)
-                (folder / name).write_bytes(b"P6\n90 30\n255\n" + three.tobytes())
-        _, _, read = read_images(folder, [])
-        found.append([image.intensity for image in read])
-    np.testing.assert_array_equal(found[0], images)
-    np.testing.assert_array_equal(found[1], images)
-    np.testing.assert_array_equal(found[2], images >> 8)
-
-
-@pytest.mark.parametrize("rows", ["beams", "ranges", "fan"])
-def test_a_folder_is_read_as_the_node_reads_the_same_picture(tmp_path, rows):
-    image = np.random.default_rng(2).rayleigh(4000.0, (40, 60)).astype(np.uint16)
-    np.save(tmp_path / "images.npy", image[None])
-    (tmp_path / "times.csv").write_text("time_s\n0\n")
-    ends = "range: [12.0, 0.5]" if rows != "fan" else "range: [0.5, 12.0]"
-    (tmp_path / "geometry.yaml").write_text(f"{ends}\nazimuth: [0.6, -0.6]\nrows: {rows}\n")
-    notes: list[str] = []
-    _, _, images = read_images(tmp_path, notes)
-    [read] = images
-    layout = ImageLayout(rows=rows)  # far first, port first
-    range_, azimuth, intensity = located(image, layout, (0.5, 12.0), (-0.6, 0.6))
-    np.testing.assert_array_equal(read.intensity, intensity)
-    np.testing.assert_allclose(read.range, range_)
-    half = 0.6 / len(azimuth) if rows != "fan" else 0.0  # of a fan the edges are given
-    np.testing.assert_allclose(read.azimuth, azimuth * 0.6 / (0.6 - half))
-    assert ("top left" in notes[0]) == (rows != "fan")
