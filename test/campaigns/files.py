@@ -28,8 +28,8 @@ from support.bag_files import simulated, small_scenario, storage_file, write_bag
 
 from tsepm_ros.settings.parameter_files import ANY_NODE
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.tools.commands.arguments import as_yaml, values_for
 from tsepm_ros.tools.commands.cli import COMMANDS, main
+from tsepm_ros.tools.commands.given_parameters import as_yaml, values_for
 from tsepm_ros.tools.simulation import shipped_scenarios
 
 LIMIT = 60

@@ -12,7 +12,7 @@ from support.scenes import Scene, random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.tools.commands.arguments import values_for
+from tsepm_ros.tools.commands.given_parameters import values_for
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tracker.tracker import Tracker
 

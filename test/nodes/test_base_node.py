@@ -41,7 +41,7 @@ from tsepm_ros.session.drop_reasons import REPORT_IT
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import NODES, full_table
 from tsepm_ros.tools.bridge.track_bridge import TrackBridge
-from tsepm_ros.tools.commands.arguments import as_yaml
+from tsepm_ros.tools.commands.given_parameters import as_yaml
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 from tsepm_ros.tracker.options import CommonOptions

@@ -143,7 +143,7 @@ def test_a_second_interrupt_does_no_harm(world, start, given, pause):
 
 def test_simulator_and_initiator_find_the_targets_over_dds(world, start):
     tracks = world.listen(PointCloud2, "tracks")
-    process = start("track_initiator", {"method": "tsepm", "diagnostics_period": 0.05})
+    process = start("track_initiator", {"diagnostics_period": 0.05})
     world.until(lambda: tracks.subscription.get_publisher_count(), "the initiator")
     simulator = start("sonar_simulator", {"rate_factor": 1000.0, "seed": 3, "settling_time": 0.3})
     scans = list(Simulator(load_scenario("four_targets"), 3))

@@ -74,7 +74,7 @@ def test_where_the_time_is_over_only_part_of_the_pairs_in_one_place_is_looked_at
     # A thousand detections twice: a million pairs, of which none may be left out in silence.
     n = 1000
     initiator = make_initiator(method, sensor=SensorModel(), plots="off")
-    initiator.max_scan_time = 1e-9
+    initiator.max_scan_time = 0.01  # of a thousand pairs
     for k in range(2):
         initiator.process(Scan(12.0 * k, np.full(n, 1000.0), np.zeros(n)))
     assert initiator.statistics.cut_potential_tracks >= n * n - 500_000

@@ -258,7 +258,7 @@ from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tools.evaluation.simulated_run import operating_points
-from tsepm_ros.tools.commands.arguments import as_yaml
+from tsepm_ros.tools.commands.given_parameters import (as_yaml)
 from tsepm_ros.settings.settings import NODES, make_groups, settings_from, with_method
 from tsepm_ros.own_ship.registration import SensorScan
 from tsepm_ros.session.session import Session

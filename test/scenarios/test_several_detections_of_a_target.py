@@ -61,9 +61,9 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("hull", [20.0, 40.0])
-def test_a_vessel_longer_than_a_cluster_is_one(hull):
-    scene = Swimmers(echoes=(3, 8), hull=hull, speed=3.0, pings=35)
+@pytest.mark.parametrize("extent", [20.0, 40.0])
+def test_a_vessel_longer_than_a_cluster_is_one(extent):
+    scene = Swimmers(echoes=(3, 8), extent=extent, speed=3.0, pings=35)
     runs = [benchmark.run(scene, seed, "estimated") for seed in (1, 2, 3)]
     assert all(run.held == 1 for run in runs)
     # A first start on its end may be lost.
@@ -71,7 +71,7 @@ def test_a_vessel_longer_than_a_cluster_is_one(hull):
 
 
 def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
-    scene = Swimmers(echoes=(3, 8), hull=20.0, speed=3.0, pings=40)
+    scene = Swimmers(echoes=(3, 8), extent=20.0, speed=3.0, pings=40)
     assert len(benchmark.run(scene, 5, "estimated").starts) == 1
 
 

@@ -30,17 +30,9 @@ def listed(found: Pairs) -> list[tuple[int, int]]:
 def test_pairs_within_the_threshold_are_kept_with_their_distance(block, monkeypatch):
     monkeypatch.setattr(assignment, "BLOCK", block)
     parent, row = np.array([0, 0, 1, 2, 2]), np.array([0, 1, 1, 0, 1])
-    found, left = within(parent, row, lambda p, r: 1.0 * np.abs(p - r), 1.0)
+    found = within(parent, row, lambda p, r: 1.0 * np.abs(p - r), 1.0)
     assert listed(found) == [(0, 0), (0, 1), (1, 1), (2, 1)]
     assert found.cost.tolist() == [0.0, 1.0, 0.0, 1.0]
-    assert left == 0
-
-
-def test_what_is_late_is_not_looked_at_and_counted(monkeypatch):
-    monkeypatch.setattr(assignment, "BLOCK", 2)
-    rows = np.arange(5)
-    found, left = within(rows, rows, lambda p, r: 0.0 * p, 1.0, late=lambda: True)
-    assert (len(found), left) == (2, 3)
 
 
 @pytest.mark.parametrize("block", [3, 50_000])

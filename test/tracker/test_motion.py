@@ -224,19 +224,6 @@ def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
     assert density[2] == -np.inf
 
 
-def test_the_closest_approach_is_where_a_fine_grid_of_times_has_it():
-    relative = np.array([[100.0, -3.0, 40.0, 1.0], [50.0, 2.0, 20.0, 0.5], [5.0, 0.0, 6.0, 0.0]])
-    time, distance = motion.closest_approach(relative)
-    times = np.linspace(-60.0, 60.0, 120_001)
-    for row in range(2):
-        apart = np.hypot(
-            relative[row, 0] + times * relative[row, 1], relative[row, 2] + times * relative[row, 3]
-        )
-        assert times[apart.argmin()] == pytest.approx(time[row], abs=1e-3)
-        assert apart.min() == pytest.approx(distance[row], abs=1e-5)
-    assert (time[2], distance[2]) == (0.0, np.hypot(5.0, 6.0))
-
-
 def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
     state, covariance = np.array([[100.0, 3.0, 50.0, -2.0]]), np.diag([9.0, 1.0, 9.0, 1.0])[None]
     begun = motion.InteractingModels.from_states(state, covariance)

@@ -124,7 +124,7 @@ def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
         expected = values[row:end][:, inside].sum()
         found = sums.over(*map(np.array, (row, end, column, width)))
         assert float(found) == pytest.approx(expected, abs=1e-12)
-        assert float(sums.scaled(3.0).of(*map(np.array, (row, end, column, width)))) == (
+        assert float(sums.scaled(3.0).over(*map(np.array, (row, end, column, width)))) == (
             pytest.approx(3.0 * expected, abs=1e-12)
         )
     windows = sums.windows(np.array([0, 2, 4]), 3, np.array([0, 5]), 4)

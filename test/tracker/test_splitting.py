@@ -68,14 +68,6 @@ def test_neighbours_are_those_within_the_radius_and_beyond_a_number_the_nearest(
     assert (cut > 0) is not few
 
 
-def test_where_it_is_late_fewer_pairs_are_looked_at(monkeypatch):
-    monkeypatch.setattr(splitting, "TIMED_GATED", 8)
-    positions, centres = np.stack([np.arange(20.0), np.zeros(20)], axis=1), np.zeros((2, 2))
-    found = splitting.neighbours(positions, centres, np.full(2, 30.0), lambda: True, most=10)
-    assert found[1].tolist() == [0, 1, 2, 3] * 2
-    assert found[2] == 40 - 8
-
-
 def test_a_gate_grows_with_the_time_of_either_sign_and_the_margin():
     last = detections([[0.0, 0.0]] * 3, [0.0, 4.0, 20.0])
     found = detections([[30.0, 0.0], [0.0, 61.0], [0.0, -101.5]], [10.0, 10.0, 10.0])

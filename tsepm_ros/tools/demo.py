@@ -34,7 +34,8 @@ from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.parameter_files import yaml_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.tools.commands.arguments import Arguments, add_arguments, add_values, given_values
+from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
+from tsepm_ros.tools.commands.given_parameters import add_values, given_values
 from tsepm_ros.tools.pictures.plan_position import save
 from tsepm_ros.tools.pictures.run_scene import (
     RunScene,

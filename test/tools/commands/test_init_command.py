@@ -14,8 +14,8 @@ from msg_adapters.sonar_images import located
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command
-from tsepm_ros.tools.commands.arguments import values_for
 from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.commands.given_parameters import values_for
 from tsepm_ros.tools.commands.init_command import (
     OF_IMAGES,
     QUESTIONS,

@@ -470,7 +470,7 @@ def test_stamps_that_stand_still_are_said_with_the_remedy(capsys, tmp_path, stam
 
 
 @pytest.fixture
-def recording(recording, tmp_path):
+def titled(recording, tmp_path):
     """The recording in a folder with a name, which is the page's title."""
     folder = tmp_path / "trial"
     folder.mkdir()
@@ -484,11 +484,11 @@ def held_by(page: str) -> dict:
     return json.loads(gzip.decompress(base64.b64decode(data)))
 
 
-def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
-    assert main(["run", recording]) == 0
+def test_run_writes_a_page_beside_the_tracks(capsys, titled, tmp_path):
+    assert main(["run", titled]) == 0
     plain = capsys.readouterr().out
     path = tmp_path / "run.html"
-    assert main(["run", recording, "--html", str(path)]) == 0
+    assert main(["run", titled, "--html", str(path)]) == 0
     captured = capsys.readouterr()
     assert captured.out == plain
     assert captured.err == f"page: {path}\n"
@@ -504,28 +504,28 @@ def test_run_writes_a_page_beside_the_tracks(capsys, recording, tmp_path):
 
 
 def test_the_page_of_a_run_says_what_was_dropped_and_has_the_places_of_its_origin(
-    capsys, recording, tmp_path
+    capsys, titled, tmp_path
 ):
     path = tmp_path / "run.html"
-    assert main(["run", recording, "--html", str(path), "--origin", "59.65,10.63"]) == 0
+    assert main(["run", titled, "--html", str(path), "--origin", "59.65,10.63"]) == 0
     info = held_by(path.read_text())["info"]
     assert info["geographic"]["origin"] == [59.65, 10.63] and info["north"]
-    with open(f"{recording}/detections.csv", "a") as file:
+    with open(f"{titled}/detections.csv", "a") as file:
         file.write("\n90.0,-1.0,0.0\n")
-    assert main(["run", recording, "--html", str(path)]) == 0
+    assert main(["run", titled, "--html", str(path)]) == 0
     health = held_by(path.read_text())["health"]
     assert health["level"] == 1
     assert any(entry["message"].startswith("1 detection dropped") for entry in health["entries"])
 
 
 @pytest.mark.long
-def test_watch_serves_a_recording_until_interrupted(recording):
+def test_watch_serves_a_recording_until_interrupted(titled):
     command = [
         sys.executable,
         "-m",
         "tsepm_ros.tools.commands.cli",
         "watch",
-        recording,
+        titled,
         "--port",
         "0",
     ]
@@ -555,10 +555,10 @@ def refused(capsys, *arguments: str) -> str:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket
-def test_a_port_in_use_is_refused_before_the_work(capsys, recording):
+def test_a_port_in_use_is_refused_before_the_work(capsys, titled):
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        assert "choose another port" in refused(capsys, recording, "--port", str(port))
+        assert "choose another port" in refused(capsys, titled, "--port", str(port))
 
 
 @pytest.mark.parametrize(

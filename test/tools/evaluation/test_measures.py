@@ -16,6 +16,7 @@ from tsepm_ros.tools.evaluation.intervals import (
 )
 from tsepm_ros.tools.evaluation.measures import (
     RunSummary,
+    closest_approach,
     cramer_rao,
     measures_of,
     start_bound,
@@ -256,3 +257,16 @@ def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
     assert (measures.detection.value, measures.detection_by_position.value) == (0.0, 1.0)
     assert (measures.detection_corrected.value, measures.corrections_per_run.value) == (1.0, 1.0)
     assert measures_of(made.scenario, [kept], 1).detection_by_position.value == 0.0
+
+
+def test_the_closest_approach_is_where_a_fine_grid_of_times_has_it():
+    relative = np.array([[100.0, -3.0, 40.0, 1.0], [50.0, 2.0, 20.0, 0.5], [5.0, 0.0, 6.0, 0.0]])
+    time, distance = closest_approach(relative)
+    times = np.linspace(-60.0, 60.0, 120_001)
+    for row in range(2):
+        apart = np.hypot(
+            relative[row, 0] + times * relative[row, 1], relative[row, 2] + times * relative[row, 3]
+        )
+        assert times[apart.argmin()] == pytest.approx(time[row], abs=1e-3)
+        assert apart.min() == pytest.approx(distance[row], abs=1e-5)
+    assert (time[2], distance[2]) == (0.0, np.hypot(5.0, 6.0))

@@ -63,7 +63,7 @@ def test_the_page_shows_what_the_track_initiator_publishes(world):
     near = [row for row in last["tracks"] if row[1:3] == pytest.approx(target, abs=15_000.0)]
     facts = watcher.facts[str(near[0][0])]
     assert facts["confirmed"] in [frame["stamp"] for frame in watcher.frames]
-    assert re.match(r"5 hits in \d pings", facts["reason"])
+    assert re.match(r"\d hits in \d pings", facts["reason"])
     tasks = {entry["task"] for entry in watcher.health["entries"]}
     assert {"track initiation", "detections", "clutter"} <= tasks
 

@@ -211,7 +211,7 @@ def test_a_quay_is_found_at_once_and_after_silence(silence, pings):
     def places(ping, rng):
         return silent(ping, rng) if ping < silence else quay(rng)
 
-    assert learned_from(places, pings).found
+    assert learned_from(places, pings).known
 
 
 def test_even_clutter_is_hardly_raised():

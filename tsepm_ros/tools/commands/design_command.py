@@ -14,14 +14,8 @@ from tsepm_ros.session.consistency_checks import questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 from tsepm_ros.settings.parameter_files import parse_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.arguments import (
-    Arguments,
-    add_arguments,
-    add_runs,
-    add_values,
-    given_values,
-    positive,
-)
+from tsepm_ros.tools.commands.arguments import Arguments, add_arguments, add_runs, positive
+from tsepm_ros.tools.commands.given_parameters import add_values, given_values
 from tsepm_ros.tools.design.prediction import (
     Candidate,
     Case,

@@ -15,10 +15,10 @@ from tsepm_ros.tools.commands.arguments import (
     add_arguments,
     add_out,
     add_runs,
-    add_values,
     positive,
     scenario_names,
 )
+from tsepm_ros.tools.commands.given_parameters import add_values
 from tsepm_ros.tools.evaluation.performance import (
     Evaluated,
     Plan,

@@ -27,7 +27,7 @@ from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
 from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
 from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.arguments import as_yaml
+from tsepm_ros.tools.commands.given_parameters import as_yaml
 from tsepm_ros.tools.design.prediction import Case, first_estimate
 from tsepm_ros.tools.terminal import text_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions

@@ -43,12 +43,11 @@ from tsepm_ros.tools.commands.arguments import (
     Arguments,
     CommandFailed,
     add_arguments,
-    add_values,
-    given_values,
     in_folder,
     scenario_names,
     seed,
 )
+from tsepm_ros.tools.commands.given_parameters import add_values, given_values
 from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,

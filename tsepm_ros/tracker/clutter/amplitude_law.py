@@ -265,14 +265,14 @@ class PathRatio:
         Parameters
         ----------
         hits : ndarray of int
-            n, up to the table's.
+            n; beyond the table's, that counts.
         total : ndarray
             V, of the same shape.
         """
         place = np.log1p(total) * ((GRID_POINTS - 1) / math.log1p(GRID_END))
         left = np.minimum(place.astype(np.int64), GRID_POINTS - 2)
         flat = self.table.ravel()
-        index = hits * GRID_POINTS + left
+        index = np.minimum(hits, len(self.table) - 1) * GRID_POINTS + left
         low = flat[index]
         return np.asarray(low + (place - left) * (flat[index + 1] - low))
 
