@@ -1,318 +1,96 @@
-"""Sonar images in messages, on stand-ins with the fields of their files."""
+"""From messages of sonar images to detections, and what the first images show."""
 
 from __future__ import annotations
 
 import math
-import tracemalloc
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Vector3
-from sensor_msgs.msg import Image
 from support import foreign_messages as foreign
-from support.image_messages import BEAMS, CELLS, HEADER, TABLE, projected, raw
+from support.image_messages import CELLS, TABLE, projected, raw
 
-from msg_adapters import MessageError
-from msg_adapters.sonar_images import DTYPES, normalised_image, plan_message, plan_of, read_image
-from tsepm_ros.detector.detector import Stages
+from msg_adapters.sonar_images import FirstLook, ImageInput
 from tsepm_ros.session.turn import ImagePing
-from tsepm_ros.settings.node_options import ImageLayout
-from tsepm_ros.tracker.sensor import Coverage, SensorModel
-
-SECTOR = SensorModel(min_range=2.0, max_range=12.0, azimuth_min=-0.6, azimuth_max=0.6)
+from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
 
 
-def read(message, sensor=SECTOR, sound_speed=0.0, **layout):
-    return read_image(message, ImageLayout(**layout), sensor, sound_speed)
+def test_a_reader_of_images_counts_what_it_cannot_read_and_says_its_assumptions():
+    options = make_groups(SONAR_DETECTOR, {})
+    drops, said = [], []
+    images = ImageInput(options, lambda *why: drops.append(why), said.append)
+    for message in (
+        raw(sample_rate=0.0),
+        raw(ping_info=foreign.PingInfo()),
+        raw(TABLE + 1, ping_info=foreign.PingInfo()),
+    ):
+        list(images.take(message))
+    [(reason, sentence)] = drops
+    assert reason == "bad_geometry" and "sample_rate" in sentence
+    assert len(said) == 2 and len({*said}) == 1, "the node logs it once"
+    detector = images.detector
+    images.configure(options)
+    assert images.detector is detector, "nothing has changed"
+    images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 5.0}))
+    assert images.detector is not detector
 
 
-@pytest.mark.parametrize("kind", DTYPES)
-@pytest.mark.parametrize("big", [False, True])
-def test_a_projected_image_has_all_beams_of_each_range_in_any_type(kind, big):
-    found = read(projected(kind=kind, big=big))
-    np.testing.assert_array_equal(found.intensity, TABLE)
-    np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-12)
-    np.testing.assert_array_equal(found.range, CELLS)
-    assert (found.stamp_ns, found.frame_id) == (1_700_000_000_123_456_789, "sonar")
-    assert (found.sound_speed, found.is_part, found.assumptions) == (1480.0, False, ())
+def test_a_coverage_counts_where_it_stays():
+    """One sentence and a count where the ranges alternate from image to image."""
+    said = []
+    images = ImageInput(make_groups(SONAR_DETECTOR, {}), lambda *_: None, said.append)
+    held = []
+    for number, far in enumerate([4.0, 4.0, *[8.0, 4.0] * 10, 8.0, 8.0, 8.0]):
+        message = projected(TABLE.T + number, cells=far / 4.0 * CELLS)
+        assert len(list(images.take(message))) == 1
+        held.append(images.coverage.values["max_range"])
+    assert held == [4.25] * 23 + [8.5] * 2
+    assert images.coverage_changes == 21
+    assert len({*said}) == 1 and "differ from those of the image before" in said[0]
 
 
-def test_a_driver_s_own_order_and_a_cell_at_range_0_are_seen_to():
-    np.testing.assert_array_equal(read(projected(TABLE), rows="beams").intensity, TABLE)
-    found = read(raw(sample0=0))
-    assert found.range[0] > 0.0
-    np.testing.assert_array_equal(found.intensity, TABLE[:, 1:])
+def look_at(images, rows="ranges", azimuth=1.0):
+    """Sentences about the first images, (b, m) each."""
+    look, said = FirstLook(), []
+    for image in images:
+        b, m = image.shape
+        axes = np.linspace(1.0, 20.0, m), np.linspace(-azimuth, azimuth, b)
+        said += look.add(ImagePing(0, "sonar", *axes, image), rows)
+    return said
 
 
-def test_a_raw_image_has_all_samples_of_each_beam_ranges_by_its_rate_and_delays():
-    found = read(raw(tx_delays=[0.0, 0.1, 0.2, 0.3]))
-    np.testing.assert_array_equal(found.intensity, TABLE)
-    np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-7)  # angles are to starboard
-    np.testing.assert_allclose(found.range, [5.0, 6.0, 7.0])
-    np.testing.assert_allclose(found.time_offset, [0.0, 0.1, 0.2, 0.3], atol=1e-7)
-    np.testing.assert_array_equal(read(raw(TABLE.T), rows="ranges").intensity, TABLE)
+def speckle(*shape, number=12):
+    return np.random.default_rng(4).rayleigh(20.0, (number, *shape)).clip(0, 255).astype(np.uint8)
 
 
-def test_a_sound_speed_that_is_assumed_and_beams_that_look_up_are_said():
-    found = read(raw(ping_info=foreign.PingInfo()), sound_speed=1450.0)
-    assert found.range[0] == pytest.approx(5.0 * 1450.0 / 1500.0)
-    assert "1450 m/s is assumed" in found.assumptions[0]
-    assert "not level" in read(projected(up=0.5)).assumptions[0]
+def test_bearings_and_ranges_that_are_bright_in_every_image_are_named_once():
+    images = speckle(60, 200)
+    assert look_at(images) == []
+    images[:, 7] = 255
+    images[:, :, 3] = 255
+    images[0, 12] = 255  # another sonar's streak, once
+    beams, cells = look_at(images)
+    assert beams.startswith("1 of 60 bearings") and "from 0: 7 (43.7 degrees to starboard)" in beams
+    assert cells.startswith("1 of 200 ranges") and "from 1.286 to 1.286 m" in cells
 
 
-def test_an_echo_is_one_bearing_and_spokes_are_a_part_of_a_turn_each_at_its_own_time():
-    message = foreign.RadarSector(
-        header=HEADER,
-        angle_start=1.0,
-        angle_increment=-0.01,
-        time_increment=Duration(nanosec=2_000_000),
-        range_min=0.0,
-        range_max=100.0,
-        intensities=[foreign.RadarEcho(echoes=row.tolist()) for row in TABLE],
-    )
-    found = read(message)
-    np.testing.assert_allclose(found.azimuth, [1.0, 0.99, 0.98, 0.97])
-    np.testing.assert_allclose(found.range, [50.0, 100.0])
-    np.testing.assert_array_equal(found.intensity, TABLE[:, 1:])
-    np.testing.assert_allclose(found.time_offset, [0.0, 0.002, 0.004, 0.006])
-    assert found.is_part
-    np.testing.assert_allclose(read(message, clockwise=True).azimuth, -found.azimuth)
-    message = foreign.SonarEcho(
-        header=HEADER, angle=0.7, range=10, speed_of_sound=1500, intensities=bytes([1, 2, 3, 4, 5])
-    )
-    found = read(message)
-    np.testing.assert_allclose(found.range, [1.0, 3.0, 5.0, 7.0, 9.0])
-    np.testing.assert_array_equal(found.intensity, [[1, 2, 3, 4, 5]])
-    assert (found.azimuth.tolist(), found.is_part, found.sound_speed) == ([0.7], True, 1500.0)
-    assert read(message, clockwise=True).azimuth.tolist() == [-0.7]
+def test_what_looks_transposed_is_asked_about_with_the_other_rows():
+    [said] = look_at(speckle(200, 60))
+    assert "200 bearings of 60 ranges look transposed" in said and "give beams for rows" in said
+    assert look_at(speckle(200, 60), azimuth=3.1) == [], "a turn has many bearings"
+    fading = (speckle(60, 60, number=12) * np.linspace(3.0, 0.3, 60)[:, None]).astype(np.uint8)
+    [said] = look_at(fading, rows="beams")
+    assert "give ranges for rows" in said
+    assert look_at(fading.transpose(0, 2, 1)) == look_at(speckle(200, 60), rows="") == []
 
 
-@pytest.mark.parametrize("step", [Duration(nanosec=2_000_000), 0.002])
-def test_the_time_of_spokes_is_a_duration_or_seconds_as_in_older_definitions(step):
-    spokes = [foreign.RadarEcho(echoes=row.tolist()) for row in TABLE]
-    message = foreign.RadarSector(
-        header=HEADER, range_max=100.0, time_increment=step, intensities=spokes
-    )
-    np.testing.assert_allclose(read(message).time_offset, [0.0, 0.002, 0.004, 0.006])
-    message.time_increment = type(step)()
-    assert read(message).time_offset is None
-
-
-def picture(table, encoding="mono8", kind="u1", pad=0, big=False):
-    form = np.dtype(kind).newbyteorder(">" if big else "<")
-    rows = np.ascontiguousarray(table, form)
-    height, width = rows.shape
-    step = width * form.itemsize + pad
-    filled = np.zeros((height, step), np.uint8)
-    filled[:, : width * form.itemsize] = rows.view(np.uint8).reshape(height, -1)
-    return Image(
-        header=HEADER,
-        height=height,
-        width=width,
-        encoding=encoding,
-        is_bigendian=big,
-        step=step,
-        data=filled.tobytes(),
-    )
-
-
-@pytest.mark.parametrize(
-    ("encoding", "kind", "pad", "big"),
-    [
-        ("mono8", "u1", 3, False),
-        ("MONO8", "u1", 0, False),
-        ("mono16", "u2", 0, True),
-        ("16SC1", "i2", 2, False),
-        ("32FC1", "f4", 4, False),
-        ("64FC1", "f8", 0, True),
-    ],
-)
-def test_a_picture_as_it_is_displayed_has_far_ranges_above_and_port_at_the_left(
-    encoding, kind, pad, big
-):
-    displayed = TABLE.T[::-1]  # the last row is the nearest range
-    found = read(picture(displayed, encoding, kind, pad, big), near_range=0.05, far_range=4.05)
-    np.testing.assert_array_equal(found.intensity, TABLE)
-    np.testing.assert_allclose(found.range, [0.05, 2.05, 4.05])  # middles of the rows
-    assert found.assumptions == ()
-    np.testing.assert_allclose(found.azimuth, [0.45, 0.15, -0.15, -0.45])
-
-
-def test_a_step_of_0_and_three_equal_channels_are_read_where_they_are_plain():
-    message = picture(TABLE)
-    message.step = 0
-    np.testing.assert_array_equal(read(message, rows="beams", near_first=True).intensity, TABLE)
-    message = picture(np.repeat(TABLE, 3, axis=1), "rgb8")
-    message.width = 3
-    np.testing.assert_array_equal(read(message, rows="beams", near_first=True).intensity, TABLE)
-
-
-def test_the_blanking_distance_is_no_range_of_a_row_and_without_ranges_this_is_said_or_dropped():
-    stated = {"near_range": 0.05, "far_range": 10.05}
-    blind = replace(SECTOR, min_range=5.0)
-    near, far = read(picture(TABLE.T), **stated), read(picture(TABLE.T), blind, **stated)
-    np.testing.assert_array_equal(near.range, far.range)
-    unstated = read(picture(TABLE.T))
-    np.testing.assert_allclose(unstated.range, 2.0 + 10.0 / 3.0 * np.array([0.5, 1.5, 2.5]))
-    assert "all ranges are wrong: give both" in unstated.assumptions[0]
-    for some in ({"near_range": 0.05}, {"far_range": 9.0}, {"near_range": 9.0, "far_range": 2.0}):
-        with pytest.raises(MessageError, match=r"image\.near_range and, above it") as refused:
-            read(picture(TABLE.T), **some)
-        assert refused.value.reason == "no_geometry"
-    with pytest.raises(MessageError, match="states no geometry"):
-        read(picture(TABLE.T), Coverage(min_range=0.5))
-
-
-@pytest.mark.parametrize("near_first", [False, True])
-@pytest.mark.parametrize("port_first", [False, True])
-@pytest.mark.parametrize("rows", ["ranges", "beams"])
-def test_a_sentence_says_where_the_corners_are(rows, near_first, port_first):
-    layout = {"rows": rows, "near_first": near_first, "port_first": port_first}
-    corners = np.zeros((4, 3))
-    corners[0, 0] = 1.0
-    found = read(picture(corners), near_range=1.0, far_range=7.0, **layout)
-    (beam, cell) = np.argwhere(found.intensity == 1.0)[0]
-    side = "port" if found.azimuth[beam] > 0 else "starboard"
-    degrees = abs(np.degrees(found.azimuth[beam]))
-    assert (
-        f"top left is {found.range[cell]:.4g} m at {degrees:.4g} degrees to {side},"
-        in found.corners
-    )
-    assert "4 rows and 3 columns" in found.corners
-
-
-def test_beams_with_z_0_have_x_ahead_which_is_said_and_others_have_z_ahead():
-    message = projected()
-    message.beam_directions = [Vector3(x=math.cos(a), y=math.sin(a), z=0.0) for a in BEAMS]
-    found = read(message)
-    np.testing.assert_allclose(found.azimuth, BEAMS, atol=1e-12)
-    [said] = found.assumptions
-    assert "x is taken as ahead" in said
-    abeam = projected()  # z ahead, at right angles: z is 0 but for rounding, and so is x
-    abeam.beam_directions = [
-        Vector3(x=0.0, y=-math.sin(a), z=math.cos(a)) for a in [math.pi / 2] * 4
-    ]
-    found = read(abeam)
-    assert found.assumptions == ()
-    np.testing.assert_allclose(found.azimuth, math.pi / 2)
-    turned = projected()  # x ahead, at right angles
-    turned.beam_directions = [Vector3(x=math.cos(math.pi / 2), y=1.0, z=0.0)] * 4
-    np.testing.assert_allclose(read(turned).azimuth, math.pi / 2)
-
-
-def test_other_orders_of_a_picture_are_told_by_the_layout():
-    near = read(picture(TABLE.T), near_first=True)
-    np.testing.assert_array_equal(near.intensity, TABLE)
-    by_beam = read(picture(TABLE), rows="beams", near_first=True)
-    np.testing.assert_array_equal(by_beam.intensity, TABLE)
-    starboard = read(picture(TABLE.T[:, ::-1]), near_first=True, port_first=False)
-    np.testing.assert_array_equal(starboard.intensity[::-1], TABLE)
-    assert (np.diff(starboard.azimuth) > 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("sensor", "shape", "apex"),
-    [
-        (SECTOR, (120, 140), (120.0, 70.0)),
-        (SensorModel(max_range=12.0), (200, 240), (100.0, 120.0)),
-    ],
-)
-@pytest.mark.parametrize("azimuth", [0.3, -0.45])
-def test_a_fan_is_read_by_inverse_mapping(sensor, shape, apex, azimuth):
-    cells = shape[0] if sensor is SECTOR else min(shape) // 2
-    pixel = 12.0 / cells
-    y, x = np.indices(shape) + 0.5
-    ahead, port = (apex[0] - y) * pixel, (apex[1] - x) * pixel
-    place = 8.0 * math.cos(azimuth), 8.0 * math.sin(azimuth)
-    blob = 200.0 * np.exp(-0.5 * ((ahead - place[0]) ** 2 + (port - place[1]) ** 2) / 0.3**2)
-    found = read(picture(blob), sensor=sensor, rows="fan")
-    row, column = np.unravel_index(np.nanargmax(found.intensity), found.intensity.shape)
-    assert found.azimuth[row] == pytest.approx(azimuth, abs=0.03)
-    assert found.range[column] == pytest.approx(8.0, abs=0.15)
-
-
-@pytest.mark.parametrize(
-    ("message", "words"),
-    [
-        (projected(TABLE[:, :2]), "8 bytes; 4 beams of 3 ranges of 1 bytes have 12"),
-        (raw(sample_rate=0.0), "sample_rate must be above 0"),
-        (raw(tx_delays=[1.0, 2.0]), "tx_delays has 2 values"),
-        (foreign.RadarSector(header=HEADER), "equal numbers of echoes"),
-        (
-            foreign.RadarSector(
-                header=HEADER,
-                intensities=[foreign.RadarEcho(echoes=[1.0]), foreign.RadarEcho(echoes=[1.0, 2.0])],
-            ),
-            "equal numbers of echoes",
-        ),
-        (foreign.SonarEcho(header=HEADER), "must not be empty"),
-        (Image(header=HEADER, encoding="yuv422"), "publish the driver's raw image"),
-        (
-            Image(
-                header=HEADER, encoding="bgr8", height=1, width=2, step=6, data=[1, 1, 1, 1, 2, 1]
-            ),
-            "no colours, .* take the driver's raw image",
-        ),
-        (
-            Image(header=HEADER, encoding="mono8", height=2, width=3, step=0, data=[0] * 7),
-            "too few",
-        ),
-        (Image(header=HEADER, encoding="mono8", height=2, width=3, step=2), "too few"),
-        (Vector3(), "is not supported; supported types are .*SonarImage"),
-        (raw(rx_angles=[math.nan] * 4), "must be finite"),
-        (projected(cells=[-1.0, 0.0, 0.0]), "no cell has a range above 0"),
-        (
-            raw(image=foreign.SonarImageData(dtype=77, beam_count=4)),
-            "dtype must be from 0 to 9; got 77",
-        ),
-    ],
-)
-def test_an_impossible_message_is_refused_with_its_cause(message, words):
-    with pytest.raises(MessageError, match=words):
-        read(message)
-
-
-@pytest.mark.parametrize(
-    ("begin", "step"), [(5000.0, 1e-3), (32e3, 7.5e-6), (9e7, 1e-3), (9e7, 1e-7)]
-)
-def test_a_plan_of_a_far_and_fine_window_takes_no_more_memory_than_a_near_one(begin, step):
-    image = np.ones((5, 300))
-    image[2, 299] = 7.0
-    ping = ImagePing(0, "sonar", begin + step * np.arange(300.0), np.linspace(-1, 1, 5), image)
-    tracemalloc.start()
-    plan = plan_of(ping, Stages(image, image, image, 4.0))
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 10e6
-    assert plan.levels.max() == 87, "the strongest is shown"
-    assert plan.levels[64, 127] == plan.levels.max(), "ahead, all of the window is near"
-
-
-@pytest.mark.parametrize("whole", [False, True])
-def test_a_plan_shows_a_target_to_port_ahead_at_its_place(whole):
-    azimuth = np.linspace(-3.1, 3.1, 200) if whole else np.linspace(0.8, -0.8, 60)
-    ping = ImagePing(5, "sonar", np.linspace(1.0, 40.0, 400), azimuth, np.zeros((1, 1)))
-    smooth = np.full((len(azimuth), 400), 0.4)
-    smooth[np.abs(azimuth - 0.5).argmin(), 205] = 8.0  # 21 m
-    smooth[0] = np.nan
-    plan = plan_of(ping, Stages(smooth, smooth, smooth, 4.0))
-    message = plan_message(HEADER, plan)
-    levels = np.array(message.data).reshape(128, 128)
-    np.testing.assert_array_equal(levels, plan.levels)
-    assert message.info.resolution == pytest.approx(80.0 / 128)
-    row, column = np.unravel_index(levels.argmax(), levels.shape)
-    cell = message.info.resolution
-    x = message.info.origin.position.x + (column + 0.5) * cell
-    y = message.info.origin.position.y + (row + 0.5) * cell
-    assert np.hypot(x - 21.0 * math.cos(0.5), y - 21.0 * math.sin(0.5)) < 1.5 * cell
-    assert (levels.max(), levels[64, 100]) == (100, 5)
-    assert (levels[64, 20] == -1) != whole
-    assert levels[0, 0] == -1
-
-
-def test_a_normalised_image_is_written_row_by_row():
-    message = normalised_image(HEADER, TABLE)
-    values = np.frombuffer(bytes(message.data), "<f4").reshape(message.height, message.width)
-    np.testing.assert_array_equal(values, TABLE)
+@pytest.mark.parametrize("half", [0.3, 0.8, 1.4])
+def test_a_fan_that_is_read_as_bearings_and_ranges_is_asked_about(half):
+    height, width = 100, round(200 * math.sin(half))
+    y, x = np.indices((height, width)) + 0.5
+    ahead, port = height - y, 0.5 * width - x
+    outside = (np.hypot(ahead, port) > height) | (np.abs(np.arctan2(port, ahead)) > half)
+    images = np.where(outside, 0, speckle(height, width, number=10) + 1)
+    for read_as in (images.transpose(0, 2, 1)[:, :, ::-1], images.transpose(0, 2, 1), images):
+        [said] = look_at(read_as)
+        assert "give fan for rows" in said
+    assert look_at(images, rows="fan") == []

@@ -28,10 +28,10 @@ from streams import header, stamp_of
 from support import foreign_messages as foreign
 
 from msg_adapters import MessageError
-from msg_adapters.image_input import ImageInput, detection_fields
+from msg_adapters.image_messages import plan_of, read_image
 from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
-from msg_adapters.sonar_images import plan_of, read_image
+from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
 from tsepm_ros.tracker.sensor import Coverage

@@ -27,9 +27,9 @@ from support.foreign_messages import (
 from support.ros_world import RELIABLE
 
 from msg_adapters import make_header, read_track_cloud
-from msg_adapters.image_input import ImageInput
+from msg_adapters.image_messages import DTYPES
 from msg_adapters.message_input import MessageInput
-from msg_adapters.sonar_images import DTYPES
+from msg_adapters.sonar_images import ImageInput
 from msg_adapters.track_messages import track_cloud
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator

@@ -22,7 +22,7 @@ from support.show import Show, write_scenario
 from support.sonar_driver import START_NS, pings
 
 from msg_adapters import make_header, odometry_message, track_cloud
-from msg_adapters.sonar_images import read_image
+from msg_adapters.image_messages import read_image
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.own_ship.pose_history import PoseSample

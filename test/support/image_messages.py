@@ -6,7 +6,7 @@ import numpy as np
 from geometry_msgs.msg import Vector3
 
 from msg_adapters import make_header
-from msg_adapters.sonar_images import DTYPES
+from msg_adapters.image_messages import DTYPES
 from support import foreign_messages as foreign
 
 HEADER = make_header(1_700_000_000_123_456_789, "sonar")

@@ -86,8 +86,8 @@ class Detector:
         Of the last image; None if it was empty.
     """
 
-    def __init__(self, options: DetectorOptions, coverage: Coverage) -> None:
-        self.options, self.coverage = options, coverage
+    def __init__(self, options: DetectorOptions, coverage: Coverage | None = None) -> None:
+        self.options, self.coverage = options, coverage or Coverage()
         self.reset()
 
     def reset(self) -> None:

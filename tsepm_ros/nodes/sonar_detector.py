@@ -15,8 +15,8 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections_cloud, diagnostics, make_header
-from msg_adapters.image_input import PLAN_PERIOD, ImageInput, detection_fields
-from msg_adapters.sonar_images import BEARINGS, IMAGES, normalised_image, plan_message, plan_of
+from msg_adapters.image_messages import BEARINGS, IMAGES, normalised_image, plan_message, plan_of
+from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from msg_adapters.sonar_images import located
+from msg_adapters.image_messages import located
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command

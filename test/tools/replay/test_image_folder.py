@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msg_adapters.sonar_images import located
+from msg_adapters.image_messages import located
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.replay.image_folder import read_images

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.sonar_images import in_words, located, to_side
+from msg_adapters.image_messages import in_words, located, to_side
 from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, method_class
 from tsepm_ros.parameters import Parameter, Value

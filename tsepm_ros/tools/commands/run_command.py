@@ -20,9 +20,9 @@ from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TextIO
 
-from msg_adapters.image_input import ImageInput
+from msg_adapters.image_messages import IMAGES, Plan
 from msg_adapters.message_input import MessageInput
-from msg_adapters.sonar_images import IMAGES, Plan
+from msg_adapters.sonar_images import ImageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, table
 from tsepm_ros.session.consistency_checks import explained, questions

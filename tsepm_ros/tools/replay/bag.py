@@ -15,8 +15,8 @@ from typing import Any
 
 from msg_adapters import MessageError, message_class, supported_types
 from msg_adapters.detections import installed_class
+from msg_adapters.image_messages import IMAGES
 from msg_adapters.ping import present_name
-from msg_adapters.sonar_images import IMAGES
 from tsepm_ros.tools.replay.recording import MCAP, SQLITE, bag_files, kind_of
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"

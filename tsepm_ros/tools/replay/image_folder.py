@@ -24,8 +24,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from msg_adapters.image_input import LOOKS, FirstLook
-from msg_adapters.sonar_images import by_beam, grey, in_words, located
+from msg_adapters.image_messages import by_beam, grey, in_words, located
+from msg_adapters.sonar_images import LOOKS, FirstLook
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from msg_adapters import MessageError, read_track_cloud, seconds_to_ns, time_to_ns
-from msg_adapters.image_input import ImageInput, detection_fields
 from msg_adapters.message_input import MessageInput
 from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
+from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD

@@ -439,7 +439,7 @@ def _health(entries: list[dict[str, Any]]) -> Frame:
 
 
 def image_frame(stamp: float, cell: float, levels: bytes) -> Frame:
-    """A sonar image in the plane of the sensor, see `msg_adapters.sonar_images.Plan`."""
+    """A sonar image in the plane of the sensor, see `msg_adapters.image_messages.Plan`."""
     return {"stamp": stamp, "cell": cell, "levels": base64.b64encode(levels).decode()}
 
 
