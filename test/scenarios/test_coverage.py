@@ -240,7 +240,7 @@ def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
 def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
     first, expected = followed(-1.5, 2.6, seed=1)
     second, found = followed(-1.5, 2.6, seed=1, turn=turn)
-    assert first.learned.fixed_places.found, "the quay"
+    assert first.learned.fixed_places.known, "the quay"
     assert second.learned.fixed_places.found
     cos, sin = math.cos(turn), math.sin(turn)
     axes = np.kron(np.array([[cos, -sin], [sin, cos]]), np.eye(2))
