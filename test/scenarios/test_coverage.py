@@ -241,7 +241,7 @@ def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
     first, expected = followed(-1.5, 2.6, seed=1)
     second, found = followed(-1.5, 2.6, seed=1, turn=turn)
     assert first.learned.fixed_places.known, "the quay"
-    assert second.learned.fixed_places.found
+    assert second.learned.fixed_places.known
     cos, sin = math.cos(turn), math.sin(turn)
     axes = np.kron(np.array([[cos, -sin], [sin, cos]]), np.eye(2))
     assert sum(map(len, expected)) > 50
