@@ -164,7 +164,7 @@ class ParameterisedNode(Node):
         self._groups = with_method(NODES[name], chosen and chosen.value)
         self._rows = {row.name: row for row in full_table(self._groups)}
         self._on_change, self._validate = on_change, validate
-        self.dropped, self._warned = Counter[str](), set[str]()
+        self._dropped, self._warned = Counter[str](), set[str]()
         self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
         self._refuse_unknown()
         for row in self._rows.values():
@@ -209,10 +209,15 @@ class ParameterisedNode(Node):
         take = take_clock if msg_type is ClockMessage else callback
         return super().create_subscription(msg_type, topic, take, *given, **options)
 
+    @property
+    def dropped(self) -> Counter[str]:
+        """Number of what was not used, by reason."""
+        return self._dropped
+
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not used, and say why."""
-        self.dropped[reason] += number
-        self.warn(reason, f"{sentence} ({self.dropped[reason]} so far)")
+        self._dropped[reason] += number
+        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
 
     def fail(self, error: Exception) -> None:
         """Count an exception of a callback as internal error: nothing else has caught it.
@@ -229,7 +234,7 @@ class ParameterisedNode(Node):
                     diagnostics(
                         self.get_clock().now().nanoseconds,
                         self.get_fully_qualified_name(),
-                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self.dropped))],
+                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self._dropped))],
                     )
                 ),
             )
