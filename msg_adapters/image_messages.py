@@ -244,8 +244,9 @@ def grey(picture: NDArray[Any]) -> NDArray[Any]:
         If it is no picture, or in colours. A fourth channel, opacity, is not used.
     """
     channels = np.atleast_3d(picture)
-    colours = channels[..., :3]
-    if picture.ndim not in (2, 3) or not picture.size or (colours != colours[..., :1]).any():
+    first, others = channels[..., :1], channels[..., 1:3]
+    alike = np.array_equal(others, np.broadcast_to(first, others.shape), equal_nan=True)
+    if picture.ndim not in (2, 3) or not picture.size or not alike:
         raise MessageError(
             "bad_encoding",
             "a picture must have rows and columns, and no colours, which are no intensities: take "

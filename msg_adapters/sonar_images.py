@@ -150,6 +150,7 @@ class ImageInput:
         """Take changed options; what the detector learned stays unless its own changed."""
         if any(options[kind] != self._options[kind] for kind in (DetectorOptions, Coverage)):
             self.detector = Detector(options[DetectorOptions], options[Coverage])
+            self.coverage = self._other = None
         self._options, self._look = options, FirstLook()
 
     def take(

@@ -15,7 +15,14 @@ from support import foreign_messages as foreign
 from support.image_messages import BEAMS, CELLS, HEADER, TABLE, projected, raw
 
 from msg_adapters import MessageError
-from msg_adapters.image_messages import DTYPES, normalised_image, plan_message, plan_of, read_image
+from msg_adapters.image_messages import (
+    DTYPES,
+    grey,
+    normalised_image,
+    plan_message,
+    plan_of,
+    read_image,
+)
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
@@ -316,3 +323,15 @@ def test_a_normalised_image_is_written_row_by_row():
     message = normalised_image(HEADER, TABLE)
     values = np.frombuffer(bytes(message.data), "<f4").reshape(message.height, message.width)
     np.testing.assert_array_equal(values, TABLE)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_cells_that_are_not_measured_are_no_colours(channels):
+    shown = np.repeat(
+        np.array([[1.0, np.nan], [2.0, 3.0]], np.float32)[..., None], channels, axis=2
+    )
+    np.testing.assert_array_equal(grey(shown), shown[..., 0])
+    if channels == 3:
+        shown[0, 1, 1] = 5.0
+        with pytest.raises(MessageError, match="colours"):
+            grey(shown)

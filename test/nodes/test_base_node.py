@@ -261,6 +261,7 @@ def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
 
 FAULTY = """
 import sys
+from rclpy.executors import Executor
 from rclpy.task import Future
 from tsepm_ros.nodes.base_node import run
 from {module} import {kind}
@@ -289,6 +290,14 @@ class Faulty({kind}):
         super().{method}(*message)
         print("took a message", flush=True)
 
+take, planted = Executor._take_subscription, ["planted in a take"]
+
+def failing(executor, subscription):
+    if planted and subscription.topic_name.endswith("{topic}"):
+        raise RuntimeError(planted.pop())
+    return take(executor, subscription)
+
+Executor._take_subscription = failing
 raise SystemExit(run(Faulty, sys.argv[1:]))
 """
 
@@ -327,7 +336,7 @@ def test_exceptions_of_any_callback_are_counted_and_said_once_a_place_and_the_ne
     module, method, topic = MESSAGE_CALLBACKS[name]
     pytest.importorskip("pyproj" if name == "track_bridge" else "numpy")
     kind = name.title().replace("_", "")
-    script = FAULTY.format(module=module, kind=kind, method=method)
+    script = FAULTY.format(module=module, kind=kind, method=method, topic=topic)
     given = {"nmea_address": "127.0.0.1:9"} if name == "track_bridge" else {}
     publisher = world.observer.create_publisher(PointCloud2, topic, LATCHED)
     node = start(name, given, script=script)
@@ -340,11 +349,11 @@ def test_exceptions_of_any_callback_are_counted_and_said_once_a_place_and_the_ne
     node.until_said("planted in a subscription")
     publisher.publish(PointCloud2())
     node.until_said("took a message")
-    world.until(lambda: "7" in counted(world), "the counts of all on /diagnostics")
+    world.until(lambda: "8" in counted(world), "the counts of all on /diagnostics")
     assert errors(world, name).level == DiagnosticStatus.ERROR
     if name == "track_bridge":
         assert errors(world, name).message == REPORT_IT
-    assert node.said.count("Traceback (most recent call last)") == 3, "one of each place"
+    assert node.said.count("Traceback (most recent call last)") == 4, "one of each place"
     node.interrupt()
     assert node.exit_code() == 0
 

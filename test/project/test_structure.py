@@ -67,7 +67,7 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 PENDING_CONSTANTS = ("tsepm_ros/session/turn.py",)
 """PENDING: the modules whose constants are still between the functions."""
-BUDGETS = {"first": (88, 10_902), "tools": (48, 5_501), "studies": (16, 1_838)}
+BUDGETS = {"first": (88, 10_915), "tools": (48, 5_501), "studies": (16, 1_838)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

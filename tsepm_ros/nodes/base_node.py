@@ -6,6 +6,7 @@ The parameters are those of the parameter table. Overrides of the quality of ser
 
 from __future__ import annotations
 
+import itertools
 import math
 import signal
 import sys
@@ -517,6 +518,16 @@ def _made(make_node: Callable[[], Node]) -> Node:
         raise ParameterError(" ".join(str(error).split())) from error
 
 
+def _release(node: Node) -> None:
+    """Let a node hear again: rclpy keeps what it could not take marked as being worked on."""
+    entities = node.subscriptions, node.timers, node.services, node.clients, node.waitables
+    for entity in itertools.chain(*entities):
+        entity._executor_event = False
+        group = entity.callback_group
+        if (active := getattr(group, "_active_entity", None)) is not None:
+            group.ending_execution(active)
+
+
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
     """Call a node's callbacks until its end; an exception of one counts, and the next follows."""
     executor.add_node(node)
@@ -528,6 +539,7 @@ def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
             except Exception as error:
                 if not (rclpy.ok() and isinstance(node, ParameterisedNode)):
                     raise
+                _release(node)
                 with suppress(Exception):  # of a MemoryError, its report may be another
                     node.fail(error)
     finally:

@@ -102,14 +102,15 @@ class Pace:
     def came(self, stamps: Sequence[float]) -> int:
         """Note images by their stamps, s, all but the last passed over; the number of these.
 
-        By the interval it includes those that the middleware has overwritten.
+        It includes those that the middleware has overwritten while the image before was processed.
         """
         last, passed = (self._stamps or stamps)[-1], len(stamps) - 1
         self._stamps.extend(stamps)
         steps = [step for step in np.diff(self._stamps).tolist() if step > 0.0]
         self.interval = float(np.median(steps or [0.0]))
-        gap = round((stamps[-1] - last) / (self.interval or math.inf))
-        return max(passed, gap - 1) if passed else 0
+        interval, busy = self.interval or math.inf, (self._times or [0.0])[-1]
+        lost = min(round((stamps[0] - last) / interval) - 1, math.ceil(busy / interval))
+        return passed + max(lost, 0) if passed else 0
 
     def done(self) -> None:
         """Note the end of an image: it took what has passed since its arrival, or the last end."""

@@ -801,7 +801,8 @@ class ImageTurns:
         if passes.vain >= VAIN or is_much(passes.parts, ping):
             self._passes, self._next = None, MIN_PARTS
             for waiting in passes.waiting:
-                images += self._learn(waiting)
+                learned = self._passes
+                images += self._follow(learned, waiting) if learned else self._learn(waiting)
         return images
 
     def _learn(self, ping: ImagePing) -> list[ImagePing]:

@@ -191,7 +191,7 @@ def detected(
         Coverage of the images, by its parameters.
     """
     coverage: dict[str, float] = {}
-    for path in folder.glob("*.csv"):
+    for path in filter(Path.is_file, folder.glob("*.csv")):
         shutil.copy(path, into)
     for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
