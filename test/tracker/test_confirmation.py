@@ -14,7 +14,7 @@ from support.score_scenes import in_plain_loops, score
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.score import Score
-from tsepm_ros.tracker import confirmation
+from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Tree
 from tsepm_ros.tracker.initial_state import fit
@@ -88,7 +88,8 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     ("make", "threshold"),
     [(random_scene, 4.0), pytest.param(crowded_scene, 3.0, marks=pytest.mark.long)],
 )
-def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold):
+def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold, monkeypatch):
+    monkeypatch.setattr(pruning, "MOST_ALIKE", 10**6)  # the plain loops have no such limit
     counts = [decided(make(seed), seed, threshold) for seed in range(12)]
     started, strong = np.sum(counts, axis=0)
     assert started >= 6
