@@ -1,6 +1,8 @@
 """What tests of several tools share."""
 
+import numpy as np
 import pytest
+from support.image_folder import GEOMETRY
 
 from tsepm_ros.tools.design import prediction
 
@@ -9,3 +11,16 @@ from tsepm_ros.tools.design import prediction
 def little_clutter(monkeypatch):
     """A bound on the work: rates of false tracks are told less exactly."""
     monkeypatch.setattr(prediction, "MAX_CLUTTER_DETECTIONS", 1_000.0)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Twelve images of noise with an echo that moves, as one array."""
+    rng = np.random.default_rng(1)
+    images = np.abs(rng.standard_normal((12, 64, 200)) + 1j * rng.standard_normal((12, 64, 200)))
+    for k, image in enumerate(images):
+        image[30:32, 100 + 2 * k : 103 + 2 * k] = 20.0
+    np.savez(tmp_path / "images.npz", np.uint8(10 * images))
+    (tmp_path / "geometry.yaml").write_text(GEOMETRY)
+    (tmp_path / "times.csv").write_text("time_s\n" + "".join(f"{k}\n" for k in range(12)))
+    return tmp_path

@@ -5,7 +5,6 @@ import re
 import sys
 import threading
 
-import numpy as np
 import pytest
 import yaml
 
@@ -114,22 +113,6 @@ def test_a_seed_that_is_none_is_refused_by_its_option(capsys, command, given):
         main([command, "--seed", given])
     assert ended.value.code == 2
     assert "argument --seed: " in capsys.readouterr().err
-
-
-GEOMETRY = "range: [1.0, 20.9]\nazimuth: [-1.0, 1.0]\nfalse_detections_per_ping: 5\n"
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """Twelve images of noise with an echo that moves, as one array."""
-    rng = np.random.default_rng(1)
-    images = np.abs(rng.standard_normal((12, 64, 200)) + 1j * rng.standard_normal((12, 64, 200)))
-    for k, image in enumerate(images):
-        image[30:32, 100 + 2 * k : 103 + 2 * k] = 20.0
-    np.savez(tmp_path / "images.npz", np.uint8(10 * images))
-    (tmp_path / "geometry.yaml").write_text(GEOMETRY)
-    (tmp_path / "times.csv").write_text("time_s\n" + "".join(f"{k}\n" for k in range(12)))
-    return tmp_path
 
 
 def test_an_output_is_no_input_whatever_it_is_called(folder, capsys):
