@@ -42,10 +42,10 @@ from msg_adapters import messages
 from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, YAW, X, Y, odometry_covariance
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.numerics.arrays import FloatArray, summed
+from tsepm_ros.numerics.arrays import FloatArray, array_log_sums
 from tsepm_ros.own_ship.registration import exchanged
 from tsepm_ros.session.inputs import TrackerReport
-from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.measurement import measurement_major_sigma
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -515,7 +515,7 @@ def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np
     # As complex numbers, which are sorted as pairs are, and much faster.
     keys = np.array(newest) @ np.array([1.0, 1.0j])
     _, best, group = np.unique(keys, return_index=True, return_inverse=True)
-    total = summed(tracks.score[best_first], group, len(best))
+    total = array_log_sums(tracks.score[best_first], group, len(best))
     rows = best_first[best]
     threshold = tracks.score[rows] - tracks.evaluation[rows]
     likely = total > 0.0
@@ -688,7 +688,7 @@ def fixed_echo_markers(
     if not len(arrays):
         return clear_markers(header)  # RViz rejects a marker without points
     own: dict[str, Any] = {"color": FIXED_ECHO_COLOR, "opacity": 1.0}
-    sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
+    sigma = measurement_major_sigma(arrays.covariance[:, 0::2, 0::2])
     size = max(minimum_size, float(np.median(sigma)), _THICKNESS)
     cubes = _marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
     cubes.points = _points(arrays.state[:, 0::2])

@@ -14,7 +14,7 @@ from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
 from tsepm_ros.session.inputs import waited
 from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.method import ScanStatistics
 
@@ -334,7 +334,7 @@ def test_types_that_are_read_after_a_new_start_are_told_from_those_that_are_not(
 def test_learned_sensor_figures_are_reported_once_they_are_known():
     run = Run()
     assert not {"seen_max_range", "fitted_range_std"} & set(run.status(SENSOR, 0.0).values)
-    seen = Extent(20.0, 300.0, -1.0, 1.0)
+    seen = ClutterExtent(20.0, 300.0, -1.0, 1.0)
     errors = FittedErrors(0.0, 0.01, 0.02, 1.0, 1.0, 200.0)
     run.set(sensor_figures=SensorFigures(seen=seen, seen_detections=5, errors=errors, confirmed=3))
     values = run.status(SENSOR, 0.0).values

@@ -41,7 +41,7 @@ from tsepm_ros.nodes.publishers import (
 )
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 MOVING = np.array([100.0, 3.0, -50.0, 4.0])
@@ -331,7 +331,10 @@ def test_detections_are_handed_over_where_they_were_placed_with_what_a_filter_ne
     assert_stamps(placed, sent)
     for message, ping in zip(placed, sent, strict=True):
         assert message.header.frame_id == "sonar"
-        found, expected = read_placed_detections(message), convert(as_scan(ping), SensorModel(), 0)
+        found, expected = (
+            read_placed_detections(message),
+            convert_measurements(as_scan(ping), SensorModel(), 0),
+        )
         np.testing.assert_allclose(found.position, expected["position"], rtol=1e-12)
         np.testing.assert_allclose(found.covariance, expected["covariance"], rtol=1e-9)
         np.testing.assert_array_equal(found.time_offset, delay)

@@ -7,19 +7,19 @@ import pytest
 from scipy.special import logsumexp
 
 from tsepm_ros.numerics.arrays import (
-    Rows,
-    among_best,
-    changed,
+    ArrayRows,
+    among_best_of_array,
+    array_log_sums,
+    array_rows_of_least_cost,
+    array_sums_over_hits,
+    changed_arrays,
     complete_linkage,
-    keep_best,
     members_of_groups,
-    summed,
-    sums_over_hits,
 )
 
 
 @dataclass(frozen=True)
-class Echoes(Rows):
+class Echoes(ArrayRows):
     range: np.ndarray
     azimuth: np.ndarray
 
@@ -39,7 +39,7 @@ def test_rows_are_taken_and_joined_column_by_column(echoes):
 
 def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
     with pytest.raises(TypeError, match=r"Echoes has no \{'bearing'\}"):
-        changed(echoes, range=echoes.range, bearing=echoes.azimuth)
+        changed_arrays(echoes, range=echoes.range, bearing=echoes.azimuth)
 
 
 def test_rows_chosen_of_several_tables_follow_each_other(echoes):
@@ -54,7 +54,7 @@ def test_rows_chosen_of_several_tables_follow_each_other(echoes):
 def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
     cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
     expected = np.sort(np.argsort(cost, kind="stable")[:limit])
-    assert keep_best(cost, limit).tolist() == expected.tolist()
+    assert array_rows_of_least_cost(cost, limit).tolist() == expected.tolist()
 
 
 def test_sums_are_of_the_ratios_not_of_their_logarithms():
@@ -63,20 +63,20 @@ def test_sums_are_of_the_ratios_not_of_their_logarithms():
     group = rng.integers(0, 20, 300)
     group[group == 7] = 8
     expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
-    np.testing.assert_allclose(summed(score, group, 20), expected)
+    np.testing.assert_allclose(array_log_sums(score, group, 20), expected)
 
 
 def test_the_best_of_each_group_are_kept_and_of_ties_the_first():
     group = np.array([0, 1, 0, 0, 1, 2, 0])
     score = np.array([3.0, 1.0, 5.0, 3.0, 2.0, 0.0, 4.0])
-    assert np.flatnonzero(~among_best(group, score, 3)).tolist() == [3]
-    assert np.flatnonzero(~among_best(group, score, 2)).tolist() == [0, 3]
-    assert np.flatnonzero(~among_best(group, score, 1)).tolist() == [0, 1, 3, 6]
+    assert np.flatnonzero(~among_best_of_array(group, score, 3)).tolist() == [3]
+    assert np.flatnonzero(~among_best_of_array(group, score, 2)).tolist() == [0, 3]
+    assert np.flatnonzero(~among_best_of_array(group, score, 1)).tolist() == [0, 1, 3, 6]
 
 
 def test_values_of_detections_are_summed_over_the_paths_that_have_them():
     hits = np.array([[2, 5, 9], [3, 7, -1], [9, 12, -1]])
-    sums = sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
+    sums = array_sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
     assert sums.tolist() == [1.5, 0.25, 1.0]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.numerics.gaussian import inverse_or_nan, proper, solve
+from tsepm_ros.numerics.gaussian import inverse_or_nan, proper, solve_covariance
 from tsepm_ros.studies.multiple_model import correlated_beyond_one
 
 
@@ -73,6 +73,6 @@ def test_a_singular_covariance_can_be_solved_for():
     covariance = np.array([np.ones((4, 4)), np.eye(4)])
     with pytest.raises(np.linalg.LinAlgError):
         np.linalg.solve(covariance, difference[..., None])
-    solved = solve(covariance, difference)
+    solved = solve_covariance(covariance, difference)
     assert solved[1] == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert difference[0] @ solved[0] > 1e6, "the states are far apart in that direction"

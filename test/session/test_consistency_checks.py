@@ -25,7 +25,7 @@ from tsepm_ros.session.consistency_checks import (
 )
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 
 START = 1_700_000_000.0
@@ -411,7 +411,7 @@ def test_scans_without_detections_lose_nothing():
     assert said == {}
 
 
-SEEN = Extent(10.0, 299.0, -1.04, 1.05)
+SEEN = ClutterExtent(10.0, 299.0, -1.04, 1.05)
 SHORT = SensorModel(max_range=300.0, azimuth_min=-1.0472, azimuth_max=1.0472)
 
 
@@ -432,7 +432,7 @@ def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
     sensor = SensorModel(min_range=5e-324)
     said = findings(SensorFigures(sensor=sensor, seen=SEEN, seen_detections=40))["coverage"]
     assert "from 0 to 9000 m" in said
-    seen = Extent(10.0, 199.0, -0.664, 5.52)
+    seen = ClutterExtent(10.0, 199.0, -0.664, 5.52)
     said = findings(SensorFigures(seen=seen, seen_detections=80))["coverage"]
     assert "sensor.max_range to 200" in said
     assert "all round" in said
@@ -440,7 +440,7 @@ def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
 
 
 def test_a_coverage_too_small_is_named_only_where_much_is_lost():
-    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    extent = ClutterExtent(3.0, 812.0, -math.pi, math.pi)
     lost = SensorFigures(sensor=SHORT, outside=90, detections=200, outside_extent=extent)
     said = findings(lost)["coverage_too_small"]
     assert "45 %" in said
@@ -451,7 +451,7 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
 
 @pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
 def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
-    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    extent = ClutterExtent(3.0, 812.0, -math.pi, math.pi)
     sensor = SensorModel(min_range=given, max_range=300.0)
     lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
     assert ("sensor.min_range to 3" in findings(lost)["coverage_too_small"]) is named

@@ -7,7 +7,7 @@ from support.builders import FIXED_RANGE_ERROR, scan_at
 
 from tsepm_ros import make_initiator
 from tsepm_ros.studies.multiple_model import MAX_FILTERS, cells
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 
 
 @pytest.mark.parametrize(("speeds", "headings"), [(1, 3), (2, 8), (5, 36)])
@@ -68,7 +68,7 @@ def test_the_output_is_that_of_plain_filters(process_noise):
     places = [rng.normal((3000.0 + 60.0 * k, 40.0 * k), 20.0) for k in range(4)]
     scans = [scan_at(12.0 * k, [one]) for k, one in enumerate(places)]
     (track,) = [track for scan in scans for track in made.process(scan)]
-    hits = [convert(scan, FIXED_RANGE_ERROR, 0)[0] for scan in scans]
+    hits = [convert_measurements(scan, FIXED_RANGE_ERROR, 0)[0] for scan in scans]
     state, covariance = plain_bank(hits, made.options, 10.0)
     np.testing.assert_allclose(track.state, state, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(track.covariance, covariance, rtol=1e-7, atol=1e-9)

@@ -7,7 +7,7 @@ from support.builders import FIXED_RANGE_ERROR, detections, fit_matrix, scan_at,
 
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.studies.sequential import ESTIMATORS, estimate, kalman, line
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 
 TIMES = np.array([-60.0, -48.0, -24.0, -12.0, -5.0])
 
@@ -140,7 +140,7 @@ def test_the_gate_is_that_of_equation_7(gap, inside, gate_error):
     made.process(first)
     for k in range(1, gap):
         made.process(scan_at(12.0 * k, []))
-    major = convert(first, FIXED_RANGE_ERROR, 0)["major_sigma"][0]
+    major = convert_measurements(first, FIXED_RANGE_ERROR, 0)["major_sigma"][0]
     reach = 10.0 * gap * 12.0 + 2.0 * (30.0 if gate_error == "range" else major)
     unbiased = np.exp(0.5 * FIXED_RANGE_ERROR.azimuth_std**2)
     step = (reach + (-0.01 if inside else 0.01)) / unbiased

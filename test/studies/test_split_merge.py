@@ -9,7 +9,7 @@ from support.scenes import random_scene
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.studies.split_merge import combined, unscented
 from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 
 
 @pytest.mark.parametrize(("size", "found"), [(0.0101, 1), (0.0099, 0)])
@@ -79,7 +79,7 @@ def test_the_unscented_transform_is_that_of_its_sigma_points():
         sensor_pose=np.array([100.0, 50.0, 0.7]),
         sensor_pose_covariance=np.diag([4.0, 9.0, 1e-4]),
     )
-    before = convert(scan, SENSOR, 0)
+    before = convert_measurements(scan, SENSOR, 0)
     found = unscented(before, SENSOR)
     for row, (r, a, s) in enumerate(zip(scan.range, scan.azimuth + 0.7, [0.02, 0.4], strict=True)):
         far, wide = np.sqrt(3.0) * 30.0, np.sqrt(3.0) * s
@@ -128,7 +128,7 @@ def test_branches_of_one_target_are_merged_and_estimated_again(twice):
     assert len(tracks) == 1
     assert made.totals.merged == 2 ** len(twice) - 1
     found = [
-        unscented(convert(scan_at(12.0 * k, where), SENSOR, k), SENSOR)
+        unscented(convert_measurements(scan_at(12.0 * k, where), SENSOR, k), SENSOR)
         for k, where in enumerate(scans)
     ]
     hits = combined(np.concatenate(found))

@@ -11,13 +11,13 @@ from support.builders import detections
 from support.score_scenes import NEVER, SONAR, score, sea
 
 from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.numerics.gaussian import gate_factor, log_density
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor, gaussian_log_density
 from tsepm_ros.tracker import evaluation, pruning, splitting
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
 from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT, fit
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -90,9 +90,9 @@ def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
     axis = np.linspace(-200.0, 200.0, 1601)
     x, y = np.meshgrid(axis, axis)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
-    density, distance = log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
+    density, distance = gaussian_log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
     increment = hit_increment(density, p_d, np.full(len(points), clutter))
-    inside = distance <= gate_factor(p_g) ** 2
+    inside = distance <= gaussian_gate_factor(p_g) ** 2
     cell = (axis[1] - axis[0]) ** 2
     children = clutter * cell * np.exp(increment[inside]).sum()
     missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
@@ -115,7 +115,7 @@ def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hyp
         initiator.process(scan)
     before = initiator.method.hypotheses
     observed = initiator.observe(scans[3])
-    predicted = splitting.predict(before, observed.interval, 0.001)
+    predicted = splitting.predict_for_splitting(before, observed.interval, 0.001)
     expected = ExpectedDetections.from_hypotheses(
         predicted, observed.stamp, observed.detections, SONAR
     )
@@ -123,9 +123,9 @@ def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hyp
     missed, scores = evaluation.evaluate(expected, parent, row, observed, 0.99)
     deletion = ScoreOptions().deletion_threshold
     kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
-    started = splitting.start(observed, 10.0, 16)
+    started = splitting.splitting_start(observed, 10.0, 16)
     parts = missed, scores, started
-    tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
+    tree = splitting.expand_splitting(expected, parts, pairs[:2], kept + len(missed), observed)
     return tree.hypotheses, unmade + cut
 
 
@@ -213,7 +213,7 @@ def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
 
 
 def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
-    window = DetectionWindow()
+    window = MeasurementWindow()
     first = window.append(detections([[0.0, 0.0]] * 2, 0.0))
     found = detections([[0.0, 0.0]] * 2, 1.0)
     found["scan"], found["index"] = 1, [0, 1]

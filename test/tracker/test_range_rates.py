@@ -12,7 +12,7 @@ from tsepm_ros.numerics import gaussian
 from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import ESTIMATORS, fit
-from tsepm_ros.tracker.measurement import DETECTION, convert, covariance_at
+from tsepm_ros.tracker.measurement import DETECTION, convert_measurements, measurement_covariance_at
 
 SENSOR = SensorModel(
     range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0), range_rate_std=0.25
@@ -50,7 +50,7 @@ def moving_hits(sensor: SensorModel, runs: int, seed: int = 1) -> np.ndarray:
             sensor_pose=(*SHIP * time, 0.0),
             sensor_velocity=SHIP,
         )
-        hits[:, k] = convert(scan, sensor, k)
+        hits[:, k] = convert_measurements(scan, sensor, k)
     return hits
 
 
@@ -125,13 +125,13 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
     found = np.zeros(n, DETECTION)
     found["azimuth_std"], found["range_std"] = SENSOR.azimuth_std, SENSOR.range_std
     found["sensor_velocity"], found["range_rate_std"] = SHIP, SENSOR.range_rate_std
-    rate, *_ = range_rates.expected(found, truth[:, 0::2], truth[:, 1::2])
+    rate, *_ = range_rates.expected_range_rates(found, truth[:, 0::2], truth[:, 1::2])
     found["range_rate"] = rate + SENSOR.range_rate_std * rng.standard_normal(n)
-    error = covariance_at(found[:1], mean[None, 0::2], SENSOR)[0]
+    error = measurement_covariance_at(found[:1], mean[None, 0::2], SENSOR)[0]
     found["position"] = truth[:, 0::2] + rng.multivariate_normal((0, 0), error, n)
     state, covariance = np.tile(mean, (n, 1)), np.tile(prior, (n, 1, 1))
     inside = np.isfinite(
-        motion.log_likelihood(
+        motion.motion_log_likelihood(
             state,
             covariance,
             np.arange(n),
@@ -149,7 +149,7 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
 
 def test_the_pair_gate_holds_a_target_s_hits_and_hardly_any_other_s():
     hits = moving_hits(SENSOR, RUNS)
-    gate = gaussian.gate_factor(0.9) ** 2
+    gate = gaussian.gaussian_gate_factor(0.9) ** 2
     for later in (1, 4):
         agree = range_rates.agree(hits[:, 0], hits[:, later], 10.0, gate)
         # It allows for a velocity across that is unknown up to v_max: never too narrow.
@@ -167,7 +167,7 @@ def test_the_clutter_s_density_is_one_and_half_of_it_within_its_parameter():
     found["position"], found["range_rate_std"] = (1000.0, 0.0), 0.2
     found["sensor_velocity"] = (4.0, 0.0)
     found["range_rate"] = np.linspace(-1000.0, 1000.0, len(found)) - 4.0
-    density = range_rates.clutter_density(found, replace(SENSOR, clutter_range_rate=2.0))
+    density = range_rates.range_rate_clutter_density(found, replace(SENSOR, clutter_range_rate=2.0))
     step = 2000.0 / (len(found) - 1)
     assert density.sum() * step == pytest.approx(1.0, abs=0.002)  # the tails hold 0.0013
     over_ground = found["range_rate"] + 4.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan
-from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, arc_of, chosen, wrap
+from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, arc_of, scan_of_rows, wrap
 
 GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
 
@@ -218,7 +218,7 @@ def test_chosen_detections_keep_what_is_theirs():
     columns |= {"azimuth_std": [0.01, 0.02], "time_offset": [0.3, 0.4]}
     columns |= {"sensor_pose": [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]}
     columns |= {"sensor_velocity": [[1.0, 2.0], [3.0, 4.0]]}
-    one = chosen(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
+    one = scan_of_rows(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
     assert {name: getattr(one, name).tolist() for name in columns} == {
         name: [values[1]] for name, values in columns.items()
     }

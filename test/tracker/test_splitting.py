@@ -8,7 +8,7 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.splitting import Gated, children, gate, split_paths
@@ -21,7 +21,7 @@ def test_residual_detections_are_those_in_no_gate(seed):
     last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
     found = detections(rng.uniform(-1000, 1000, (200, 2)), 6.0)
     gated = gate(last, found, 10.0, 0.9)
-    radius = 60.0 + gate_factor(0.9) * last["major_sigma"]
+    radius = 60.0 + gaussian_gate_factor(0.9) * last["major_sigma"]
     distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
     expected = np.flatnonzero((distance > radius).all(axis=1))
     assert 20 < len(expected) < 180
@@ -124,7 +124,7 @@ def test_every_detection_in_a_hypothesis_gate_is_a_pair(times):
 
 def test_a_hypothesis_is_predicted_with_its_fading():
     before = replace(hypotheses_at([[0.0, 0.0]], speed=2.0), faded=np.array([0.3]))
-    after = splitting.predict(before, 10.0, 0.5)
+    after = splitting.predict_for_splitting(before, 10.0, 0.5)
     assert after.state[0].tolist() == [20.0, 2.0, 0.0, 0.0]
     assert after.covariance[0, 1, 1] == pytest.approx(4.0 + 5.0)
     np.testing.assert_allclose(after.faded, 0.4 - 0.1 * np.exp(-0.1))
@@ -135,7 +135,7 @@ def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
     observed = made.observe(scan)
     observed = replace(observed, confirmed_density=np.array([0.0, 3.0]) * observed.clutter_density)
-    started = splitting.start(observed, 10.0, 4)
+    started = splitting.splitting_start(observed, 10.0, 4)
     assert started.hits[:, 0].tolist() == observed.ids.tolist()
     assert started.hit_count.tolist() == [1, 1]
     np.testing.assert_allclose(started.state[:, 0::2], observed.detections["position"])

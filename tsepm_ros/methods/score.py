@@ -50,7 +50,7 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed_arrays
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
 from tsepm_ros.tracker.confirmation import confirmed_hits, spans_time
 from tsepm_ros.tracker.hypotheses import (
@@ -60,7 +60,7 @@ from tsepm_ros.tracker.hypotheses import (
     Tree,
     given_starts,
 )
-from tsepm_ros.tracker.initial_state import NO_HIT, fit_paths
+from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states_of_paths
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions, ScoreOptions
@@ -118,7 +118,7 @@ class Score(Method):
         given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
         ended = observed.scan_index + 1 - given.first_scan >= self.options.window
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
-        self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
+        self.hypotheses = changed_arrays(given, score=np.where(ended, -np.inf, given.score))
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
         target_hits = None
@@ -127,7 +127,7 @@ class Score(Method):
         number = len(tracks)
         return Step(
             tracks,
-            changed(
+            changed_arrays(
                 counts,
                 potential_tracks=int(np.count_nonzero(~ended)),
                 terminated=int(np.count_nonzero(ended)),
@@ -145,12 +145,14 @@ class Score(Method):
     def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
         """The tree after a scan: split, evaluated and pruned; and the counts of these."""
         options = self.options
-        predicted = splitting.predict(self.hypotheses, observed.interval, options.process_noise)
+        predicted = splitting.predict_for_splitting(
+            self.hypotheses, observed.interval, options.process_noise
+        )
         expected = ExpectedDetections.from_hypotheses(
             predicted, observed.stamp, observed.detections, self.sensor
         )
         parent, row, cut = splitting.split(expected, GATE_PROBABILITY, observed.most_pairs)
-        started = splitting.start(observed, self.common.max_speed, options.window)
+        started = splitting.splitting_start(observed, self.common.max_speed, options.window)
         missed, score = evaluation.evaluate(expected, parent, row, observed, GATE_PROBABILITY)
         kept, beyond = pruning.prune(
             np.concatenate([missed.score, score, started.score]),
@@ -160,7 +162,7 @@ class Score(Method):
             self.common.max_potential_tracks,
         )
         parts = missed, score, started
-        tree = splitting.expand(expected, parts, (parent, row), kept, observed)
+        tree = splitting.expand_splitting(expected, parts, (parent, row), kept, observed)
         first, left = len(observed.ids), int(np.count_nonzero(missed.score > -np.inf))
         split = int(np.count_nonzero(score > -np.inf)) + first
         return tree, ScanStatistics(
@@ -235,7 +237,7 @@ class Score(Method):
 
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        return fit_paths(hypotheses, observed.window, observed.stamp, self.sensor)
+        return fit_initial_states_of_paths(hypotheses, observed.window, observed.stamp, self.sensor)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

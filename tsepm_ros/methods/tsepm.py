@@ -49,17 +49,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import (
+    ArrayRows,
     BoolArray,
     FloatArray,
     IntArray,
-    Rows,
-    keep_best,
+    array_rows_of_least_cost,
     members_of_groups,
 )
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
 from tsepm_ros.tracker.initial_state import ESTIMATORS, MAX_ROWS_TOGETHER, Fit, Paths, fit, starting
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
@@ -122,7 +122,7 @@ class TsepmOptions(MnOptions):
 
 
 @dataclass(frozen=True)
-class Candidates(Rows):
+class Candidates(ArrayRows):
     """Tracks that reached confirmation, fitted and evaluated.
 
     Attributes
@@ -152,7 +152,7 @@ class Candidates(Rows):
         )
 
 
-def path_cost(paths: Paths, detections: DetectionWindow) -> FloatArray:
+def path_cost(paths: Paths, detections: MeasurementWindow) -> FloatArray:
     """Clutter statistic per degree of freedom, (n,): small is target-like, 1 a track of clutter.
 
     The statistic is f_2 of the hits so far (Eq. 25). A path of one hit has none yet and counts as
@@ -187,7 +187,7 @@ class WindowedMethod(Method):
 
     def forget(self) -> None:
         """See `Method.forget`."""
-        self.detections = DetectionWindow()
+        self.detections = MeasurementWindow()
         self.stamp, self.scan_index = 0.0, -1
         self.most_pairs = math.inf
 
@@ -442,4 +442,4 @@ class Tsepm(WindowedMethod):
         limit = self.common.max_potential_tracks
         if len(tracks) <= limit:
             return tracks
-        return tracks[keep_best(path_cost(tracks, self.detections), limit)]
+        return tracks[array_rows_of_least_cost(path_cost(tracks, self.detections), limit)]

@@ -36,7 +36,7 @@ from tsepm_ros.nodes.subscriptions import QosWatch
 from tsepm_ros.own_ship.registration import exchanged, stated_axes
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
 
@@ -245,7 +245,7 @@ class TrackOutputs:
         self._with_potential_tracks = shown
 
     def _publish_placed(self, header: Header, scan: Scan) -> None:
-        detections = convert(scan, self._session.settings.sensor, 0)
+        detections = convert_measurements(scan, self._session.settings.sensor, 0)
         offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
         order = -1 if stated_axes(header.frame_id) == "down" else 1
         placed = PlacedDetections(

@@ -15,7 +15,7 @@ IntArray = NDArray[np.int64]
 T = TypeVar("T")
 
 
-def changed(table: T, **columns: Any) -> T:
+def changed_arrays(table: T, **columns: Any) -> T:
     """A table (a dataclass without slots) with other columns, or parts.
 
     As `dataclasses.replace`, without a constructor: a tenth of the time.
@@ -32,7 +32,7 @@ def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
     return rows.nonzero()[0] if rows.dtype == bool else rows
 
 
-def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
+def taken_from_array(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
     """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask (n,).
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
@@ -49,7 +49,7 @@ def appended(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.vo
     return np.concatenate(blocks).view(records.dtype)
 
 
-def with_rows(table: T, rows: IntArray, **values: Any) -> T:
+def with_array_rows(table: T, rows: IntArray, **values: Any) -> T:
     """A table with other values in some rows: of columns, or of the columns of tables in it."""
     columns: dict[str, Any] = {}
     for name, value in values.items():
@@ -58,12 +58,12 @@ def with_rows(table: T, rows: IntArray, **values: Any) -> T:
             columns[name] = column.copy()
             columns[name][rows] = value
         else:
-            columns[name] = with_rows(column, rows, **value.__dict__)
-    return changed(table, **columns)
+            columns[name] = with_array_rows(column, rows, **value.__dict__)
+    return changed_arrays(table, **columns)
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ArrayRows:
     """Columns of equal length, the fields of a subclass: arrays, or tables of such columns."""
 
     def __len__(self) -> int:
@@ -114,7 +114,7 @@ class Rows:
         return cls(*columns)
 
 
-def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+def array_log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Log of the summed likelihood ratios of each group, ``ln sum_i exp(s_i)``.
 
     Parameters
@@ -129,21 +129,21 @@ def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     (count,) ndarray
         -inf for a group without hypotheses.
     """
-    largest = largest_of(score, group, count)
+    largest = array_largest_of_groups(score, group, count)
     base = np.where(np.isfinite(largest), largest, 0.0)
     sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(sums) + base)
 
 
-def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+def array_largest_of_groups(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Largest score of each group, (count,); -inf for a group without hypotheses."""
     largest = np.full(count, -np.inf)
     np.maximum.at(largest, group, score)
     return largest
 
 
-def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
+def among_best_of_array(group: IntArray, score: FloatArray, number: int) -> BoolArray:
     """Which rows are among a number of the largest scores of their group, (n,)."""
     kept = np.ones(len(group), bool)
     if len(group) <= number:
@@ -155,7 +155,7 @@ def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
     return kept
 
 
-def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
+def array_sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
     """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
 
     `ids` holds at least one detection; other hits count 0.
@@ -208,7 +208,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
         low, high = into[first], into[second]
         key = np.minimum(low, high) * n + np.maximum(low, high)
         key, inverse = np.unique(np.where(low == high, -1, key), return_inverse=True)
-        distance = largest_of(distance, inverse, len(key))
+        distance = array_largest_of_groups(distance, inverse, len(key))
         count = np.bincount(inverse, count, minlength=len(key)).astype(np.int64)
         first, second = key // n, key % n
         kept = (key >= 0) & (count == size[first] * size[second])
@@ -216,7 +216,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
     return label
 
 
-def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
+def array_rows_of_least_cost(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
     """Rows of the `limit` smallest costs, in ascending order of rows.
 
     Ties are kept in the order of their rows: the choice is the same on every machine.

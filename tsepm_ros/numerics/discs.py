@@ -83,7 +83,7 @@ def _integrals(
     return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
 
 
-def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
+def squared_distances_of_discs(centres: FloatArray, positions: FloatArray) -> FloatArray:
     """``|z - c|^2`` of all pairs of centres (g, 2) and positions (n, 2), (g, n)."""
     x = centres[:, :1] - positions[:, 0]
     y = centres[:, 1:] - positions[:, 1]
@@ -119,7 +119,7 @@ def pairs_within(
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
-        within = squared_distances(centres, positions) <= (radius * radius)[:, None]
+        within = squared_distances_of_discs(centres, positions) <= (radius * radius)[:, None]
         centre, position = within.nonzero()
         return (centre, position) if len(centre) <= most else None
     places, middle = positions.T.copy(), centres.T.copy()

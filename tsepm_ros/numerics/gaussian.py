@@ -18,7 +18,7 @@ MIN_VARIANCE_SHARE = 1e-24
 """Smallest variance of a repaired matrix, as a share of its largest."""
 
 
-def gate_factor(probability: float) -> float:
+def gaussian_gate_factor(probability: float) -> float:
     """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
 
     ``alpha = sqrt(-2 ln(1 - P))``
@@ -26,16 +26,16 @@ def gate_factor(probability: float) -> float:
     return math.sqrt(-2.0 * math.log1p(-probability))
 
 
-def squared_distance(difference: FloatArray, covariance: FloatArray) -> FloatArray:
+def squared_mahalanobis_distance(difference: FloatArray, covariance: FloatArray) -> FloatArray:
     """Squared Mahalanobis distance ``d' C^-1 d`` of vectors (..., 2), covariances (..., 2, 2)."""
     x, y = difference[..., 0], difference[..., 1]
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
 
 
-def is_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
+def is_gaussian_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
     """Whether (..., 2) vectors of (..., 2, 2) covariances differ from 0, at a level of 0.1 %."""
-    return np.asarray(squared_distance(difference, covariance) > SIGNIFICANT)
+    return np.asarray(squared_mahalanobis_distance(difference, covariance) > SIGNIFICANT)
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
@@ -48,7 +48,9 @@ def inverse(matrix: FloatArray) -> FloatArray:
     return inverted / (a * d - b * c)[..., None, None]
 
 
-def log_density(innovation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def gaussian_log_density(
+    innovation: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Log of the Gaussian density of innovations, and their squared distances.
 
     ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
@@ -67,12 +69,12 @@ def log_density(innovation: FloatArray, covariance: FloatArray) -> tuple[FloatAr
     distance : (n,) ndarray
         ``d' S^-1 d``.
     """
-    distance = squared_distance(innovation, covariance)
+    distance = squared_mahalanobis_distance(innovation, covariance)
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
 
 
-def mixture(
+def gaussian_mixture(
     weights: FloatArray, states: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Means and covariances over alternatives, the spread of their means included.
@@ -136,7 +138,7 @@ def inverse_or_nan(matrices: FloatArray) -> FloatArray:
     return inverted.astype(np.float64, copy=False)
 
 
-def solve(covariance: FloatArray, difference: FloatArray) -> FloatArray:
+def solve_covariance(covariance: FloatArray, difference: FloatArray) -> FloatArray:
     """``C^-1 d`` of covariances (n, d, d) and vectors (n, d); singular covariances are repaired."""
     try:
         solved = np.linalg.solve(covariance, difference[..., None])

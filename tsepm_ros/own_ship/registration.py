@@ -26,10 +26,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, changed
+from tsepm_ros.numerics.arrays import FloatArray, changed_arrays
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, chosen, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, scan_of_rows, wrap
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MIN_QUATERNION_NORM = 1e-6
@@ -253,7 +253,7 @@ def exchanged(tracks: TrackArrays, frame_id: str) -> TrackArrays:
     if stated_axes(frame_id) != "down":
         return tracks
     covariance = tracks.covariance[:, _EXCHANGED][:, :, _EXCHANGED]
-    return changed(tracks, state=tracks.state[:, _EXCHANGED], covariance=covariance)
+    return changed_arrays(tracks, state=tracks.state[:, _EXCHANGED], covariance=covariance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -513,7 +513,7 @@ def selected(sensor_scan: SensorScan, kept: NDArray[np.bool_]) -> SensorScan:
     offset, height = sensor_scan.transmit_offset, sensor_scan.height
     return dataclasses.replace(
         sensor_scan,
-        scan=chosen(sensor_scan.scan, np.flatnonzero(kept)),
+        scan=scan_of_rows(sensor_scan.scan, np.flatnonzero(kept)),
         transmit_offset=None if offset is None else offset[kept],
         height=None if height is None else height[kept],
     )

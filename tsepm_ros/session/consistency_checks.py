@@ -18,7 +18,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import Mounting, SensorScan
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, leap_seconds
-from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -347,11 +347,11 @@ class SensorFigures:
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
-    seen: Extent | None = None
+    seen: ClutterExtent | None = None
     seen_detections: int = 0
     outside: int = 0
     detections: int = 0
-    outside_extent: Extent | None = None
+    outside_extent: ClutterExtent | None = None
     errors: FittedErrors | None = None
     confirmed: int = 0
     duration: float = 0.0
@@ -378,7 +378,7 @@ def coverage_too_large(figures: SensorFigures) -> str:
         return ""
     return (
         f"all detections are {_of(seen)}; by the parameters, the coverage is "
-        f"{_of(Extent.of_sensor(figures.sensor))}: if the sonar covers no more, set "
+        f"{_of(ClutterExtent.of_sensor(figures.sensor))}: if the sonar covers no more, set "
         f"{_settings(seen, figures.sensor)} (m, rad)"
     )
 
@@ -439,12 +439,12 @@ def many_confirmations(figures: SensorFigures) -> str:
     )
 
 
-def _is_sector(extent: Extent) -> bool:
+def _is_sector(extent: ClutterExtent) -> bool:
     """Whether an extent leaves out more than a chance gap."""
     return extent.azimuth_max - extent.azimuth_min <= 2.0 * math.pi - MIN_EMPTY_SECTOR
 
 
-def _of(extent: Extent) -> str:
+def _of(extent: ClutterExtent) -> str:
     """An extent in words."""
     sector = "all round"
     if _is_sector(extent):
@@ -455,7 +455,7 @@ def _of(extent: Extent) -> str:
     return f"from {_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
 
 
-def _settings(extent: Extent, sensor: SensorModel) -> str:
+def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:
     """Parameters that make an extent the coverage."""
     settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
     if extent.min_range < sensor.min_range:

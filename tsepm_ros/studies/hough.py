@@ -61,7 +61,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_rows_of_least_cost
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import Pairs
 from tsepm_ros.studies.path_following import Estimates, HitCounter, PathFollower
@@ -127,7 +127,7 @@ class Hough(HitCounter):
         image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
-        kept = lines[keep_best(votes, self.common.max_potential_tracks)]
+        kept = lines[array_rows_of_least_cost(votes, self.common.max_potential_tracks)]
         tracks, hits, refused = self.confirm(kept)
         self._image = image[~np.isin(image, hits)]
         return Step(
@@ -155,7 +155,11 @@ class Hough(HitCounter):
         See `Method.potential_tracks`.
         """
         lines = self._lines(self._image, 2, observed.sensor_position)
-        lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_potential_tracks)]
+        lines = lines[
+            array_rows_of_least_cost(
+                -lines.hit_count.astype(float), self.common.max_potential_tracks
+            )
+        ]
         tracks, _, _ = self.confirm(lines)
         return tracks.numbered(np.arange(len(tracks)))
 

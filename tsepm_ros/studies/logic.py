@@ -43,13 +43,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
-from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import Pairs, within
 from tsepm_ros.studies.path_following import PathFollower
 from tsepm_ros.tracker import splitting
-from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.measurement import measurement_major_sigma
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 
 
@@ -140,7 +140,9 @@ class Polynomials:
         powers = (max_interval / self.scale)[:, None] ** np.arange(count)
         length = np.hypot(self.coefficients[..., 0], self.coefficients[..., 1])
         diagonal = np.arange(count)
-        sigma = (powers * major_sigma(self.covariance[:, diagonal, diagonal])).sum(axis=1)
+        sigma = (powers * measurement_major_sigma(self.covariance[:, diagonal, diagonal])).sum(
+            axis=1
+        )
         return (powers * length)[:, 1:].sum(axis=1), sigma
 
 
@@ -207,7 +209,7 @@ class Logic(PathFollower):
     @property
     def _threshold(self) -> float:
         """gamma: the chi-square quantile of two degrees of freedom."""
-        return gaussian.gate_factor(self.options.gate_probability) ** 2
+        return gaussian.gaussian_gate_factor(self.options.gate_probability) ** 2
 
     def _near(
         self, predicted: Polynomials, detections: NDArray[np.void]
@@ -238,7 +240,7 @@ class Logic(PathFollower):
         row: IntArray,
     ) -> FloatArray:
         """D of pairs of predictions and detections, (p,)."""
-        candidates = taken(detections, row)
+        candidates = taken_from_array(detections, row)
         expected, covariance = predicted.at(owner, candidates["time"])
         misfit = candidates["position"] - expected
         if predicted.degree == 0:
@@ -246,4 +248,4 @@ class Logic(PathFollower):
             misfit = np.maximum(0.0, misfit - reach[:, None]) + np.maximum(
                 0.0, -misfit - reach[:, None]
             )
-        return squared_distance(misfit, covariance + candidates["covariance"])
+        return squared_mahalanobis_distance(misfit, covariance + candidates["covariance"])

@@ -38,7 +38,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import WindowedMethod
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
+from tsepm_ros.numerics.arrays import (
+    ArrayRows,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    array_rows_of_least_cost,
+    taken_from_array,
+)
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import Pairs, best_of_each, disjoint
 from tsepm_ros.tracker import evaluation, splitting
@@ -55,7 +62,7 @@ MAX_PAIRS = 1_000_000
 
 
 @dataclass(frozen=True)
-class Estimates(Rows):
+class Estimates(ArrayRows):
     """Tracks as estimated from their hits.
 
     Attributes
@@ -145,7 +152,7 @@ class HitCounter(WindowedMethod):
 
 
 @dataclass(frozen=True)
-class Displacements(Rows):
+class Displacements(ArrayRows):
     """Two steps that follow each other, a row each.
 
     Attributes
@@ -248,7 +255,7 @@ class PathFollower(HitCounter):
         pairs, cut_pairs = self.pairs(detections)
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
         row = extending.row
-        children = self.extended(extending.parent, ids[row], taken(detections, row))
+        children = self.extended(extending.parent, ids[row], taken_from_array(detections, row))
         reached = children.hit_count >= self.options.min_hits
         tracks, hits, refused = self.confirm(children[reached])
         missed = np.ones(len(self.potential), bool)
@@ -260,7 +267,7 @@ class PathFollower(HitCounter):
         free = np.flatnonzero(is_free)
         beyond = max(len(free) - self.max_tracks, 0)
         begun = free[: self.max_tracks]
-        started = self.started(ids[begun], taken(detections, begun))
+        started = self.started(ids[begun], taken_from_array(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
         evaluated = int(np.count_nonzero(reached))
         return Step(
@@ -396,14 +403,14 @@ class PathFollower(HitCounter):
             (pairs[~complete], self.max_tracks),
             (pairs[complete], self.common.max_potential_tracks),
         ):
-            kept.append(part[keep_best(part.cost, limit)])
+            kept.append(part[array_rows_of_least_cost(part.cost, limit)])
         counts = np.count_nonzero(~complete), np.count_nonzero(complete)
         cut = [int(count) - len(part) for count, part in zip(counts, kept, strict=True)]
         return Pairs.joined(*kept), cut[0], cut[1]
 
     def _limit(self, tracks: Paths) -> tuple[Paths, int]:
         """Keep the potential tracks of the most hits; returns them and the number cut."""
-        kept = keep_best(-tracks.hit_count.astype(float), self.max_tracks)
+        kept = array_rows_of_least_cost(-tracks.hit_count.astype(float), self.max_tracks)
         return tracks[kept], len(tracks) - len(kept)
 
 

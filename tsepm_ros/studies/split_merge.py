@@ -74,9 +74,9 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
 from tsepm_ros.tracker.measurement import (
-    DetectionWindow,
-    major_sigma,
+    MeasurementWindow,
     measured_polar,
+    measurement_major_sigma,
     pose_error_covariance,
     range_variance_at,
     rotated,
@@ -102,7 +102,7 @@ def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.v
     Parameters
     ----------
     detections : (...) ndarray of DETECTION
-        From `convert`.
+        From `convert_measurements`.
     sensor : SensorModel
         Range errors of detections without their own.
 
@@ -122,7 +122,7 @@ def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.v
     converted["covariance"] = rotated(along, across, cosine, sine) + pose_error_covariance(
         offset, detections["sensor_pose_covariance"]
     )
-    converted["major_sigma"] = major_sigma(converted["covariance"])
+    converted["major_sigma"] = measurement_major_sigma(converted["covariance"])
     return converted
 
 
@@ -169,7 +169,7 @@ class SplitMerge(Tsepm):
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self._unscented = DetectionWindow()
+        self._unscented = MeasurementWindow()
 
     def step(self, observed: Observation) -> Step:
         """Step of `Tsepm` on detections with the unscented transform's covariances.

@@ -18,15 +18,15 @@ from scipy.special import expit
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
-    changed,
-    largest_of,
-    summed,
-    sums_over_hits,
-    taken,
+    array_largest_of_groups,
+    array_log_sums,
+    array_sums_over_hits,
+    changed_arrays,
+    taken_from_array,
 )
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
-from tsepm_ros.tracker.measurement import covariance_at
+from tsepm_ros.tracker.measurement import measurement_covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 PRIOR_TARGET_ODDS = 0.001
@@ -76,7 +76,7 @@ class Hypotheses(Paths):
 
     def scored_given_confirmed(self) -> Hypotheses:
         """The hypotheses with their scores given the confirmed tracks."""
-        return changed(self, score=self.score_given_confirmed)
+        return changed_arrays(self, score=self.score_given_confirmed)
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:
@@ -130,11 +130,11 @@ class Tree:
 
         -inf where none does.
         """
-        return summed(score[self.missed :], self.newest, len(self.ids))
+        return array_log_sums(score[self.missed :], self.newest, len(self.ids))
 
     def largest(self, values: FloatArray) -> FloatArray:
         """Largest of the values (n,) over those that end in each detection, (d,); or -inf."""
-        return largest_of(values[self.missed :], self.newest, len(self.ids))
+        return array_largest_of_groups(values[self.missed :], self.newest, len(self.ids))
 
     def ending_in(self, detection: int) -> Hypotheses:
         """The hypotheses that end in a detection of the scan."""
@@ -179,9 +179,9 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     """
     score = hypotheses.score_given_confirmed
     for start in starts:
-        due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
+        due = array_sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
-    return changed(hypotheses, score_given_confirmed=score)
+    return changed_arrays(hypotheses, score_given_confirmed=score)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,9 +223,9 @@ class ExpectedDetections:
         if len(detections) and len(hypotheses) and _alike(detections):
             first = detections[:1]
             after = first["time"] - stamp
-            expected = motion.position_after(hypotheses.state, after)
-            spread = motion.position_covariance_after(hypotheses.covariance, after)
-            spread += covariance_at(first, expected, sensor)
+            expected = motion.position_after_motion(hypotheses.state, after)
+            spread = motion.position_covariance_after_motion(hypotheses.covariance, after)
+            spread += measurement_covariance_at(first, expected, sensor)
             common = expected, spread
         return cls(hypotheses, stamp, detections, sensor, common)
 
@@ -236,8 +236,8 @@ class ExpectedDetections:
             innovation = self.detections["position"].take(row, axis=0)
             innovation -= expected.take(parent, axis=0)
             return innovation, spread.take(parent, axis=0)
-        detections = taken(self.detections, row)
-        return motion.innovations(
+        detections = taken_from_array(self.detections, row)
+        return motion.motion_innovations(
             self.hypotheses.state[parent],
             self.hypotheses.covariance[parent],
             detections["time"] - self.stamp,
@@ -248,9 +248,9 @@ class ExpectedDetections:
     def log_likelihood(
         self, parent: IntArray, row: IntArray, gate_probability: float
     ) -> FloatArray:
-        """Log of the likelihood of each pair's detection, (p,); see `motion.log_likelihood`."""
+        """Log of the likelihood of each pair's detection, (p,); see `motion.motion_log_likelihood`."""
         innovation, spread = self.innovations(parent, row)
-        return motion.log_likelihood(
+        return motion.motion_log_likelihood(
             self.hypotheses.state,
             self.hypotheses.covariance,
             parent,
@@ -271,7 +271,7 @@ class ExpectedDetections:
         innovation, spread = self.innovations(parent, row)
         time_after_state = self.detections["time"][row] - self.stamp
         if self.of_hypothesis is None:
-            moved, narrowed = motion.update(
+            moved, narrowed = motion.update_motion(
                 state[parent], covariance[parent], time_after_state, innovation, spread
             )
         else:
@@ -281,14 +281,16 @@ class ExpectedDetections:
             rows, index = np.flatnonzero(used), (np.cumsum(used) - 1)[parent]
             spread, after = self.of_hypothesis[1][rows], self.detections["time"][:1] - self.stamp
             before = covariance[rows]
-            gain = motion.kalman_gain(before, after, spread)
+            gain = motion.motion_kalman_gain(before, after, spread)
             change = gain @ spread @ np.swapaxes(gain, -1, -2)
             step = gain.take(index, axis=0) @ innovation[..., None]
             moved = state.take(parent, axis=0) + step[..., 0]
             narrowed = (before - change).take(index, axis=0)
-        if not range_rates.measured(self.detections).any():
+        if not range_rates.has_range_rates(self.detections).any():
             return moved, narrowed
-        return range_rates.update(moved, narrowed, time_after_state, taken(self.detections, row))
+        return range_rates.update_by_range_rates(
+            moved, narrowed, time_after_state, taken_from_array(self.detections, row)
+        )
 
 
 def _alike(detections: NDArray[np.void]) -> bool:

@@ -15,10 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
-from tsepm_ros.numerics.gaussian import inverse_or_nan, squared_distance
+from tsepm_ros.numerics.arrays import ArrayRows, FloatArray, IntArray, changed_arrays
+from tsepm_ros.numerics.gaussian import inverse_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
-from tsepm_ros.tracker.measurement import DetectionWindow, covariance_at, major_sigma
+from tsepm_ros.tracker.measurement import (
+    MeasurementWindow,
+    measurement_covariance_at,
+    measurement_major_sigma,
+)
 from tsepm_ros.tracker.sensor import SensorModel
 
 NO_HIT = -1
@@ -31,7 +35,7 @@ GOOD_FIT = 0.99
 
 
 @dataclass(frozen=True)
-class Paths(Rows):
+class Paths(ArrayRows):
     """Sequences of detections of possible targets, at most one per scan: a row each.
 
     Attributes
@@ -57,7 +61,7 @@ class Paths(Rows):
         """Children with a further detection each: row i extends path `parent[i]`."""
         children = self[parent]
         children.hits[np.arange(len(parent)), children.hit_count] = detection
-        return changed(children, hit_count=children.hit_count + 1)
+        return changed_arrays(children, hit_count=children.hit_count + 1)
 
     def of_equal_count(self) -> Iterator[tuple[IntArray, IntArray]]:
         """Iterate over blocks of paths with the same number of hits.
@@ -137,15 +141,15 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     time_after_state, at_fit = hits["time"] - stamp, hits["covariance"]
     state, covariance = unweighted(time_after_state, hits["position"], at_fit)
     for _ in range(WEIGHTED_PASSES if estimator == "weighted" else 0):
-        positions = motion.position_after(state[:, None], time_after_state)
-        at_fit = covariance_at(hits, positions, sensor)
+        positions = motion.position_after_motion(state[:, None], time_after_state)
+        at_fit = measurement_covariance_at(hits, positions, sensor)
         state, covariance = weighted(time_after_state, hits["position"], at_fit, state)
     state, covariance = range_rates.fitted(state, covariance, time_after_state, hits)
     return Fit(state, covariance, time_after_state, at_fit)
 
 
-def fit_paths(
-    paths: Paths, window: DetectionWindow, stamp: float, sensor: SensorModel
+def fit_initial_states_of_paths(
+    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted fits of the states of paths with different numbers of hits, at least two each.
 
@@ -169,8 +173,8 @@ def fit_paths(
     return state, covariance
 
 
-def figures_of_hits(
-    window: DetectionWindow,
+def initial_state_figures(
+    window: MeasurementWindow,
     hits: NDArray[np.object_],
     stamp: FloatArray,
     state: FloatArray,
@@ -206,12 +210,12 @@ def figures_of_hits(
         in_window = window[ids]
         amplitude = in_window["amplitude"][np.isfinite(in_window["amplitude"])]
         amplitude_hits[track], amplitude_total[track] = len(amplitude), amplitude.sum()
-        hit_sigma[track] = major_sigma(in_window["covariance"][-1:])[0]
+        hit_sigma[track] = measurement_major_sigma(in_window["covariance"][-1:])[0]
         freedom = 2 * len(ids) - 4
         if freedom > 0:
             elapsed = in_window["time"][:, None] - stamp[track]
             expected = state[track, 0::2] + elapsed * state[track, 1::2]
-            square = squared_distance(
+            square = squared_mahalanobis_distance(
                 in_window["position"] - expected, in_window["covariance"]
             ).sum()
             if square > chdtri(freedom, 1.0 - GOOD_FIT):
@@ -272,7 +276,7 @@ def weighted(
     covariance : (n, 4, 4) ndarray
     """
     information = inverse_or_nan(covariances)  # (n, m, 2, 2)
-    residual = positions - motion.position_after(start[:, None], time_after_state)
+    residual = positions - motion.position_after_motion(start[:, None], time_after_state)
     weighted_residual = (information @ residual[..., None])[..., 0]
     n = len(time_after_state)
     powers = np.stack(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, appended, taken
+from tsepm_ros.numerics.arrays import FloatArray, appended, taken_from_array
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -95,7 +95,7 @@ def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray
     return range_, np.arctan2(offset[..., 1], offset[..., 0])
 
 
-def position_covariance(
+def measurement_covariance(
     range: ArrayLike,
     azimuth: ArrayLike,
     range_variance: ArrayLike,
@@ -137,7 +137,7 @@ def _variances(
 ) -> tuple[FloatArray, FloatArray]:
     """Variances along and across the line of sight, of squared ranges.
 
-    See `position_covariance`.
+    See `measurement_covariance`.
     """
     angle_variance = np.square(azimuth_std)
     # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: small s
@@ -187,14 +187,14 @@ def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> Fl
     return jacobian @ pose_covariance @ np.swapaxes(jacobian, -1, -2)
 
 
-def major_sigma(covariance: FloatArray) -> FloatArray:
+def measurement_major_sigma(covariance: FloatArray) -> FloatArray:
     """Standard deviation along the major axis of each (..., 2, 2) covariance, m."""
     half_sum = 0.5 * (covariance[..., 0, 0] + covariance[..., 1, 1])
     half_difference = 0.5 * (covariance[..., 0, 0] - covariance[..., 1, 1])
     return np.sqrt(half_sum + np.hypot(half_difference, covariance[..., 0, 1]))
 
 
-def convert(
+def convert_measurements(
     scan: Scan, sensor: SensorModel, scan_index: int, least_across: ArrayLike = 0.0
 ) -> NDArray[np.void]:
     """Convert a scan to detections in the fixed frame (Step 1; Eqs. 6-11).
@@ -208,7 +208,7 @@ def convert(
     scan_index : int
         Index stored with each detection.
     least_across : (n,) array_like, optional
-        See `position_covariance`.
+        See `measurement_covariance`.
 
     Returns
     -------
@@ -227,7 +227,7 @@ def convert(
     yaw = detections["sensor_pose"][:, 2]
     offset = unbiased_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
     detections["position"] = detections["sensor_pose"][:, :2] + offset
-    covariance = position_covariance(
+    covariance = measurement_covariance(
         scan.range,
         scan.azimuth + yaw,
         sensor.range_variance(scan.range) if scan.range_std is None else scan.range_std**2,
@@ -238,7 +238,7 @@ def convert(
         detections["sensor_pose_covariance"] = scan.sensor_pose_covariance
         covariance += pose_error_covariance(offset, detections["sensor_pose_covariance"])
     detections["covariance"] = covariance
-    detections["major_sigma"] = major_sigma(covariance)
+    detections["major_sigma"] = measurement_major_sigma(covariance)
     range_rates.take(detections, scan, sensor)
     detections["clutter_density"] = sensor.clutter_density
     intensity = scan.features.get("intensity", np.nan)
@@ -247,7 +247,7 @@ def convert(
     return detections
 
 
-def covariance_at(
+def measurement_covariance_at(
     detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel
 ) -> FloatArray:
     """Re-evaluate the detections' covariances for targets at other positions.
@@ -296,7 +296,7 @@ def range_variance_at(
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
 
 
-class DetectionWindow:
+class MeasurementWindow:
     """Detections of the recent scans, addressed by ids that never change.
 
     Ids count from 0 in order of arrival. Removing old scans leaves the other ids unchanged:
@@ -329,7 +329,7 @@ class DetectionWindow:
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
-        return taken(self._detections, ids - self.first_id)
+        return taken_from_array(self._detections, ids - self.first_id)
 
     def note_confirmed(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
         """Note the probabilities that detections belong to confirmed tracks, (n,) each."""

@@ -33,11 +33,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
+from tsepm_ros.numerics.arrays import ArrayRows, BoolArray, FloatArray, IntArray, taken_from_array
 from tsepm_ros.numerics.discs import NODES, WEIGHTS
-from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density, mixture
+from tsepm_ros.numerics.gaussian import (
+    gaussian_gate_factor,
+    gaussian_log_density,
+    gaussian_mixture,
+    inverse,
+)
 from tsepm_ros.tracker import range_rates
-from tsepm_ros.tracker.measurement import covariance_at, major_sigma
+from tsepm_ros.tracker.measurement import measurement_covariance_at, measurement_major_sigma
 from tsepm_ros.tracker.sensor import SensorModel
 
 _CONSTANT, _LINEAR, _SQUARE = np.zeros((3, 4, 4))
@@ -74,7 +79,7 @@ MIN_MODE_PROBABILITY = 1e-30
 """Floor of a mode's probability, which keeps its state defined."""
 
 
-def predict(
+def predict_motion(
     state: FloatArray,
     covariance: FloatArray,
     elapsed: FloatArray | float,
@@ -124,13 +129,15 @@ def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatAr
     )
 
 
-def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
+def position_after_motion(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
     """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
     after = np.asarray(time_after_state)[..., None]
     return np.asarray(state[..., 0::2] + after * state[..., 1::2])
 
 
-def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
+def position_covariance_after_motion(
+    covariance: FloatArray, time_after_state: FloatArray
+) -> FloatArray:
     """Position covariance ``H P H'`` a short time after the state's, without process noise.
 
     Parameters
@@ -155,7 +162,7 @@ def position_covariance_after(covariance: FloatArray, time_after_state: FloatArr
     )
 
 
-def innovations(
+def motion_innovations(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -182,12 +189,12 @@ def innovations(
         S, m^2.
     """
     expected = state[:, 0::2] + time_after_state[:, None] * state[:, 1::2]
-    innovation_covariance = position_covariance_after(covariance, time_after_state)
-    innovation_covariance += covariance_at(detections, expected, sensor)
+    innovation_covariance = position_covariance_after_motion(covariance, time_after_state)
+    innovation_covariance += measurement_covariance_at(detections, expected, sensor)
     return detections["position"] - expected, innovation_covariance
 
 
-def update(
+def update_motion(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -214,22 +221,22 @@ def update(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    gain = kalman_gain(covariance, time_after_state, innovation_covariance)
+    gain = motion_kalman_gain(covariance, time_after_state, innovation_covariance)
     state = state + (gain @ innovation[..., None])[..., 0]
     return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
 
 
-def kalman_gain(
+def motion_kalman_gain(
     covariance: FloatArray, time_after_state: FloatArray, innovation_covariance: FloatArray
 ) -> FloatArray:
-    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update`."""
+    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update_motion`."""
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
     return np.asarray(cross @ inverse(innovation_covariance))
 
 
-def log_likelihood(
+def motion_log_likelihood(
     state: FloatArray,
     covariance: FloatArray,
     owner: IntArray,
@@ -269,15 +276,15 @@ def log_likelihood(
     (...) ndarray
         ln of 1/m^2, or of s/m^3.
     """
-    density, distance = log_density(innovation, innovation_covariance)
-    gate: FloatArray | float = gate_factor(gate_probability) ** 2
-    measured = range_rates.measured(detections)
+    density, distance = gaussian_log_density(innovation, innovation_covariance)
+    gate: FloatArray | float = gaussian_gate_factor(gate_probability) ** 2
+    measured = range_rates.has_range_rates(detections)
     if measured.any():
         gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
         rows = (measured[row] & (distance <= gate)).nonzero()
-        rated, candidates = owner[rows], taken(detections, row[rows])
+        rated, candidates = owner[rows], taken_from_array(detections, row[rows])
         after = candidates["time"] - stamp
-        updated = update(
+        updated = update_motion(
             state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
         )
         error, variance, _ = range_rates.innovations(*updated, after, candidates)
@@ -287,10 +294,10 @@ def log_likelihood(
 
 
 def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
-    """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
-    if range_rates.measured(detections).any():
+    """Standard deviations of an innovation that the gate of `motion_log_likelihood` reaches."""
+    if range_rates.has_range_rates(detections).any():
         return math.sqrt(range_rates.gate_square(gate_probability))
-    return gate_factor(gate_probability)
+    return gaussian_gate_factor(gate_probability)
 
 
 def reaching_outside(
@@ -303,7 +310,7 @@ def reaching_outside(
 
     ``P(|v| > v_max) <= exp(-(v_max - |m_v|)^2 / (2 s^2))`` with the larger standard deviation s.
     """
-    largest = major_sigma(covariance[:, 1::2, 1::2])
+    largest = measurement_major_sigma(covariance[:, 1::2, 1::2])
     margin = np.maximum(max_speed - np.hypot(state[:, 1], state[:, 3]), 0.0)
     return np.flatnonzero(margin < math.sqrt(-2.0 * math.log(probability)) * largest)
 
@@ -327,7 +334,7 @@ def log_speed_probability(
     return result
 
 
-def limited(
+def limited_motion(
     state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
     """States conditioned on a speed of at most v_max; see the module.
@@ -349,10 +356,10 @@ def limited(
     return _conditioned(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
 
 
-def slowed(
+def slowed_motion(
     state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """As `limited`, but only states whose mean is faster than v_max."""
+    """As `limited_motion`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
     return _conditioned(state, covariance, rows, max_speed, math.inf)
 
@@ -500,7 +507,7 @@ def _moments(
 
 
 @dataclass(frozen=True, eq=False)
-class InteractingModels(Rows):
+class InteractingMotionModels(ArrayRows):
     """States of tracks in the two modes: constant velocity and turning.
 
     Attributes
@@ -516,7 +523,7 @@ class InteractingModels(Rows):
     covariance: FloatArray
 
     @classmethod
-    def from_states(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
+    def from_states(cls, state: FloatArray, covariance: FloatArray) -> InteractingMotionModels:
         """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
         turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
         probability = np.array([[1.0 - turning, turning]]).repeat(len(state), axis=0)
@@ -524,7 +531,7 @@ class InteractingModels(Rows):
             probability, np.stack([state, state], axis=1), np.stack([covariance] * 2, axis=1)
         )
 
-    def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingModels:
+    def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingMotionModels:
         """Predict the tracks to the next scan, over times (n,), s, of either sign.
 
         The states are mixed by the probabilities p_ij of a change from mode i to mode j::
@@ -542,12 +549,14 @@ class InteractingModels(Rows):
         longest = max(float(np.abs(elapsed).max(initial=0.0)), TURN_TIME)
         turn_noise = (0.5 * max_speed) ** 2 / longest
         before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
-        mixed = mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
+        mixed = gaussian_mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
         noise = np.array([PROCESS_NOISE, PROCESS_NOISE + turn_noise])
-        return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
+        return InteractingMotionModels(
+            probability, *predict_motion(*mixed, elapsed[:, None], noise)
+        )
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over both modes."""
-        return mixture(
+        return gaussian_mixture(
             self.probability.T, self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
         )

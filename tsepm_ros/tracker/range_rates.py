@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, taken_from_array
 from tsepm_ros.numerics.gaussian import inverse_or_nan
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -34,12 +34,12 @@ def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
     detections["range_rate_std"][usable] = sensor.range_rate_std
 
 
-def measured(detections: NDArray[np.void]) -> BoolArray:
+def has_range_rates(detections: NDArray[np.void]) -> BoolArray:
     """Which detections have a range rate that is used, (...)."""
     return np.asarray(detections["range_rate_std"] > 0.0)
 
 
-def expected(
+def expected_range_rates(
     detections: NDArray[np.void], position: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Expected range rates of targets, and their gradients.
@@ -82,14 +82,14 @@ def over_ground(detections: NDArray[np.void]) -> FloatArray:
     return np.asarray(detections["range_rate"] + sensor_rate)
 
 
-def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatArray:
+def range_rate_clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatArray:
     """Density of the detections' range rates among false ones, (n,), s/m; 1 without a range rate.
 
     A Cauchy density of the range rate over ground, ``a / (pi (a^2 + c^2))``: half of the false
     detections are within a = `sensor.clutter_range_rate`, the width of reverberation. The heavy
     tails cover noise; they limit the score increment of any range rate.
     """
-    rated = measured(detections)
+    rated = has_range_rates(detections)
     if not rated.any():
         return np.ones(len(detections))
     width = sensor.clutter_range_rate
@@ -124,7 +124,7 @@ def innovations(
     """
     velocity = state[:, 1::2]
     position = state[:, 0::2] + time_after_state[:, None] * velocity
-    rate, by_position, sight = expected(detections, position, velocity)
+    rate, by_position, sight = expected_range_rates(detections, position, velocity)
     gradient = _gradients(time_after_state, by_position, sight)
     cross = (covariance @ gradient[..., None])[..., 0]
     bias, curvature = _curvature(
@@ -186,7 +186,7 @@ def _gradients(
     return gradient
 
 
-def update(
+def update_by_range_rates(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -195,18 +195,18 @@ def update(
     """Update states with the range rates of detections, after their positions.
 
     ``x + k e / S``, ``P - k k' / S`` with k the covariance of state and innovation e. Arguments as
-    in `innovations`; a state without a range rate stays the same.
+    in `range_rate_innovations`; a state without a range rate stays the same.
 
     Returns
     -------
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    rows = np.flatnonzero(measured(detections))
+    rows = np.flatnonzero(has_range_rates(detections))
     if not len(rows):
         return state, covariance
     innovation, variance, cross = innovations(
-        state[rows], covariance[rows], time_after_state[rows], taken(detections, rows)
+        state[rows], covariance[rows], time_after_state[rows], taken_from_array(detections, rows)
     )
     state, covariance = state.copy(), covariance.copy()
     state[rows] += cross * (innovation / variance)[:, None]
@@ -214,7 +214,7 @@ def update(
     return state, covariance
 
 
-def begun(
+def begin_by_range_rates(
     state: FloatArray, covariance: FloatArray, detections: NDArray[np.void], sensor: SensorModel
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Update initial states with the range rates of their first detections.
@@ -235,14 +235,14 @@ def begun(
         ``ln(N(e; 0, S) / p(c))``, the score increment of each range rate; 0 without a range rate.
     """
     increment, now = np.zeros(len(detections)), np.zeros(len(detections))
-    rows = np.flatnonzero(measured(detections))
+    rows = np.flatnonzero(has_range_rates(detections))
     if not len(rows):
         return state, covariance, increment
-    rated = taken(detections, rows)
+    rated = taken_from_array(detections, rows)
     innovation, variance, _ = innovations(state[rows], covariance[rows], now[rows], rated)
-    clutter = np.log(clutter_density(rated, sensor))
+    clutter = np.log(range_rate_clutter_density(rated, sensor))
     increment[rows] = log_density(innovation, variance) - clutter
-    return *update(state, covariance, now, detections), increment
+    return *update_by_range_rates(state, covariance, now, detections), increment
 
 
 def log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
@@ -288,11 +288,15 @@ def fitted(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    rated = measured(hits)
+    rated = has_range_rates(hits)
     rows = np.flatnonzero(rated.any(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
     if not len(rows):
         return state, covariance
-    rated, hits, time_after_state = rated[rows], taken(hits, rows), time_after_state[rows]
+    rated, hits, time_after_state = (
+        rated[rows],
+        taken_from_array(hits, rows),
+        time_after_state[rows],
+    )
     prior, prior_covariance = state[rows], covariance[rows]
     # A hit without a range rate has a row of zeros; its variance has no effect.
     noise = np.where(rated, np.square(hits["range_rate_std"]), 1.0)[..., None] * np.eye(
@@ -303,7 +307,7 @@ def fitted(
     for _ in range(2):  # linearisations
         velocity = np.broadcast_to(current[:, None, 1::2], (*time_after_state.shape, 2))
         position = current[:, None, 0::2] + time_after_state[..., None] * velocity
-        rate, by_position, sight = expected(hits, position, velocity)
+        rate, by_position, sight = expected_range_rates(hits, position, velocity)
         distance = _line_of_sight(hits, position)[1]
         bias, curvature = _curvature(current_covariance, time_after_state, sight, distance)
         jacobian = _gradients(time_after_state, by_position, sight) * rated[..., None]
@@ -362,4 +366,4 @@ def agree(
     difference = displacement - 0.5 * elapsed * (rates[0] + rates[1])
     distance = np.square(rates[1] - rates[0]) / np.maximum(variance, np.finfo(float).tiny)
     distance += difference**2 / (0.25 * elapsed**2 * variance + error)
-    return (distance <= gate) | ~(measured(first) & measured(second))
+    return (distance <= gate) | ~(has_range_rates(first) & has_range_rates(second))

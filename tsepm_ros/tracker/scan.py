@@ -310,13 +310,13 @@ def in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
     return np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
 
 
-def placed(scan: Scan) -> FloatArray:
+def scan_positions(scan: Scan) -> FloatArray:
     """Positions of a scan's detections in the fixed frame, (n, 2), m."""
     x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
     return np.stack([x, y], axis=1) + in_sensor_frame(scan.range, scan.azimuth + yaw)
 
 
-def chosen(scan: Scan, rows: IntArray) -> Scan:
+def scan_of_rows(scan: Scan, rows: IntArray) -> Scan:
     """Some detections of a scan."""
     parts = {
         name: None if values is None else values[rows]

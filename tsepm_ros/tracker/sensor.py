@@ -34,7 +34,7 @@ COARSEST_FAN = math.radians(3.0)
 DEVIATIONS = 3.0
 """Standard deviations within which a measurement may be in error."""
 TURNS = 3
-"""Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
+"""Rounds of `SensorEchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -266,7 +266,7 @@ def goes_on(
         return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
-def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
+def inside_sensor_coverage(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
     """Which detections (n,) may be of a target in the coverage, given their errors.
 
     The sensor detects no target outside the coverage: detections beyond are false.
@@ -279,7 +279,7 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class EchoPoses:
+class SensorEchoPoses:
     """Poses of the sensor at the echoes of a scan, as a function of what determines their time.
 
     Echoes of a ping arrive in the order of their ranges, those of a beam that turns in the order of
@@ -328,7 +328,7 @@ class EchoPoses:
         return _polar(positions, self.of_echoes_from(positions))
 
 
-def echo_poses_of(scan: Scan) -> EchoPoses | None:
+def sensor_echo_poses(scan: Scan) -> SensorEchoPoses | None:
     """The poses of a scan; None for a pose per detection without detections.
 
     They follow from the range in a ping, and from the azimuth in a sweep, by which the times in
@@ -336,7 +336,7 @@ def echo_poses_of(scan: Scan) -> EchoPoses | None:
     """
     pose, time = np.reshape(scan.sensor_pose, (-1, 3)), scan.time_offset
     if len(pose) < 2:
-        return EchoPoses(np.zeros(1), pose) if len(pose) else None
+        return SensorEchoPoses(np.zeros(1), pose) if len(pose) else None
     order, key, by_azimuth = np.lexsort((*pose.T, scan.range)), scan.range, False
     if len(pose) > 2 and time is not None:
         around = np.argsort(scan.azimuth, kind="stable")
@@ -348,11 +348,11 @@ def echo_poses_of(scan: Scan) -> EchoPoses | None:
             order, key, by_azimuth = around, seam + np.mod(scan.azimuth - seam, 2 * np.pi), True
     pose = pose[order]
     pose[:, 2] = np.unwrap(pose[:, 2])
-    return EchoPoses(key[order], pose, by_azimuth)
+    return SensorEchoPoses(key[order], pose, by_azimuth)
 
 
-def looked_at(
-    scan: Scan, sensor: SensorModel, poses: EchoPoses, positions: FloatArray
+def sensor_looked_at(
+    scan: Scan, sensor: SensorModel, poses: SensorEchoPoses, positions: FloatArray
 ) -> BoolArray:
     """Whether a scan looked at positions (n, 2) in the fixed frame: coverage, and arc swept."""
     pose = poses.of_echoes_from(positions)
@@ -371,7 +371,7 @@ def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
     return np.asarray(np.mod(azimuth - start, 2 * np.pi) <= width)
 
 
-class View(NamedTuple):
+class SensorView(NamedTuple):
     """What a scan looked at.
 
     Attributes
@@ -388,7 +388,7 @@ class View(NamedTuple):
     swept: tuple[float, float] | None
 
     @classmethod
-    def from_scan(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
+    def from_scan(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> SensorView:
         """That of a scan at a pose (3,)."""
         x, y, yaw = map(float, pose)
         start, width = (0.0, 0.0) if scan.swept is None else map(float, scan.swept)

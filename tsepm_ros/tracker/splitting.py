@@ -25,12 +25,12 @@ from scipy.spatial import cKDTree
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
-    changed,
-    keep_best,
-    taken,
+    array_rows_of_least_cost,
+    changed_arrays,
+    taken_from_array,
 )
 from tsepm_ros.numerics.discs import pairs_within
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.evaluation import (
     FADED_AT_START,
@@ -41,7 +41,7 @@ from tsepm_ros.tracker.evaluation import (
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import starting
-from tsepm_ros.tracker.measurement import covariance_at, major_sigma
+from tsepm_ros.tracker.measurement import measurement_covariance_at, measurement_major_sigma
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
@@ -111,8 +111,8 @@ def gate(
     Gated
         A row per last hit.
     """
-    margin = gate_factor(probability) * last_hits["major_sigma"]
-    squared = gate_factor(probability) ** 2
+    margin = gaussian_gate_factor(probability) * last_hits["major_sigma"]
+    squared = gaussian_gate_factor(probability) ** 2
     return gate_within(last_hits, detections, max_speed, margin, squared, most)
 
 
@@ -142,11 +142,11 @@ def gate_within(
     displacement = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
-    if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
+    if math.isfinite(range_rate_gate) and range_rates.has_range_rates(detections).any():
         near = np.flatnonzero(inside)
         inside[near] = range_rates.agree(
-            taken(last_hits, owner[near]),
-            taken(detections, candidate[near]),
+            taken_from_array(last_hits, owner[near]),
+            taken_from_array(detections, candidate[near]),
             max_speed,
             range_rate_gate,
         )
@@ -264,18 +264,20 @@ def split_paths(
         parent = np.concatenate([parent, rows + begin])
         detection = np.concatenate([detection, added])
         costs = np.concatenate([costs, cost(rows + begin, added)])
-        best = keep_best(costs, limit)
+        best = array_rows_of_least_cost(costs, limit)
         parent, detection, costs = parent[best], detection[best], costs[best]
     return parent, detection, total - len(parent)
 
 
-def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
+def predict_for_splitting(
+    hypotheses: Hypotheses, interval: float, process_noise: float
+) -> Hypotheses:
     """The hypotheses after a time interval, s, with nearly constant velocity."""
-    state, covariance = motion.predict(
+    state, covariance = motion.predict_motion(
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
     faded = fading_predicted(hypotheses.faded)
-    return changed(hypotheses, state=state, covariance=covariance, faded=faded)
+    return changed_arrays(hypotheses, state=state, covariance=covariance, faded=faded)
 
 
 def split(
@@ -309,7 +311,7 @@ def split(
     reach = motion.gate_reach(gate_probability, detections)
     if expected.of_hypothesis is not None:
         centres, spread = expected.of_hypothesis
-        radius = reach * major_sigma(spread) * (1.0 + ROUNDING)
+        radius = reach * measurement_major_sigma(spread) * (1.0 + ROUNDING)
     else:
         centres, radius = _widest(expected, reach)
     positions = np.ascontiguousarray(detections["position"])
@@ -324,10 +326,10 @@ def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, Flo
     widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
     positions = np.ascontiguousarray(state[:, 0::2])
     every = np.broadcast_to(widest, len(positions))
-    error = major_sigma(covariance_at(every, positions, expected.sensor))
+    error = measurement_major_sigma(measurement_covariance_at(every, positions, expected.sensor))
     longest = np.abs(detections["time"] - expected.stamp).max()
-    position_sigma = major_sigma(covariance[:, 0::2, 0::2])
-    speed_sigma = major_sigma(covariance[:, 1::2, 1::2])
+    position_sigma = measurement_major_sigma(covariance[:, 0::2, 0::2])
+    speed_sigma = measurement_major_sigma(covariance[:, 1::2, 1::2])
     sigma = np.hypot(position_sigma + longest * speed_sigma, GATE_MARGIN * error)
     speed = np.hypot(state[:, 1], state[:, 3])
     return positions, reach * sigma + longest * speed
@@ -343,7 +345,7 @@ def confirmed_penalty(observed: Observation, row: IntArray, amplitude: FloatArra
     return np.log1p(ratio[row] * np.exp(np.maximum(amplitude, 0.0)))
 
 
-def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
+def splitting_start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     """Start a hypothesis from every detection.
 
     The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
@@ -370,13 +372,13 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
-    state, covariance, score = range_rates.begun(
+    state, covariance, score = range_rates.begin_by_range_rates(
         state, covariance, detections, observed.clutter_sensor
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     elapsed = observed.stamp - detections["time"]
     if elapsed.any():
-        state, covariance = motion.predict(state, covariance, elapsed)
+        state, covariance = motion.predict_motion(state, covariance, elapsed)
     row, none = np.arange(n), np.zeros(n, np.int64)
     amplitude = path_amplitudes(observed, row, none, np.zeros(n))
     score = score + amplitude.increment
@@ -394,7 +396,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     )
 
 
-def expand(
+def expand_splitting(
     expected: ExpectedDetections,
     parts: tuple[Hypotheses, FloatArray, Hypotheses],
     pairs: tuple[IntArray, IntArray],

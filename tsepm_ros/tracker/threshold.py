@@ -29,11 +29,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed_arrays, taken_from_array
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
-from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
-from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
+from tsepm_ros.tracker.clutter.amplitude_law import AmplitudeLawTable
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, measurement_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
@@ -80,7 +80,7 @@ class MonteCarloTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.amplitudes[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
+            ratio = AmplitudeLawTable.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
             evidence = ratio.at(counts, totals)
             increments[:, first] = evidence[:, 0]
             increments[:, first + 1 :] = np.diff(evidence, axis=1)
@@ -108,7 +108,7 @@ def draw_targets(
         detections = np.zeros(SIMULATED_TARGETS, DETECTION)
         detections["range_rate_std"] = sensor.range_rate_std
         detections["covariance"] = errors_at(truth, sensor)
-        rate, _, _ = range_rates.expected(detections, truth[:, 0::2], truth[:, 1::2])
+        rate, _, _ = range_rates.expected_range_rates(detections, truth[:, 0::2], truth[:, 1::2])
         detections["range_rate"] = rate + sensor.range_rate_std * rate_errors[scan]
         detections["position"] = truth[:, 0::2] + _drawn(rng, truth, sensor)
         scans.append(detections)
@@ -129,7 +129,7 @@ def _drawn_amplitudes(ratio: float | None, window: int) -> FloatArray | None:
     rng = np.random.default_rng([SEED, 2])
     means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
     if ratio == ANY_RATIO:
-        ratios, weights = amplitude_law.ratio_prior()
+        ratios, weights = amplitude_law.amplitude_law_prior()
         means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
     return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 
@@ -149,7 +149,7 @@ def errors_at(state: FloatArray, sensor: SensorModel) -> FloatArray:
     """Covariance of a detection at each state's position, (n, 2, 2), m^2."""
     range_ = np.hypot(state[:, 0], state[:, 2])
     azimuth = np.arctan2(state[:, 2], state[:, 0])
-    return position_covariance(
+    return measurement_covariance(
         range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std, LEAST_ACROSS
     )
 
@@ -302,23 +302,25 @@ def _scores(
     rows = np.flatnonzero(targets.detected[:, first])
     n = len(rows)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = taken(targets.detections[first], rows)
+    detections = taken_from_array(targets.detections[first], rows)
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
-    state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
+    state, covariance, start = range_rates.begin_by_range_rates(
+        state, covariance, detections, sensor
+    )
     scores = np.full(targets.detected.shape, -np.inf)
     of_amplitude = targets.amplitude_increments(first)
     score = start + of_amplitude[rows, first]
     scores[rows, first] = score
     faded = np.full(n, evaluation.FADED_AT_START)
     for scan in range(first + 1, window):
-        state, covariance = motion.predict(state, covariance, interval, process_noise)
+        state, covariance = motion.predict_motion(state, covariance, interval, process_noise)
         target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
-        detections = taken(targets.detections[scan], rows)
+        detections = taken_from_array(targets.detections[scan], rows)
         innovation = detections["position"] - state[:, 0::2]
         innovation_covariance = covariance[:, 0::2, 0::2] + errors_at(state, sensor)
-        density = motion.log_likelihood(
+        density = motion.motion_log_likelihood(
             state,
             covariance,
             target,
@@ -330,7 +332,9 @@ def _scores(
             gate_probability,
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
-        clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
+        clutter = sensor.clutter_density * range_rates.range_rate_clutter_density(
+            detections, sensor
+        )
         faded = evaluation.fading_predicted(faded)
         probability = sensor.detection_probability * evaluation.visible_share(faded)
         increment = evaluation.hit_increment(density, probability, clutter)
@@ -343,15 +347,15 @@ def _scores(
         )
         score = score + np.where(hit, increment, missed)
         hit_rows = np.flatnonzero(hit)
-        updated = motion.update(
+        updated = motion.update_motion(
             state.take(hit_rows, axis=0),
             covariance.take(hit_rows, axis=0),
             at_stamp[hit_rows],
             innovation.take(hit_rows, axis=0),
             innovation_covariance.take(hit_rows, axis=0),
         )
-        state[hit_rows], covariance[hit_rows] = range_rates.update(
-            *updated, at_stamp[hit_rows], taken(detections, hit_rows)
+        state[hit_rows], covariance[hit_rows] = range_rates.update_by_range_rates(
+            *updated, at_stamp[hit_rows], taken_from_array(detections, hit_rows)
         )
         kept = np.flatnonzero(score >= deletion)
         rows, score, faded = rows[kept], score[kept], faded[kept]
@@ -474,6 +478,6 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
             "max_range": farthest,
             "min_range": min(sensor.min_range, 0.5 * farthest),
         }
-    if not range_rates.measured(detections).any():
+    if not range_rates.has_range_rates(detections).any():
         changes["range_rate_std"] = 0.0
-    return changed(sensor, **changes)
+    return changed_arrays(sensor, **changes)

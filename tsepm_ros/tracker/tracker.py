@@ -13,36 +13,36 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed_arrays, taken_from_array
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
-    further_clusters,
-    may_repeat_older,
+    extended_target_density,
+    may_be_older_extended_target,
 )
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
+from tsepm_ros.tracker.clutter.learned import Learned, LearnedScanClutter
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
-    DetectionWindow,
-    convert,
-    major_sigma,
+    MeasurementWindow,
+    convert_measurements,
     measured_polar,
+    measurement_major_sigma,
 )
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY
-from tsepm_ros.tracker.scan import Scan, check_scan, chosen, placed
+from tsepm_ros.tracker.scan import Scan, check_scan, scan_of_rows, scan_positions
 from tsepm_ros.tracker.sensor import (
-    EchoPoses,
+    SensorEchoPoses,
     SensorModel,
-    View,
-    echo_poses_of,
-    inside,
-    looked_at,
+    SensorView,
+    inside_sensor_coverage,
+    sensor_echo_poses,
+    sensor_looked_at,
 )
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -123,7 +123,7 @@ class Tracker:
         self.learned = Learned.initial(self.sensor)
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
-        self._poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
+        self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
         self.forget_potential_tracks()
@@ -132,7 +132,7 @@ class Tracker:
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not confirmed tracks, what was learned, nor counts."""
         self._observed: Observation | None = None
-        self.window = DetectionWindow()
+        self.window = MeasurementWindow()
         self.method.forget()
 
     def with_settings(self, method: Method) -> tuple[Tracker, bool]:
@@ -162,7 +162,7 @@ class Tracker:
         other.maintenance = copy.copy(self.maintenance)
         other._use(method)
         if not kept:
-            other._observed, other.window = None, DetectionWindow()
+            other._observed, other.window = None, MeasurementWindow()
         return other, kept
 
     def _use(self, method: Method) -> None:
@@ -194,7 +194,7 @@ class Tracker:
         observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
         new, counts = self._hold(observed, step)
-        self.statistics = changed(counts, plots=counts.detections, **self._received)
+        self.statistics = changed_arrays(counts, plots=counts.detections, **self._received)
         self.totals = self.totals + self.statistics
         return new
 
@@ -249,7 +249,7 @@ class Tracker:
         self.learned.scan_interval.update(interval)
         self.stamp = scan.stamp
         self.scan_index += 1
-        self._poses = echo_poses_of(scan) or self._poses
+        self._poses = sensor_echo_poses(scan) or self._poses
         self._scan = scan
         return interval
 
@@ -259,7 +259,7 @@ class Tracker:
         sensor = self.sensor
         if self.common.clutter_density == "estimated":
             sensor = self.learned.clutter_range_rates.estimate(sensor)
-        return sensor, range_rates.clutter_density(detections, sensor)
+        return sensor, range_rates.range_rate_clutter_density(detections, sensor)
 
     def _carry_confirmed(
         self,
@@ -278,7 +278,7 @@ class Tracker:
             detections,
             clutter,
             self.detection_probability_at,
-            changed(self.sensor, detection_probability=self.detection_probability),
+            changed_arrays(self.sensor, detection_probability=self.detection_probability),
             self.common.max_speed,
             self.learned.scan_interval.median / swept,
             whole=swept > WHOLE_SHARE,
@@ -286,7 +286,7 @@ class Tracker:
         association = self.maintenance.confirmed_association
         if self.extended_targets.active:
             position, origin = detections["position"], self._poses.middle[:2]
-            further = further_clusters(
+            further = extended_target_density(
                 self.maintenance.confirmed, position, self.extended_targets.extent, origin
             )
             density = density + further
@@ -306,14 +306,14 @@ class Tracker:
             )
         if self.extended_targets.active and not active:
             tracks, origin = self.maintenance.confirmed.tracks, self._poses.middle[:2]
-            repeats = may_repeat_older(tracks, self.extended_targets.extent, origin)
+            repeats = may_be_older_extended_target(tracks, self.extended_targets.extent, origin)
             self.maintenance.end(~repeats, "duplicate")
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
         track_id, row = self.maintenance.own_detections
         rows = np.isnan(detections["range_std"][row])
-        own = taken(detections, row[rows])
+        own = taken_from_array(detections, row[rows])
         variance = self.sensor.range_variance(measured_polar(own)[0])
         confirmed = self.maintenance.confirmed
         ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
@@ -330,7 +330,7 @@ class Tracker:
         reach = self._reach * RECENT
         area = math.pi * reach**2
         targets, moving = self._confirmed_targets, self.maintenance.detections_of_moving
-        view = View.from_scan(self._scan, self.sensor, self._poses.middle)
+        view = SensorView.from_scan(self._scan, self.sensor, self._poses.middle)
         return self._clutter.learn(self._scan.stamp, view, weight, area, targets, moving)
 
     def _confirmed_targets(self) -> ConfirmedTargets:
@@ -346,17 +346,17 @@ class Tracker:
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
         """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
-        used = inside(scan, self.sensor)
+        used = inside_sensor_coverage(scan, self.sensor)
         covered = int(np.count_nonzero(used))
         if self.land is not None:
-            used &= ~self.land.covers(placed(scan))
+            used &= ~self.land.covers(scan_positions(scan))
         rows = np.flatnonzero(used)
         self._received = {
             "detections": len(rows),
             "outside_coverage": len(scan) - covered,
             "on_land": covered - len(rows),
         }
-        covered_scan = scan if len(rows) == len(scan) else chosen(scan, rows)
+        covered_scan = scan if len(rows) == len(scan) else scan_of_rows(scan, rows)
         if covered < len(scan):
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         runs = self.extended_targets.runs_of(covered_scan)
@@ -377,7 +377,7 @@ class Tracker:
         as_stated = scan.azimuth_std is not None or not self.method.most_tracks_true
         own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert(measured, self.sensor, self.scan_index, least)
+        detections = convert_measurements(measured, self.sensor, self.scan_index, least)
         self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
         detections["index"] = rows if clusters is None else rows[clusters.strongest]
         if clusters is not None and scan.range_std is None:
@@ -386,16 +386,16 @@ class Tracker:
 
     def _clutter_at(
         self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
-    ) -> ScanClutter:
+    ) -> LearnedScanClutter:
         """Clutter at positions (n,); behind targets, where the confirmed tracks are targets."""
         confirmed_are_true = self.method.most_tracks_true
-        return ScanClutter(
+        return LearnedScanClutter(
             self.learned, self.common, self.sensor, confirmed_are_true, range, azimuth, detections
         )
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
-        covered = looked_at(self._scan, self.sensor, self._poses, positions)
+        covered = sensor_looked_at(self._scan, self.sensor, self._poses, positions)
         return np.where(covered, self.detection_probability, 0.0)
 
     def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
@@ -417,10 +417,10 @@ class Tracker:
         released = self.maintenance.released
         if len(released):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
-            released = changed(released, scan_count=observed.scan_index + 1 - first)
+            released = changed_arrays(released, scan_count=observed.scan_index + 1 - first)
             new = TrackArrays.joined(released, new)
         self._observed = observed
-        return new, changed(
+        return new, changed_arrays(
             counts,
             merged=counts.merged + merged,
             confirmed=counts.confirmed - confirmed + len(new),
@@ -433,7 +433,7 @@ class Tracker:
         The confirmed tracks are corrected too.
         """
         maintenance, tracks = self.maintenance, self._proper(step.tracks)
-        step, revised = changed(step, tracks=tracks), self._proper(step.revised)
+        step, revised = changed_arrays(step, tracks=tracks), self._proper(step.revised)
         if not self.method.most_tracks_true:
             self.revised = maintenance.revise(revised, step.replaced)
             return step
@@ -454,10 +454,12 @@ class Tracker:
         tracks = tracks.proper()  # what follows inverts the covariances
         if self.common.limit_speed == "off" or not len(tracks):
             return tracks
-        state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
+        state, covariance = motion.limited_motion(
+            tracks.state, tracks.covariance, self.common.max_speed
+        )
         if state is tracks.state:
             return tracks
-        return changed(tracks, state=state, covariance=covariance).proper()
+        return changed_arrays(tracks, state=state, covariance=covariance).proper()
 
     def _add(self, step: Step) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
@@ -472,8 +474,8 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-        figures = initial_state.figures_of_hits(
+        sigma = measurement_major_sigma(tracks.covariance[:, 0::2, 0::2])
+        figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
         return self.maintenance.add(tracks, step.existences, *figures)

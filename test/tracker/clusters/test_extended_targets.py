@@ -18,10 +18,10 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
     MultiDetectionTest,
     error_variances,
+    extended_target_density,
     extents_of,
-    further_clusters,
     log_ratio,
-    may_repeat_older,
+    may_be_older_extended_target,
 )
 from tsepm_ros.tracker.clusters.grouping import (
     ClusterExtent,
@@ -273,10 +273,10 @@ def test_a_target_may_have_another_cluster_within_its_extent_along_and_across():
     offsets = [(9.0, 0.0), (11.0, 0.0), (0.0, wide - 0.1), (0.0, wide + 0.1), (-9.9, 1 - wide)]
     places = np.array([at + a * sight + b * across for a, b in offsets])
     origin = np.array([0.0, 0.0])
-    density = further_clusters(confirmed, places, extent, origin)
+    density = extended_target_density(confirmed, places, extent, origin)
     value = 0.8 / (4.0 * 10.0 * wide)
     np.testing.assert_allclose(density, [value, 0.0, value, 0.0, value])
-    moved = further_clusters(confirmed, places, extent, at - 100.0 * across)
+    moved = extended_target_density(confirmed, places, extent, at - 100.0 * across)
     assert (moved[:2] == 0.0).all(), "seen from elsewhere, across is along"
 
 
@@ -288,6 +288,12 @@ def test_of_two_tracks_within_an_extent_the_younger_may_repeat_the_older():
     ]
     origin, group = np.zeros(2), TrackArrays.from_tracks(made)
     # 6^2 / (2 + 2 size) is within 7.78 from a size of 1.4 m^2 on: from 2.9 m along or across.
-    assert may_repeat_older(group, ClusterExtent(2.7, 2.7), origin).tolist() == [False] * 3
-    assert may_repeat_older(group, ClusterExtent(3.0, 0.0), origin).tolist() == [False, True, False]
-    assert may_repeat_older(group, ClusterExtent(0.0, 1.0, 0.001), origin).tolist()[1]
+    assert (
+        may_be_older_extended_target(group, ClusterExtent(2.7, 2.7), origin).tolist() == [False] * 3
+    )
+    assert may_be_older_extended_target(group, ClusterExtent(3.0, 0.0), origin).tolist() == [
+        False,
+        True,
+        False,
+    ]
+    assert may_be_older_extended_target(group, ClusterExtent(0.0, 1.0, 0.001), origin).tolist()[1]

@@ -16,10 +16,10 @@ from tsepm_ros.tracker.clutter.amplitude_law import (
     MIN_REFERENCES,
     REACH,
     AmplitudeLaw,
-    PathRatio,
+    AmplitudeLawTable,
+    amplitude_law_prior,
+    amplitude_law_ratio_db,
     log_ratio,
-    ratio_db,
-    ratio_prior,
 )
 
 
@@ -108,7 +108,7 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
     """
     rng = np.random.default_rng(references)
     quantile, paths, repeats = QUANTILES[name], 60, 120
-    ratios, prior = amplitude_law.ratio_prior()
+    ratios, prior = amplitude_law.amplitude_law_prior()
     means = np.zeros((repeats, 4))
     for repeat in range(repeats):
         law = law_of(quantile(rng.exponential(size=references)))
@@ -142,7 +142,7 @@ def exponential_ratio(hits: int, total: float) -> float:
     """sum_k w_k (1 + r_k)^-n exp(S r_k / (1 + r_k)), term by term."""
     return sum(
         weight * (1.0 + ratio) ** -hits * math.exp(total * ratio / (1.0 + ratio))
-        for ratio, weight in zip(*ratio_prior(), strict=True)
+        for ratio, weight in zip(*amplitude_law_prior(), strict=True)
     )
 
 
@@ -168,7 +168,7 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
 
 
 def test_table_agrees_with_the_formula():
-    table = PathRatio.for_count(200.0, 16)
+    table = AmplitudeLawTable.for_count(200.0, 16)
     hits, total = np.arange(17), np.linspace(0.0, 150.0, 17)
     expected = log_ratio(hits.astype(float), total, table.count)
     np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)
@@ -178,9 +178,9 @@ def test_table_agrees_with_the_formula():
 def test_ratio_of_many_hits_is_that_of_their_mean():
     for truth in (0.0, 10.0):
         hits = np.array([400.0])
-        found = ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
+        found = amplitude_law_ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
         assert found == pytest.approx(truth, abs=0.6)
-    assert np.isnan(ratio_db(np.zeros(2), np.zeros(2))).all()
-    low = ratio_db(np.array([50.0]), np.array([50.0]))[0]
+    assert np.isnan(amplitude_law_ratio_db(np.zeros(2), np.zeros(2))).all()
+    low = amplitude_law_ratio_db(np.array([50.0]), np.array([50.0]))[0]
     assert FIGURES_DB[0] <= low < -3.0
     assert LAW_KNOWN > 1e4

@@ -12,7 +12,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     FittedErrors,
     MeasurementErrors,
 )
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 
 CONFIRMED = np.array([7, 9, 11]), np.array([True, True, False])
 
@@ -39,12 +39,12 @@ def fitted(
         range_ = range_ + np.sqrt(true.range_variance(range_)) * rng.standard_normal(2)
         azimuth = azimuth + true.azimuth_std * rng.standard_normal(2)
         range_ = range_ + 30.0 * (rng.random(2) < wild)
-        detections = convert(Scan(float(ping), range_, azimuth), given, ping)
+        detections = convert_measurements(Scan(float(ping), range_, azimuth), given, ping)
         seen = rng.random(2) < 0.9
         variance = given.range_variance(range_)
         errors.update(confirmed[seen], detections[seen], variance[seen], *CONFIRMED)
         if at_the_sensor:
-            third = convert(Scan(float(ping), [1.0], [0.0]), given, ping)
+            third = convert_measurements(Scan(float(ping), [1.0], [0.0]), given, ping)
             third["position"] = 0.0  # a cluster, joined of echoes around the sensor
             errors.update(np.array([11]), third, np.ones(1), *CONFIRMED)
     return errors.fitted
@@ -83,7 +83,9 @@ def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
         confirmed = rng.permutation([track for track in range(9) if ping // 10 != track])
         seen = np.sort(confirmed[rng.random(len(confirmed)) < 0.8])
         place = 100.0 * np.exp(1j * seen) + ping * (1.0 + seen) + rng.standard_normal(len(seen))
-        detections = convert(Scan(float(ping), np.abs(place), np.angle(place)), given, ping)
+        detections = convert_measurements(
+            Scan(float(ping), np.abs(place), np.angle(place)), given, ping
+        )
         variance = given.range_variance(np.abs(place))
         moves = confirmed % 2 > 0
         together.update(seen, detections, variance, confirmed, moves)
@@ -116,11 +118,15 @@ def test_three_detections_in_a_row_by_a_plain_formula():
             scan = Scan(10.0 * number + time, [far], [turn])
             variance = np.ones(1)
             errors.update(
-                confirmed, convert(scan, sensor, ping), variance, confirmed, confirmed > 0
+                confirmed,
+                convert_measurements(scan, sensor, ping),
+                variance,
+                confirmed,
+                confirmed > 0,
             )
         errors.update(
             confirmed[:0],
-            convert(scan, sensor, ping)[:0],
+            convert_measurements(scan, sensor, ping)[:0],
             variance[:0],
             confirmed[:0],
             confirmed[:0] > 0,
@@ -145,7 +151,7 @@ def walked(
         range_ = abs(place) + given.range_std * rng.standard_normal() * (cell == 0.0)
         range_ = round(range_ / cell) * cell if cell else range_
         azimuth = np.angle(place) + given.azimuth_std * rng.standard_normal()
-        found = convert(Scan(float(ping), [range_], [azimuth]), given, ping)
+        found = convert_measurements(Scan(float(ping), [range_], [azimuth]), given, ping)
         errors.update(
             confirmed, found, np.full(1, given.range_std**2), confirmed, np.array([moves])
         )

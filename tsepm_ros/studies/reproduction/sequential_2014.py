@@ -32,7 +32,7 @@ from tsepm_ros.tools.evaluation.measures import cramer_rao
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, SimulatedScene
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.scenario import WaypointMotion
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
@@ -266,7 +266,9 @@ def errors(started: Started, judged: list[Judged]) -> Result:
 
 def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
     sensor = scene.scenario.sensor
-    hits = np.array([convert(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits])
+    hits = np.array(
+        [convert_measurements(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits]
+    )
     noise = SequentialOptions().process_noise
     return sequential.estimate(hits[None], track.stamp, sensor, estimator, noise).state[0]
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import trapezoid
 from scipy.special import ndtr
 
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.studies.reproduction.monte_carlo import (
     CURVES,
     DENSITIES,
@@ -61,7 +61,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     root_mean_square,
 )
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tracker.measurement import position_covariance
+from tsepm_ros.tracker.measurement import measurement_covariance
 from tsepm_ros.tracker.pruning import READINGS
 
 FITTED_MARGIN = 159.78
@@ -446,13 +446,13 @@ def gate_hit_probability(error: float) -> float:
     """
     sensor = sensor_at(error)
     range_, azimuth = float(np.hypot(*TARGET)), np.arctan2(TARGET[1], TARGET[0])
-    covariance = 2.0 * position_covariance(
+    covariance = 2.0 * measurement_covariance(
         range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std
     )
     variances, axes = np.linalg.eigh(covariance)
     sigma = np.sqrt(variances)
     offset = axes.T @ np.array([5.0 * PERIOD, 0.0])
-    radius = MAX_SPEED * PERIOD + gate_factor(GATE_PROBABILITY) * error
+    radius = MAX_SPEED * PERIOD + gaussian_gate_factor(GATE_PROBABILITY) * error
     x = np.linspace(-radius, radius, 4001)
     half = np.sqrt(radius**2 - x**2)
     density = np.exp(-0.5 * ((x - offset[0]) / sigma[0]) ** 2) / (np.sqrt(2 * np.pi) * sigma[0])

@@ -44,11 +44,15 @@ from numpy.typing import ArrayLike
 
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.tracker import pruning
 from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import convert, major_sigma, position_covariance
+from tsepm_ros.tracker.measurement import (
+    convert_measurements,
+    measurement_covariance,
+    measurement_major_sigma,
+)
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -255,10 +259,10 @@ def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> Float
 def error_radius(gating: Gating, ranges: FloatArray) -> FloatArray:
     """Part of the gate's radius due to the errors, ``alpha sigma_Rmax``, (r,), m."""
     sensor = gating.sensor
-    covariance = position_covariance(
+    covariance = measurement_covariance(
         ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
     )
-    return gate_factor(gating.gate_probability) * major_sigma(covariance)
+    return gaussian_gate_factor(gating.gate_probability) * measurement_major_sigma(covariance)
 
 
 def gate_areas(gating: Gating, ranges: FloatArray, window: int) -> FloatArray:
@@ -442,7 +446,7 @@ def _passing(
     """Mask of the paths (n, M) of hits that pass the evaluation, (n,)."""
     sensor = gating.sensor
     flat = Scan(stamp=0.0, range=range_.ravel(), azimuth=azimuth.ravel())
-    hits = convert(flat, sensor, 0).reshape(scans.shape)
+    hits = convert_measurements(flat, sensor, 0).reshape(scans.shape)
     hits["time"] = scans * gating.interval
     if options.evaluation == "clutter_statistic":
         statistic = clutter_statistic(hits["position"], sensor.clutter_density)

@@ -24,7 +24,7 @@ from tsepm_ros.own_ship.pose_history import echo_poses
 from tsepm_ros.tools.evaluation.result_files import code_key, outside_files
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import Motion
-from tsepm_ros.tracker.measurement import major_sigma, position_covariance
+from tsepm_ros.tracker.measurement import measurement_covariance, measurement_major_sigma
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
@@ -76,10 +76,10 @@ class Judged:
 def measurement_sigma(sensor: SensorModel, offset: FloatArray) -> float:
     """Larger axis of the measurement error, m, for a target at `offset` (2,) from the sensor."""
     range_ = float(np.hypot(*offset))
-    covariance = position_covariance(
+    covariance = measurement_covariance(
         range_, np.arctan2(offset[1], offset[0]), sensor.range_variance(range_), sensor.azimuth_std
     )
-    return float(major_sigma(covariance))
+    return float(measurement_major_sigma(covariance))
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> float:

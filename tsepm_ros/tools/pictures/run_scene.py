@@ -14,7 +14,7 @@ from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, judge_starts, origins_of
 from tsepm_ros.tools.replay.recording import Recording
 from tsepm_ros.tools.simulation import Simulator
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -61,7 +61,7 @@ class ScanView:
         """
         return cls(
             stamp=result.stamp,
-            detections=convert(result.scan, sensor, 0)["position"],
+            detections=convert_measurements(result.scan, sensor, 0)["position"],
             sensor=vessel_pose(result.scan, mounting_yaw),
             new=result.new,
             held=result.current,

@@ -58,7 +58,7 @@ from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.pictures.run_scene import vessel_pose
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -491,7 +491,7 @@ class RecordedScene:
 
     def add(self, result: ScanResult, initiator: Tracker) -> None:
         """Take the result of a scan, before its initiator processes the next one."""
-        detections = convert(result.scan, initiator.sensor, 0)["position"]
+        detections = convert_measurements(result.scan, initiator.sensor, 0)["position"]
         index = initiator.scan_index
         if index <= max(self._scans, default=-1):  # the initiator has started over
             self._scans = {}

@@ -42,19 +42,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.discs import pairs_between, squared_distances
-from tsepm_ros.numerics.gaussian import is_significant
+from tsepm_ros.numerics.discs import pairs_between, squared_distances_of_discs
+from tsepm_ros.numerics.gaussian import is_gaussian_significant
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
-from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.measurement import measurement_major_sigma
 from tsepm_ros.tracker.merging import agrees_with_older
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
-from tsepm_ros.tracker.scan import Scan, chosen, in_sensor_frame, placed, wrap
+from tsepm_ros.tracker.scan import Scan, in_sensor_frame, scan_of_rows, scan_positions, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
@@ -308,7 +308,7 @@ class MultiDetectionTest:
         tracks["decided"] = ~(often & (MOST_LOOKS * least >= RESOLVED)).any(axis=1)
         self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
-        rest = chosen(scan, np.flatnonzero(~beside.near))
+        rest = scan_of_rows(scan, np.flatnonzero(~beside.near))
         groups = _beyond_two(self._beside_each_other(rest), density)
         self._more = self._before.faded(
             KEPT,
@@ -490,9 +490,12 @@ class ExtendedTargets:
         number = len(scan)
         self._row, self._counts = np.arange(number), ~stays
         if self._learns and number:
-            self._part = part = chosen(scan, np.flatnonzero(self._counts))
+            self._part = part = scan_of_rows(scan, np.flatnonzero(self._counts))
             self.test.update(part, density)
-            self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
+            self._recent = [
+                *self._recent[1 - RECENT :],
+                (scan.stamp, scan_positions(part), density),
+            ]
             self._judge(scan.stamp)
         if not self.active or not number:
             return None
@@ -545,15 +548,19 @@ class ExtendedTargets:
         filled = self._fill(both, number, SUSPICION)
         if self.seen:
             before = new.stamp - new.age < self.since
-            return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
+            return filled | (
+                before & may_be_older_extended_target(both, self.extent, origin)[number:]
+            )
         reach = BESIDE * unit_of(self.sensor)
-        near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
+        near = (
+            squared_distances_of_discs(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
+        )
         near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
         waits = self.test.waits(confirmed.track_id)
         if self.test.crowded:
             # Echoes in a row that stand still, a quay, look for some hits like a target along it.
             still = confirmed.stationary_probability > PROBABLE
-            moves = is_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
+            moves = is_gaussian_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
             moves &= new.hit_count >= MAX_UNRESOLVED_HITS
             near[:, :number] &= waits | (still & ~moves[:, None])
         else:
@@ -577,7 +584,7 @@ class ExtendedTargets:
             apart, now = np.abs(position - position[row]), tracks.stamp[row]
             apart[row] = np.inf
             older = int(np.argmin(apart))
-            shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
+            shorter = measurement_major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
             if older < row and shorter < apart[older] <= LONGEST_WAY * unit_of(self.sensor):
                 way = position[older] - position[row]
                 seen = [at @ (1.0, 1j) + velocity[older] * (now - t) for t, at, _ in self._recent]
@@ -609,7 +616,7 @@ class ExtendedTargets:
         )
 
 
-def further_clusters(
+def extended_target_density(
     confirmed: ConfirmedTracks,
     positions: FloatArray,
     extent: ClusterExtent,
@@ -656,7 +663,7 @@ def _concerning(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...
     )
 
 
-def may_repeat_older(
+def may_be_older_extended_target(
     tracks: TrackArrays, extent: ClusterExtent, sensor_position: FloatArray
 ) -> BoolArray:
     """Which tracks may be of an older one's target, whose detections differed by an extent.

@@ -28,13 +28,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, complete_linkage, largest_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    array_largest_of_groups,
+    complete_linkage,
+)
 from tsepm_ros.tracker.scan import (
     MAX_MAGNITUDE,
     MIN_MAGNITUDE,
     Scan,
-    chosen,
     in_sensor_frame,
+    scan_of_rows,
     wrap,
 )
 from tsepm_ros.tracker.sensor import SensorModel
@@ -212,8 +218,8 @@ def cells(
     """
     _, first, group = np.unique(group, return_index=True, return_inverse=True)
     turn = wrap(azimuth - azimuth[first][group])
-    turn = turn + largest_of(-turn, group, len(first))[group]
-    along = range + largest_of(-range, group, len(first))[group]
+    turn = turn + array_largest_of_groups(-turn, group, len(first))[group]
+    along = range + array_largest_of_groups(-range, group, len(first))[group]
     row = np.floor(_ratio(along, extent.along))
     far = range - along + (row + 1.0) * extent.along
     column = np.floor(_ratio(far * turn, extent.across_at(far)))
@@ -273,7 +279,7 @@ def clusters_of(
     spread = np.where(size > 1, share, 1.0) * errors.extent_variance
     own_errors = (size > 1) | (spread > 0.0)
     return Clusters(
-        scan=chosen(scan, best).replaced(
+        scan=scan_of_rows(scan, best).replaced(
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
             range_std=_std("range_std", np.where(own_errors, own * factor + spread, own)),
@@ -292,7 +298,7 @@ def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray
         usable = (amplitude > 0.0) & (amplitude < 1e100)
     by_amplitude = np.bincount(group, ~usable, minlength=n) == 0
     weight = np.where(by_amplitude[group], amplitude, 1.0)
-    weight = weight / largest_of(weight, group, n)[group]
+    weight = weight / array_largest_of_groups(weight, group, n)[group]
     return weight / np.bincount(group, weight, minlength=n)[group], by_amplitude
 
 

@@ -203,7 +203,7 @@ def _hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
     return np.asarray(np.where(flat, excess, np.expm1(some * excess) / some))
 
 
-def ratio_prior() -> tuple[FloatArray, FloatArray]:
+def amplitude_law_prior() -> tuple[FloatArray, FloatArray]:
     """Ratios r_k, linear, and their prior probabilities w_k; the first is 0."""
     ratios = np.append(0.0, 10.0 ** (RATIOS_DB / 10.0))
     weights = np.full(len(ratios), (1.0 - SAYS_NOTHING) / len(RATIOS_DB))
@@ -226,7 +226,7 @@ def log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
     count : float
         N.
     """
-    ratios, weights = ratio_prior()
+    ratios, weights = amplitude_law_prior()
     shape = (-1, *[1] * np.ndim(total))
     one_more, log_weights = 1.0 + ratios.reshape(shape), np.log(weights).reshape(shape)
     power = np.log1p(total / count) - np.log1p(total / (count * one_more))
@@ -239,7 +239,7 @@ def log_ratio(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class PathRatio:
+class AmplitudeLawTable:
     """``ln L(n, V)`` as a table over V, for the many paths of a scan.
 
     Attributes
@@ -254,7 +254,7 @@ class PathRatio:
     table: FloatArray
 
     @classmethod
-    def for_count(cls, count: float, most_hits: int) -> PathRatio:
+    def for_count(cls, count: float, most_hits: int) -> AmplitudeLawTable:
         """The table for N, in steps of `COUNT_STEP`, and up to a number of hits."""
         step = math.floor(math.log(max(count, 0.1)) / COUNT_STEP)
         return _path_ratio(step, most_hits)
@@ -278,13 +278,13 @@ class PathRatio:
 
 
 @lru_cache(maxsize=64)
-def _path_ratio(step: int, most_hits: int) -> PathRatio:
+def _path_ratio(step: int, most_hits: int) -> AmplitudeLawTable:
     count = math.exp(COUNT_STEP * step)
     grid = np.expm1(np.linspace(0.0, math.log1p(GRID_END), GRID_POINTS))
     hits = np.arange(most_hits + 1.0)[:, None]
     table = log_ratio(np.broadcast_to(hits, (most_hits + 1, GRID_POINTS)), grid[None, :], count)
     table[0, 0] = 0.0
-    return PathRatio(count, table)
+    return AmplitudeLawTable(count, table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +302,7 @@ class ScanAmplitudes:
 
     told: BoolArray
     scaled: FloatArray
-    ratio: PathRatio
+    ratio: AmplitudeLawTable
 
     @classmethod
     def from_normalised(
@@ -318,12 +318,12 @@ class ScanAmplitudes:
         most_hits : int
             Hits that a path may have.
         """
-        ratio = PathRatio.for_count(count, most_hits)
+        ratio = AmplitudeLawTable.for_count(count, most_hits)
         told = np.isfinite(normalised)
         return cls(told, scaled(np.where(told, normalised, 0.0), ratio.count), ratio)
 
 
-def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
+def amplitude_law_ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
     """Posterior mean of the signal-to-clutter ratio of targets, (n,), dB; nan without hits.
 
     Parameters

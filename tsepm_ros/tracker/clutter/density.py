@@ -60,7 +60,7 @@ LEAST_RISE = 1.2
 
 
 @dataclass(frozen=True)
-class Extent:
+class ClutterExtent:
     """Ranges and a sector.
 
     Attributes
@@ -77,7 +77,7 @@ class Extent:
     azimuth_max: float
 
     @classmethod
-    def of_sensor(cls, sensor: SensorModel) -> Extent:
+    def of_sensor(cls, sensor: SensorModel) -> ClutterExtent:
         """A sensor's coverage as given."""
         begin, width = sensor.azimuth_min, sensor.sector_width
         return cls(sensor.min_range, sensor.max_range, begin, begin + width)
@@ -94,7 +94,7 @@ class Extent:
         return 0.5 * width * (self.max_range**2 - self.min_range**2)
 
 
-EVERYWHERE = Extent(0.0, MAX_MAGNITUDE["range"], -math.pi, math.pi)
+EVERYWHERE = ClutterExtent(0.0, MAX_MAGNITUDE["range"], -math.pi, math.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +110,12 @@ class Region:
         m^2.
     """
 
-    extent: Extent
+    extent: ClutterExtent
     edges: FloatArray
     area: float
 
     @classmethod
-    def whole(cls, extent: Extent) -> Region:
+    def whole(cls, extent: ClutterExtent) -> Region:
         """A whole extent."""
         return cls(extent, np.zeros((0, 3)), extent.area)
 
@@ -162,7 +162,7 @@ class SeenExtent:
         Number of detections that count.
     """
 
-    def __init__(self, limit: Extent) -> None:
+    def __init__(self, limit: ClutterExtent) -> None:
         self._limit = limit
         self._scans: deque[FloatArray] = deque([np.zeros((2, 0))])
         self.detections = 0
@@ -200,7 +200,7 @@ class SeenExtent:
             self._region = self._convex(*self.places)
         return self._region
 
-    def _estimated(self, range: FloatArray, azimuth: FloatArray) -> Extent:
+    def _estimated(self, range: FloatArray, azimuth: FloatArray) -> ClutterExtent:
         given, n = self._limit, len(range)
         low, high = _widened(float(range.min()) ** 2, float(range.max()) ** 2, n)
         ordered = np.sort(azimuth)
@@ -221,7 +221,7 @@ class SeenExtent:
             elif last < 2.0 * np.pi:
                 last = min(last, width)
             start, end = given.azimuth_min + first, given.azimuth_min + last
-        return Extent(
+        return ClutterExtent(
             math.sqrt(max(low, given.min_range**2)),
             math.sqrt(min(high, given.max_range**2)),
             start,
@@ -509,7 +509,7 @@ class ClutterMap:
         self._counts = np.zeros(self.grid.shape)
         self._scans = np.zeros(self.grid.shape[1])  # that looked at each column
         self._level = 1.0
-        region, shares = Region.whole(Extent.of_sensor(sensor)), np.ones(len(self._scans))
+        region, shares = Region.whole(ClutterExtent.of_sensor(sensor)), np.ones(len(self._scans))
         self.seen = SeenCells(self.grid, region, sensor.coverage_area, shares)
         self._renew(region)
 

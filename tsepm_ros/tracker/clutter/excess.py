@@ -137,7 +137,7 @@ def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     return np.asarray(count + half + deviations * np.sqrt(count + half / 2.0))
 
 
-class PredictiveDensity(NamedTuple):
+class ExcessPrediction(NamedTuple):
     """What makes the clutter density at a scan's detections uncertain.
 
     Attributes
@@ -219,13 +219,13 @@ class Overdispersion:
         expected = density * (area[row, column] * self._scans[column] * inside).sum(axis=1)
         return Excess(self._around[cells], expected)
 
-    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> PredictiveDensity:
+    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> ExcessPrediction:
         """What makes the density at detections (n,) uncertain; see `around`."""
         variance = self.variance
         if not variance:
-            return PredictiveDensity(math.inf, *np.zeros((2, len(density))))
+            return ExcessPrediction(math.inf, *np.zeros((2, len(density))))
         around = self.around(cells, density, area)
-        return PredictiveDensity(1.0 / variance, around.counted, around.expected)
+        return ExcessPrediction(1.0 / variance, around.counted, around.expected)
 
     def update(self, batch: Batch, area: FloatArray) -> None:
         """Learn from the batch before, and take the next; for the area see `around`."""

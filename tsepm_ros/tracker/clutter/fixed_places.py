@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter.excess import Excess
-from tsepm_ros.tracker.sensor import SensorModel, View
+from tsepm_ros.tracker.sensor import SensorModel, SensorView
 
 MAX_CELLS = 100_000_000
 """Largest number of cells: 12.5 MB are kept of them."""
@@ -178,7 +178,7 @@ class FixedPlaces:
     def _begin(self) -> None:
         self._scans = self._number = 0
         self._taken: list[IntArray] = []
-        self._views: list[View] = []
+        self._views: list[SensorView] = []
 
     @property
     def known(self) -> bool:
@@ -206,7 +206,7 @@ class FixedPlaces:
         row, known = _found(cells.nearest, self._cells)
         return np.asarray(np.where(known, self._densities[row], 0.0).max(axis=1))
 
-    def update(self, stamp: float, view: View, cells: CellNumbers, moving: IntArray) -> None:
+    def update(self, stamp: float, view: SensorView, cells: CellNumbers, moving: IntArray) -> None:
         """Take a scan's detections; they count when the period ends.
 
         A scan that was taken before, and is observed again, is left out.
@@ -262,7 +262,7 @@ class _Period(NamedTuple):
     cells: IntArray
     counts: IntArray
     scans: int
-    views: Counter[View]
+    views: Counter[SensorView]
 
 
 def _densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:

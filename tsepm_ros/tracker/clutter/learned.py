@@ -23,15 +23,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken_from_array
 from tsepm_ros.parameters import shown
 from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterMap, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterExtent, ClutterMap, SeenExtent
 from tsepm_ros.tracker.clutter.excess import (
     ConfirmedTargets,
+    ExcessPrediction,
     Overdispersion,
-    PredictiveDensity,
     SecondaryEchoes,
 )
 from tsepm_ros.tracker.clutter.fixed_places import RISE, CellNumbers, FixedPlaces
@@ -42,8 +42,8 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
 )
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY, Batch
-from tsepm_ros.tracker.range_rates import measured, over_ground
-from tsepm_ros.tracker.sensor import SensorModel, View
+from tsepm_ros.tracker.range_rates import has_range_rates, over_ground
+from tsepm_ros.tracker.sensor import SensorModel, SensorView
 
 MIN_RATE_COUNT = 20
 """Smallest number of range rates for an estimate: below, the given width is used."""
@@ -72,7 +72,7 @@ class ClutterRangeRates:
 
     def update(self, detections: NDArray[np.void]) -> None:
         """Update the estimate with the range rates of a scan's detections."""
-        rated = taken(detections, measured(detections))
+        rated = taken_from_array(detections, has_range_rates(detections))
         if len(rated):
             self._rates.append(np.abs(over_ground(rated)))
 
@@ -159,7 +159,7 @@ class Learned:
         return cls(
             clutter_map,
             Overdispersion(grid),
-            SeenExtent(Extent.of_sensor(sensor)),
+            SeenExtent(ClutterExtent.of_sensor(sensor)),
             ClutterAmplitudes(grid.shape, grid.wraps),
             FixedPlaces(sensor),
             SecondaryEchoes(grid),
@@ -191,7 +191,7 @@ class Learned:
         )
 
 
-class ScanClutter:
+class LearnedScanClutter:
     """The models of clutter at the places of one scan's detections.
 
     Parameters
@@ -246,7 +246,7 @@ class ScanClutter:
                 self._staying = learned.fixed_places.density(self._places)
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
-        self.predictive: PredictiveDensity | None = None
+        self.predictive: ExcessPrediction | None = None
         self.amplitudes = (
             learned.amplitudes if common.intensity == "auto" and counts_echoes else None
         )
@@ -261,7 +261,7 @@ class ScanClutter:
     def learn(
         self,
         stamp: float,
-        view: View,
+        view: SensorView,
         weight: FloatArray,
         min_area: float,
         targets: Callable[[], ConfirmedTargets],

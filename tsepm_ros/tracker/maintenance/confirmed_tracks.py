@@ -13,9 +13,16 @@ from enum import IntEnum
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
+from tsepm_ros.numerics.arrays import (
+    ArrayRows,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    changed_arrays,
+    with_array_rows,
+)
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
+from tsepm_ros.tracker.clutter.amplitude_law import amplitude_law_ratio_db
 from tsepm_ros.tracker.maintenance import data_association, stationary
 from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_OF_FADING,
@@ -27,8 +34,8 @@ from tsepm_ros.tracker.maintenance.stationary import (
     MAX_CHANGE_ODDS,
     StraightFits,
 )
-from tsepm_ros.tracker.measurement import major_sigma
-from tsepm_ros.tracker.motion import InteractingModels
+from tsepm_ros.tracker.measurement import measurement_major_sigma
+from tsepm_ros.tracker.motion import InteractingMotionModels
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
 from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
@@ -86,7 +93,7 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class ConfirmedTracks(Rows):
+class ConfirmedTracks(ArrayRows):
     """Confirmed tracks, a row each.
 
     Attributes
@@ -125,7 +132,7 @@ class ConfirmedTracks(Rows):
 
     existence: FloatArray
     tracks: TrackArrays
-    models: InteractingModels
+    models: InteractingMotionModels
     fits: StraightFits
     proven: FloatArray
     visible: FloatArray
@@ -159,7 +166,7 @@ class ConfirmedTracks(Rows):
         amplitude_hits, amplitude_total = amplitudes or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
-            models=InteractingModels.from_states(tracks.state, tracks.covariance),
+            models=InteractingMotionModels.from_states(tracks.state, tracks.covariance),
             fits=StraightFits.from_states(
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
@@ -172,7 +179,7 @@ class ConfirmedTracks(Rows):
             unlisted_since=tracks.stamp,
             status=np.full(n, Status.PUBLISHED, np.int64),
             announced=np.ones(n, bool),
-            hit_sigma=major_sigma(tracks.covariance[:, 0::2, 0::2])
+            hit_sigma=measurement_major_sigma(tracks.covariance[:, 0::2, 0::2])
             if hit_sigma is None
             else hit_sigma,
             amplitude_hits=amplitude_hits,
@@ -193,9 +200,9 @@ class ConfirmedTracks(Rows):
         time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
         models = self.models.predicted(time_step, max_speed)
         state, covariance = models.combined()
-        return changed(
+        return changed_arrays(
             self,
-            tracks=changed(
+            tracks=changed_arrays(
                 self.tracks,
                 stamp=np.full(len(self), stamp),
                 state=state,
@@ -217,7 +224,7 @@ class ConfirmedTracks(Rows):
         stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
         stays = np.where(counts, stays, 1.0)
         still = (1.0 - 1.0 / SCANS_TO_FADE) * self.visible + (1.0 - self.visible) / SCANS_OF_FADING
-        return changed(
+        return changed_arrays(
             self,
             existence=self.existence * stays,
             proven=self.proven * stays,
@@ -250,7 +257,7 @@ class ConfirmedTracks(Rows):
         covered : (n,) ndarray of bool
             Which targets could be detected at all.
         max_speed : (n,) ndarray
-            v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed`.
+            v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed_motion`.
 
         Returns
         -------
@@ -263,12 +270,12 @@ class ConfirmedTracks(Rows):
         """
         # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
         of_filter = state[:, :-1], covariance[:, :-1]
-        slow = motion.slowed(
+        slow = motion.slowed_motion(
             of_filter[0].reshape(-1, 4), of_filter[1].reshape(-1, 4, 4), max_speed.repeat(2)
         )
         weighted = self.models.probability * mode_ratios[:, :-1]
         ratio = weighted.sum(axis=1)
-        models = InteractingModels(
+        models = InteractingMotionModels(
             weighted / ratio[:, None],
             slow[0].reshape(of_filter[0].shape),
             slow[1].reshape(of_filter[1].shape),
@@ -283,11 +290,11 @@ class ConfirmedTracks(Rows):
         detected = of_target * existence
         scans = self.covered_scans + covered
         mean, spread = models.combined()
-        confirmed = changed(
+        confirmed = changed_arrays(
             self,
-            tracks=changed(self.tracks, state=mean, covariance=spread),
+            tracks=changed_arrays(self.tracks, state=mean, covariance=spread),
             models=models,
-            fits=changed(
+            fits=changed_arrays(
                 self.fits, state=state[:, -1], covariance=covariance[:, -1], change_odds=odds
             ),
             existence=existence,
@@ -319,7 +326,7 @@ class ConfirmedTracks(Rows):
         hits = share.sum(axis=1)
         total = (share * np.where(known, amplitude, 0.0)[row]).sum(axis=1)
         keep = 1.0 - np.minimum(hits, 1.0) / AMPLITUDE_MEMORY
-        return changed(
+        return changed_arrays(
             self,
             amplitude_hits=keep * self.amplitude_hits + hits,
             amplitude_total=keep * self.amplitude_total + total,
@@ -338,16 +345,16 @@ class ConfirmedTracks(Rows):
         _, row, index = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
         new = corrected.where(index)
         if existence is not None:
-            new = changed(new, age=np.maximum(new.age, tracks.age[row]))
+            new = changed_arrays(new, age=np.maximum(new.age, tracks.age[row]))
         figures = {name: getattr(new, name) for name in _OF_START}
-        tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
+        tracks = with_array_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
         fresh = ConfirmedTracks.from_tracks(new, 0.0 if existence is None else existence[index])
         started = ["models", "fits"]
         if existence is not None:
-            fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
+            fresh = changed_arrays(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
             started += _FOUND_AGAIN
-        confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
-        return changed(confirmed, tracks=tracks)
+        confirmed = with_array_rows(self, row, **{name: getattr(fresh, name) for name in started})
+        return changed_arrays(confirmed, tracks=tracks)
 
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
@@ -358,7 +365,7 @@ class ConfirmedTracks(Rows):
         new = reported.where(index)
         age = self.tracks.age[row] + new.stamp - self.tracks.stamp[row]
         fresh = ConfirmedTracks.from_tracks(new, existence)
-        confirmed = with_rows(
+        confirmed = with_array_rows(
             self,
             row,
             models=fresh.models,
@@ -371,7 +378,9 @@ class ConfirmedTracks(Rows):
             announced=True,
         )
         figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
-        return changed(confirmed, tracks=with_rows(self.tracks, row, age=age, **figures))
+        return changed_arrays(
+            confirmed, tracks=with_array_rows(self.tracks, row, age=age, **figures)
+        )
 
     def judged(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows after an update, with the figures of their tracks that only maintenance knows.
@@ -385,25 +394,27 @@ class ConfirmedTracks(Rows):
             fresh = StraightFits.from_states(
                 tracks.state[over], tracks.covariance[over], CHANGED_SHARE
             )
-            fits = with_rows(fits, over, **fresh.__dict__)
+            fits = with_array_rows(fits, over, **fresh.__dict__)
         probability = np.full_like(self.existence, np.nan)
         if options.min_speed:
             probability = fits.stationary_probability(options, self.existence)
-        tracks = changed(
+        tracks = changed_arrays(
             tracks,
             stationary_probability=probability,
-            signal_to_clutter_db=ratio_db(self.amplitude_hits, self.amplitude_total),
+            signal_to_clutter_db=amplitude_law_ratio_db(self.amplitude_hits, self.amplitude_total),
             existence_probability=self.existence,
             time_since_hit=tracks.stamp - self.last_detected,
         )
-        return changed(self, fits=fits, tracks=tracks)
+        return changed_arrays(self, fits=fits, tracks=tracks)
 
     def stated(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows with the probability to stand still of all."""
         if not np.isnan(self.tracks.stationary_probability).any():
             return self
         probability = self.fits.stationary_probability(options, self.existence)
-        return changed(self, tracks=changed(self.tracks, stationary_probability=probability))
+        return changed_arrays(
+            self, tracks=changed_arrays(self.tracks, stationary_probability=probability)
+        )
 
     def stands_still(self, options: CommonOptions) -> BoolArray:
         """Which tracks (n,) are fixed echoes; none without a `min_speed`.
@@ -423,7 +434,7 @@ class ConfirmedTracks(Rows):
         `RECOGNISED` times that of its last detection or `target_extent` (m), and at most
         `SHARE_OF_RANGE` of `max_range` (m).
         """
-        sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
+        sigma = measurement_major_sigma(self.tracks.covariance[:, 0::2, 0::2])
         limit = np.maximum(RECOGNISED * self.hit_sigma, options.target_extent)
         located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
         exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, PROBABLE)
@@ -436,4 +447,4 @@ class ConfirmedTracks(Rows):
         still = self.existence * self.tracks.stationary_probability > PROBABLE
         rows = np.flatnonzero(still & (self.status == Status.FIXED))
         state, covariance = self.fits[rows].places()
-        return changed(self.tracks.where(rows), state=state, covariance=covariance)
+        return changed_arrays(self.tracks.where(rows), state=state, covariance=covariance)

@@ -35,9 +35,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, changed
+from tsepm_ros.numerics.arrays import ArrayRows, BoolArray, FloatArray, changed_arrays
 from tsepm_ros.numerics.discs import disc_probability
-from tsepm_ros.numerics.gaussian import is_significant, log_density
+from tsepm_ros.numerics.gaussian import gaussian_log_density, is_gaussian_significant
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -105,7 +105,7 @@ def _integrated(
     usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
     velocity = np.where(usable[:, None], velocity, 0.0)
     spread = np.where(usable[:, None, None], spread, np.eye(2) * options.max_speed**2)
-    still, min_speed = np.exp(log_density(velocity, spread)[0]), options.min_speed
+    still, min_speed = np.exp(gaussian_log_density(velocity, spread)[0]), options.min_speed
     shares, limits = _speed_limits(min_speed, options.max_speed)
     slow, *inside = disc_probability(velocity, spread, np.append(min_speed, limits))
     density = shares / (math.pi * (limits**2 - min_speed**2))
@@ -127,7 +127,7 @@ def _speed_limits(min_speed: float, max_speed: float) -> tuple[FloatArray, Float
 
 
 @dataclass(frozen=True, eq=False)
-class StraightFits(Rows):
+class StraightFits(ArrayRows):
     """Fits of constant velocity to all detections of targets, a row each.
 
     Attributes
@@ -153,16 +153,18 @@ class StraightFits(Rows):
 
     def predicted(self, elapsed: FloatArray) -> StraightFits:
         """The fits after times (n,), s, of either sign."""
-        state, covariance = motion.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
+        state, covariance = motion.predict_motion(
+            self.state, self.covariance, elapsed, PROCESS_NOISE
+        )
         begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
-        return changed(
+        return changed_arrays(
             self, state=state, covariance=covariance, change_odds=self.change_odds + begun
         )
 
     @property
     def moves(self) -> BoolArray:
-        """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
-        return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
+        """Whether the velocity of each fit differs from 0, (n,); see `is_gaussian_significant`."""
+        return is_gaussian_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
 
     def stationary_probability(self, options: CommonOptions, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).
