@@ -20,7 +20,7 @@ import numpy as np
 from fixed_echoes_scenes import Scene, Target, piles
 
 from tsepm_ros import make_initiator
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import scan_of_rows
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
@@ -32,7 +32,7 @@ LEARNING, ENTERS = 60, 180
 
 def seeds(args: argparse.Namespace) -> Iterable[int]:
     """Seeds of the runs, with progress on a terminal."""
-    return with_progress(range(args.seed, args.seed + args.runs), args.runs, "runs")
+    return terminal_progress(range(args.seed, args.seed + args.runs), args.runs, "runs")
 
 
 def run_quay(args: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ def printed(rows: Iterable[Sequence[str]]) -> Table:
 
 
 def write_table(path: Path | None, command: str, table: Table, *, seed: int, runs: int) -> None:
-    """Write a printed table as a result file, if `add_result`'s option names the file.
+    """Write a printed table as a result file, if `add_result_file`'s option names the file.
 
     Parameters
     ----------

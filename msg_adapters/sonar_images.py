@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.image_messages import Plan, plan_of, read_image, to_side
+from msg_adapters.image_messages import Plan, image_side_in_words, plan_of, read_image
 from msg_adapters.stamps import MessageError
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
@@ -73,7 +73,9 @@ class FirstLook:
         self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
         self._left -= 1
         beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
-        named = ", ".join(f"{k} ({to_side(ping.azimuth[k])})" for k in beams[:MOST_NAMED])
+        named = ", ".join(
+            f"{k} ({image_side_in_words(ping.azimuth[k])})" for k in beams[:MOST_NAMED]
+        )
         span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
         always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
         other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")

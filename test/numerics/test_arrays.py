@@ -10,11 +10,11 @@ from tsepm_ros.numerics.arrays import (
     ArrayRows,
     among_best_of_array,
     array_log_sums,
+    array_rows_of_groups,
     array_rows_of_least_cost,
     array_sums_over_hits,
     changed_arrays,
     complete_linkage,
-    members_of_groups,
 )
 
 
@@ -81,9 +81,9 @@ def test_values_of_detections_are_summed_over_the_paths_that_have_them():
 
 
 def test_groups_are_in_the_order_of_their_first_rows():
-    groups = [rows.tolist() for rows in members_of_groups(np.array([4, 1, 4, 0, 1]))]
+    groups = [rows.tolist() for rows in array_rows_of_groups(np.array([4, 1, 4, 0, 1]))]
     assert groups == [[0, 2], [1, 4], [3]]
-    assert members_of_groups(np.zeros(0, np.int64)) == []
+    assert array_rows_of_groups(np.zeros(0, np.int64)) == []
 
 
 @pytest.mark.parametrize("seed", range(6))

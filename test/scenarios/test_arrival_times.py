@@ -12,7 +12,7 @@ from support.sessions import NotedSession
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
@@ -48,7 +48,7 @@ def play(one: Session, events):
     results = []
     for now, event in sorted(events, key=lambda event: event[0]):
         if isinstance(event, Scan):
-            one.add_scan(SensorScan(event, "sonar"), now)
+            one.add_scan(UnregisteredScan(event, "sonar"), now)
         elif isinstance(event, PoseSample):
             one.add_own_ship(event)
         results += one.process(now)

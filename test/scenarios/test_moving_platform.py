@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.run_summaries import study
 
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion
 
@@ -23,7 +23,7 @@ FIXED = dataclasses.replace(SQUARE, own_ship=OwnShipMotion())
 def figures(moving, method):
     """Share of the targets found in each run; errors, NEES and time of true, pure starts."""
     found, starts = [], []
-    for run in study(SQUARE if moving else FIXED, OperatingPoint(method), range(RUNS), 1):
+    for run in study(SQUARE if moving else FIXED, SimulatedOperatingPoint(method), range(RUNS), 1):
         true = [start for start in run.starts if start.outcome is Outcome.TRUE]
         found.append(len(true) / run.targets)
         starts += [

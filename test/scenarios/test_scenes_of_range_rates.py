@@ -9,7 +9,7 @@ from scipy.stats import cauchy, kstest
 from support.builders import assert_same_tracks
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea
 
@@ -35,7 +35,7 @@ def bound(sensor: SensorModel) -> np.ndarray:
     positions = np.array([truth_at(time)[0] for time in TIMES])
     sensors = SHIP * TIMES[:, None]
     moving = np.tile(TRUTH[1::2] - SHIP, (len(TIMES), 1))
-    return cramer_rao(positions, TIMES, sensors, sensor, NOW, moving)
+    return cramer_rao_measure(positions, TIMES, sensors, sensor, NOW, moving)
 
 
 def test_the_bound_with_range_rates_is_by_numerical_differentiation():

@@ -17,7 +17,7 @@ from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Tree
-from tsepm_ros.tracker.initial_state import fit
+from tsepm_ros.tracker.initial_state import fit_initial_states
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, MeasurementWindow, convert_measurements
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -76,7 +76,7 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     fits = []
     for one in counted:
         hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
-        found = fit(hits, scans[-1].stamp, sensor, "weighted")
+        found = fit_initial_states(hits, scans[-1].stamp, sensor, "weighted")
         fits.append((found.state[0], found.covariance[0]))
     mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
     spread = sum(

@@ -13,10 +13,10 @@ from support.score_scenes import NEVER, SONAR, score, sea
 from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor, gaussian_log_density
 from tsepm_ros.tracker import evaluation, pruning, splitting
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, log_ratio
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, amplitude_law_log_ratio
 from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT, fit
+from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states
 from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -74,7 +74,7 @@ def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
         paths = dataclasses.replace(paths, amplitude_count=grown.hits, amplitude_total=grown.total)
     amplitudes = Observed(normalised).amplitudes
     total = amplitudes.scaled.sum()
-    expected = log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
+    expected = amplitude_law_log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
     assert grown.hits[0] == 4
     assert score == pytest.approx(float(expected), abs=0.01)
 
@@ -176,7 +176,7 @@ def test_fading_is_the_bayes_of_a_chain_of_two_states():
 def test_the_distance_of_hits_from_a_fit_is_the_largest_of_each_alone():
     rng = np.random.default_rng(2)
     hits = detections(rng.normal(0.0, 30.0, (2, 4, 2)), [0.0, 1.0, 2.0, 3.0], variance=4.0)
-    fitted = fit(hits, 3.0, SensorModel(), "unweighted")
+    fitted = fit_initial_states(hits, 3.0, SensorModel(), "unweighted")
     found = evaluation.normalized_distance(hits, fitted)
     for track in range(2):
         squares = []

@@ -9,13 +9,13 @@ from scipy.stats import chi2
 from support.builders import detections, fit_matrix
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
-from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
-    fit,
+    fit_initial_states,
     initial_state_figures,
-    unweighted,
-    weighted,
+    unweighted_initial_state,
+    weighted_initial_state,
 )
 from tsepm_ros.tracker.measurement import (
     DETECTION,
@@ -40,8 +40,11 @@ def random_batch(m: int):
 @pytest.mark.parametrize("m", [2, 3, 5, 12])
 def test_the_fits_are_the_general_solutions_of_the_stacked_problem(m):
     tau, positions, covariances = random_batch(m)
-    plain, sandwiches = unweighted(tau, positions, covariances)
-    fits = [weighted(tau, positions, covariances, start) for start in (np.zeros((20, 4)), plain)]
+    plain, sandwiches = unweighted_initial_state(tau, positions, covariances)
+    fits = [
+        weighted_initial_state(tau, positions, covariances, start)
+        for start in (np.zeros((20, 4)), plain)
+    ]
     for i in range(len(tau)):
         H, R, z = fit_matrix(tau[i]), block_diag(*covariances[i]), positions[i].ravel()
         expected = np.linalg.lstsq(H, z, rcond=None)[0]
@@ -73,8 +76,8 @@ def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
         there[:, k] = convert_measurements(
             Scan(later + 12.25 * k, **measured, sensor_pose=(*away, 0.0)), SENSOR, k
         )
-    near = fit(here, 49.0, SENSOR, estimator)
-    far = fit(there, later + 49.0, SENSOR, estimator)
+    near = fit_initial_states(here, 49.0, SENSOR, estimator)
+    far = fit_initial_states(there, later + 49.0, SENSOR, estimator)
     np.testing.assert_allclose(far.state[:, 0::2], near.state[:, 0::2] + away, rtol=0, atol=1e-8)
     np.testing.assert_allclose(far.state[:, 1::2], near.state[:, 1::2], rtol=0, atol=1e-8)
     scale = np.linalg.norm(near.covariance)
@@ -110,11 +113,11 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
     # NEES has mean 4 where state and covariance are right. The design's figures come from fewer
     # runs, with errors 2 % below the bound and so NEES some 3 % low: 0.2 covers both. A covariance
     # a tenth too small would give 4.4 and 4.7. RMS errors have a standard error of 0.5 %.
-    fitted = fit(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
+    fitted = fit_initial_states(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
     square = np.square(fitted.state - STATE).mean(axis=0)
     positions = position_after_motion(STATE, TIMES - 50.0)
-    bound = np.diag(cramer_rao(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
+    bound = np.diag(cramer_rao_measure(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
     assert math.sqrt(bound[0] + bound[2]) == pytest.approx(125.8, rel=0.01)  # the design's figures
     assert math.sqrt(bound[1] + bound[3]) == pytest.approx(4.10, rel=0.01)
     for axes in ([0, 2], [1, 3]):

@@ -14,8 +14,8 @@ from tsepm_ros.tracker.measurement import (
     measured_polar,
     measurement_covariance,
     measurement_covariance_at,
-    pose_error_covariance,
-    unbiased_position,
+    measurement_pose_covariance,
+    unbiased_measured_position,
 )
 
 SENSOR = SensorModel(range_std=12.0, range_std_fraction=0.01, azimuth_std=math.radians(2.0))
@@ -30,7 +30,7 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 def moments(range_: float, azimuth: float, range_std: float, azimuth_std: float):
     """Exact mean and covariance of the converted measurement, by quadrature."""
     r, a = np.meshgrid(range_ + range_std * NODES, azimuth + azimuth_std * NODES, indexing="ij")
-    points = unbiased_position(r, a, azimuth_std).reshape(-1, 2)
+    points = unbiased_measured_position(r, a, azimuth_std).reshape(-1, 2)
     weights = np.outer(WEIGHTS, WEIGHTS).ravel()
     mean = weights @ points
     return mean, (points - mean).T @ ((points - mean) * weights[:, None])
@@ -78,7 +78,7 @@ def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     placed = poses[:, :2] + np.stack(
         [cosine * offset[0] - sine * offset[1], sine * offset[0] + cosine * offset[1]], axis=1
     )
-    expected = pose_error_covariance(offset, covariance)
+    expected = measurement_pose_covariance(offset, covariance)
     difference = np.abs(whitened(placed, expected) - np.eye(2)).max()
     assert difference < 5 * math.sqrt(2 / n) + 1e-3
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan
-from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, arc_of, scan_of_rows, wrap
+from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, scan_arc_of, scan_of_rows, wrap
 
 GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
 
@@ -227,14 +227,14 @@ def test_chosen_detections_keep_what_is_theirs():
 
 @pytest.mark.parametrize("azimuths", [[], [math.nan]])
 def test_no_azimuth_has_no_arc(azimuths):
-    assert arc_of(np.array(azimuths)) is None
+    assert scan_arc_of(np.array(azimuths)) is None
 
 
 def test_the_smallest_arc_holds_all_and_is_as_narrow_as_any():
     rng = np.random.default_rng(2)
     for number in (1, 1, *rng.integers(1, 8, 200)):
         azimuths = rng.uniform(-10.0, 10.0, number)
-        arc = arc_of(np.append(azimuths, [math.nan, math.inf]))
+        arc = scan_arc_of(np.append(azimuths, [math.nan, math.inf]))
         widths = [np.mod(azimuths - first, 2 * np.pi).max() for first in azimuths]
         assert arc.width == pytest.approx(min(widths), abs=1e-9)
         assert (np.mod(azimuths - arc.start + 1e-9, 2 * np.pi) <= arc.width + 2e-9).all()

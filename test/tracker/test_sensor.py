@@ -10,9 +10,9 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.sensor import (
     FULL_TURN,
     Coverage,
-    goes_on,
     inside_sensor_coverage,
     sensor_echo_poses,
+    sensor_rays_go_on,
 )
 
 
@@ -95,16 +95,16 @@ def test_a_jump_is_one_beyond_the_slope_and_three_deviations_of_a_difference(
     for share, expected in ((0.999, True), (1.001, False)):
         rays = [np.array([5.0]), np.array([5.0 + share * limit])]
         before, after = rays[:: int(sign)]
-        assert goes_on(before, after, sign * INCREMENT, sensor).tolist() == [expected]
+        assert sensor_rays_go_on(before, after, sign * INCREMENT, sensor).tolist() == [expected]
 
 
 def test_what_is_no_range_and_a_coarse_fan_always_jump():
     rays = np.array([math.nan, math.inf, 0.0, -1.0]), np.full(4, 5.0)
     sensor = SensorModel(range_std=1e3)
     for before, after in (rays, rays[::-1]):
-        assert not goes_on(before, after, INCREMENT, sensor).any()
+        assert not sensor_rays_go_on(before, after, INCREMENT, sensor).any()
     for increment in (math.radians(3.1), math.nan):
-        assert not goes_on(np.full(1, 5.0), np.full(1, 5.0), increment, sensor).any()
+        assert not sensor_rays_go_on(np.full(1, 5.0), np.full(1, 5.0), increment, sensor).any()
 
 
 def test_the_range_variance_has_a_constant_and_a_growing_part():

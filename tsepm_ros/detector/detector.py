@@ -13,20 +13,20 @@ import numpy as np
 
 from tsepm_ros.detector.cfar import (
     Box,
-    ClutterMap,
+    CfarClutterMap,
+    CfarThreshold,
     Echoes,
     Image,
     Modes,
-    Threshold,
-    conditioned,
-    found,
-    measured,
-    normalised,
-    smoothed,
+    cfar_conditioned,
+    cfar_echoes,
+    cfar_normalised,
+    cfar_peaks,
+    cfar_smoothed,
 )
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.numerics.arrays import BoolArray
-from tsepm_ros.parameters import table
+from tsepm_ros.parameters import parameter_table
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import Coverage
 
@@ -57,18 +57,18 @@ class Stages(NamedTuple):
     threshold: float
 
 
-class _Scale:
+class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
     def __init__(self, box: Box, number: float) -> None:
-        self.box, self.threshold = box, Threshold(number)
+        self.box, self.threshold = box, CfarThreshold(number)
 
     def detect(self, x: Image, defined: BoolArray, modes: Modes) -> tuple[Echoes, Stages]:
-        y, background = normalised(x, defined, self.box, modes)
-        z = smoothed(y, self.box, modes)
-        peaks, cell = found(z, defined, self.box, modes, self.threshold.kept)
+        y, background = cfar_normalised(x, defined, self.box, modes)
+        z = cfar_smoothed(y, self.box, modes)
+        peaks, cell = cfar_peaks(z, defined, self.box, modes, self.threshold.kept)
         level = self.threshold.update(peaks)
-        echoes = measured(y, cell[peaks.height > level], self.box, modes[0] == "wrap")
+        echoes = cfar_echoes(y, cell[peaks.height > level], self.box, modes[0] == "wrap")
         return echoes, Stages(x, background, z, level)
 
 
@@ -94,9 +94,9 @@ class Detector:
         """Forget all images."""
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
         self.stages: Stages | None = None
-        self._map = ClutterMap(self.options.clutter_map)
+        self._map = CfarClutterMap(self.options.clutter_map)
         self._axes: tuple[float, ...] = (0.0,) * 5
-        self._scales: list[_Scale] = []
+        self._scales: list[_DetectorScale] = []
 
     def process(self, image: SonarImage) -> Scan:
         """Detections of an image.
@@ -128,7 +128,7 @@ class Detector:
         there = np.isfinite(image.intensity) & covered
         values = np.where(there, image.intensity, 0.0)
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
-        x, defined = conditioned(amplitude, there)
+        x, defined = cfar_conditioned(amplitude, there)
         x = self._map.subtracted(x, defined)
         modes: Modes = ("wrap" if turn else "constant", "constant")
         tried = [scale.detect(x, defined, modes) for scale in self._scales]
@@ -145,7 +145,7 @@ class Detector:
         }
         if self.measured["images"] - self._begin >= TRIAL:
             self._scales = [scale]
-        return _scan(image, echoes)
+        return _scan_of_detector(image, echoes)
 
     def _prepare(self, image: SonarImage) -> tuple[tuple[float, float], bool]:
         """Spacing of the cells, rad and m, and whether the bearings are a full turn.
@@ -167,7 +167,9 @@ class Detector:
                 for scale in SCALES
             ]
             number = self.options.false_detections_per_ping
-            self._scales = [_Scale((box[0], box[1]), number) for box in dict.fromkeys(boxes)]
+            self._scales = [
+                _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
+            ]
             self._axes, self._begin = axes, int(self.measured["images"])
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
         return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
@@ -197,7 +199,9 @@ def make_detector(**options: Any) -> Detector:
     ValueError
         If an option is unknown or not allowed.
     """
-    known = {row.name: group for group in (DetectorOptions, Coverage) for row in table(group)}
+    known = {
+        row.name: group for group in (DetectorOptions, Coverage) for row in parameter_table(group)
+    }
     for name in options:
         if name not in known:
             raise ValueError(f"a detector has no option {name!r}; it has {', '.join(known)}")
@@ -205,7 +209,7 @@ def make_detector(**options: Any) -> Detector:
     return Detector(DetectorOptions(**options), Coverage(**limits))
 
 
-def _scan(image: SonarImage, echoes: Echoes) -> Scan:
+def _scan_of_detector(image: SonarImage, echoes: Echoes) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
     features = {"intensity": 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)}

@@ -27,7 +27,7 @@ def changed_arrays(table: T, **columns: Any) -> T:
     return new
 
 
-def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
+def array_indices(rows: NDArray[np.generic]) -> NDArray[Any]:
     """Rows as indices, given as indices or a mask: several columns take them faster."""
     return rows.nonzero()[0] if rows.dtype == bool else rows
 
@@ -37,10 +37,10 @@ def taken_from_array(records: NDArray[np.void], rows: NDArray[np.generic]) -> ND
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
     """
-    return records.take(indices(rows), axis=0)
+    return records.take(array_indices(rows), axis=0)
 
 
-def appended(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
+def appended_arrays(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
     """Structured arrays (n,) one after the other.
 
     As blocks of bytes, which is many times faster than field by field.
@@ -72,7 +72,7 @@ class ArrayRows:
 
     def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
         """The given rows: indices, a mask, or a slice, which is a view."""
-        row = rows if isinstance(rows, slice) else indices(rows)
+        row = rows if isinstance(rows, slice) else array_indices(rows)
         new, columns = object.__new__(type(self)), self.__dict__
         for name in self.__dataclass_fields__:
             column = columns[name]
@@ -164,7 +164,7 @@ def array_sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> F
     return np.asarray(np.where(ids[index] == hits, values[index], 0.0).sum(axis=1))
 
 
-def members_of_groups(labels: IntArray) -> list[IntArray]:
+def array_rows_of_groups(labels: IntArray) -> list[IntArray]:
     """Rows of each group, groups in the order of their first rows."""
     order = np.argsort(labels, kind="stable")
     borders = np.flatnonzero(np.diff(labels[order])) + 1

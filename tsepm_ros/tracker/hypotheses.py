@@ -248,7 +248,7 @@ class ExpectedDetections:
     def log_likelihood(
         self, parent: IntArray, row: IntArray, gate_probability: float
     ) -> FloatArray:
-        """Log of the likelihood of each pair's detection, (p,); see `motion.motion_log_likelihood`."""
+        """Log-likelihood of each pair's detection, (p,); see `motion.motion_log_likelihood`."""
         innovation, spread = self.innovations(parent, row)
         return motion.motion_log_likelihood(
             self.hypotheses.state,

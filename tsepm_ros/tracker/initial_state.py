@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import ArrayRows, FloatArray, IntArray, changed_arrays
-from tsepm_ros.numerics.gaussian import inverse_or_nan, squared_mahalanobis_distance
+from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import (
     MeasurementWindow,
@@ -80,7 +80,7 @@ class Paths(ArrayRows):
                 yield block, self.hits[block, :count]
 
 
-def starting(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
+def initial_paths(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
     """New paths of a single hit, with space for `max_hits` hits (Step 8)."""
     hits = np.full((len(detection), max_hits), NO_HIT, np.int64)
     hits[:, 0] = detection
@@ -110,7 +110,9 @@ class Fit:
     hit_covariance: FloatArray
 
 
-def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str) -> Fit:
+def fit_initial_states(
+    hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str
+) -> Fit:
     """Fit the state at `stamp` to the hits of each track.
 
     Parameters
@@ -131,7 +133,7 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     Notes
     -----
     Range rates are processed last, as further measurements after the fit to the positions
-    (`range_rates.fitted`).
+    (`range_rates.fit_range_rates`).
 
     R at a fit is rotated by the fit's own azimuth error. Where ``r s_a^2`` is not small compared
     with s_r, the covariance is therefore too small: for 5 hits at 5 km, 10 m and 2 (3) degrees the
@@ -139,12 +141,14 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     positions.
     """
     time_after_state, at_fit = hits["time"] - stamp, hits["covariance"]
-    state, covariance = unweighted(time_after_state, hits["position"], at_fit)
+    state, covariance = unweighted_initial_state(time_after_state, hits["position"], at_fit)
     for _ in range(WEIGHTED_PASSES if estimator == "weighted" else 0):
         positions = motion.position_after_motion(state[:, None], time_after_state)
         at_fit = measurement_covariance_at(hits, positions, sensor)
-        state, covariance = weighted(time_after_state, hits["position"], at_fit, state)
-    state, covariance = range_rates.fitted(state, covariance, time_after_state, hits)
+        state, covariance = weighted_initial_state(
+            time_after_state, hits["position"], at_fit, state
+        )
+    state, covariance = range_rates.fit_range_rates(state, covariance, time_after_state, hits)
     return Fit(state, covariance, time_after_state, at_fit)
 
 
@@ -159,7 +163,7 @@ def fit_initial_states_of_paths(
     window : DetectionWindow
         Window that holds their hits.
     stamp, sensor
-        As in `fit`.
+        As in `fit_initial_states`.
 
     Returns
     -------
@@ -168,7 +172,7 @@ def fit_initial_states_of_paths(
     """
     state, covariance = np.zeros((len(paths), 4)), np.zeros((len(paths), 4, 4))
     for rows, hits in paths.of_equal_count():
-        fitted = fit(window[hits], stamp, sensor, "weighted")
+        fitted = fit_initial_states(window[hits], stamp, sensor, "weighted")
         state[rows], covariance[rows] = fitted.state, fitted.covariance
     return state, covariance
 
@@ -223,7 +227,7 @@ def initial_state_figures(
     return misfit, (amplitude_hits, amplitude_total), hit_sigma
 
 
-def unweighted(
+def unweighted_initial_state(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Unweighted least squares with the sandwich covariance.
@@ -257,7 +261,7 @@ def unweighted(
     return state, blocks.transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
 
 
-def weighted(
+def weighted_initial_state(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted least squares: ``P = (H'R^-1 H)^-1``, ``X = P H'R^-1 Z``.
@@ -265,7 +269,7 @@ def weighted(
     Parameters
     ----------
     time_after_state, positions, covariances
-        As in `unweighted`.
+        As in `unweighted_initial_state`.
     start : (n, 4) ndarray
         Any state near the solution. The fit solves for the correction to it, so that large map
         coordinates cost no digits.
@@ -275,7 +279,7 @@ def weighted(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    information = inverse_or_nan(covariances)  # (n, m, 2, 2)
+    information = inverse_covariance_or_nan(covariances)  # (n, m, 2, 2)
     residual = positions - motion.position_after_motion(start[:, None], time_after_state)
     weighted_residual = (information @ residual[..., None])[..., 0]
     n = len(time_after_state)
@@ -286,6 +290,6 @@ def weighted(
     order = np.add.outer([0, 1], [0, 1])  # t^a t^b = t^(a + b)
     normal = moments[:, order].transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
     right = np.einsum("nam,nmp->npa", powers[:, :2], weighted_residual).reshape(n, 4)
-    covariance = inverse_or_nan(normal)
+    covariance = inverse_covariance_or_nan(normal)
     covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
     return start + (covariance @ right[..., None])[..., 0], covariance

@@ -39,7 +39,7 @@ from tsepm_ros.numerics.gaussian import (
     gaussian_gate_factor,
     gaussian_log_density,
     gaussian_mixture,
-    inverse,
+    inverse_covariance,
 )
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.measurement import measurement_covariance_at, measurement_major_sigma
@@ -233,7 +233,7 @@ def motion_kalman_gain(
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
-    return np.asarray(cross @ inverse(innovation_covariance))
+    return np.asarray(cross @ inverse_covariance(innovation_covariance))
 
 
 def motion_log_likelihood(
@@ -280,27 +280,27 @@ def motion_log_likelihood(
     gate: FloatArray | float = gaussian_gate_factor(gate_probability) ** 2
     measured = range_rates.has_range_rates(detections)
     if measured.any():
-        gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
+        gate = np.where(measured[row], range_rates.range_rate_gate_square(gate_probability), gate)
         rows = (measured[row] & (distance <= gate)).nonzero()
         rated, candidates = owner[rows], taken_from_array(detections, row[rows])
         after = candidates["time"] - stamp
         updated = update_motion(
             state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
         )
-        error, variance, _ = range_rates.innovations(*updated, after, candidates)
-        density[rows] += range_rates.log_density(error, variance)
+        error, variance, _ = range_rates.range_rate_innovations(*updated, after, candidates)
+        density[rows] += range_rates.range_rate_log_density(error, variance)
         distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)
 
 
-def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
+def motion_gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
     """Standard deviations of an innovation that the gate of `motion_log_likelihood` reaches."""
     if range_rates.has_range_rates(detections).any():
-        return math.sqrt(range_rates.gate_square(gate_probability))
+        return math.sqrt(range_rates.range_rate_gate_square(gate_probability))
     return gaussian_gate_factor(gate_probability)
 
 
-def reaching_outside(
+def motion_beyond_max_speed(
     state: FloatArray,
     covariance: FloatArray,
     max_speed: FloatArray | float,
@@ -327,10 +327,12 @@ def log_speed_probability(
         v_max, m/s.
     """
     result = np.zeros(len(state))
-    rows = reaching_outside(state, covariance, max_speed, NEGLIGIBLE)
+    rows = motion_beyond_max_speed(state, covariance, max_speed, NEGLIGIBLE)
     if len(rows):
         radius = np.broadcast_to(max_speed, len(state))[rows]
-        result[rows] = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[0]
+        result[rows] = _motion_quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[
+            0
+        ]
     return result
 
 
@@ -352,8 +354,8 @@ def limited_motion(
     -------
     state, covariance : (n, 4), (n, 4, 4) ndarray
     """
-    rows = reaching_outside(state, covariance, max_speed, MAX_OUTSIDE)
-    return _conditioned(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
+    rows = motion_beyond_max_speed(state, covariance, max_speed, MAX_OUTSIDE)
+    return _conditioned_motion(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
 
 
 def slowed_motion(
@@ -361,10 +363,10 @@ def slowed_motion(
 ) -> tuple[FloatArray, FloatArray]:
     """As `limited_motion`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
-    return _conditioned(state, covariance, rows, max_speed, math.inf)
+    return _conditioned_motion(state, covariance, rows, max_speed, math.inf)
 
 
-def _conditioned(
+def _conditioned_motion(
     state: FloatArray,
     covariance: FloatArray,
     rows: IntArray,
@@ -375,13 +377,13 @@ def _conditioned(
     if not len(rows):
         return state, covariance
     radius = np.broadcast_to(max_speed, len(state))[rows]
-    inside, mean, spread = in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+    inside, mean, spread = motion_in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
     cut = inside < limit
     if not cut.any():
         return state, covariance
     rows, mean, spread = rows[cut], mean[cut], spread[cut]
     before = covariance[rows, 1::2, 1::2]
-    gain = covariance[rows][:, :, 1::2] @ inverse(before)
+    gain = covariance[rows][:, :, 1::2] @ inverse_covariance(before)
     state, covariance = state.copy(), covariance.copy()
     state[rows] += (gain @ (mean - state[rows, 1::2])[..., None])[..., 0]
     state[rows, 1::2] = mean
@@ -390,7 +392,7 @@ def _conditioned(
     return state, covariance
 
 
-def in_disc(
+def motion_in_disc(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Probability and moments of Gaussians of two dimensions in a disc about the origin.
@@ -411,10 +413,10 @@ def in_disc(
     mean, covariance : (n, 2), (n, 2, 2) ndarray
         Given that they are in the disc.
     """
-    inside, offset, weight, chords, (axes, centre, deviation) = _quadrature(
+    inside, offset, weight, chords, (axes, centre, deviation) = _motion_quadrature(
         mean, covariance, radius
     )
-    minor, spread = _moments(chords, centre, deviation)
+    minor, spread = _motion_chord_moments(chords, centre, deviation)
     scale = radius[:, None]
     weight = weight / weight.sum(axis=1)[:, None]
     points = np.stack([minor, offset], axis=-1)
@@ -428,10 +430,10 @@ def in_disc(
     return inside, average, second
 
 
-def _quadrature(
+def _motion_quadrature(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, _Chords, tuple[FloatArray, ...]]:
-    """The integral over the unit disc along the major axis; see `in_disc`.
+    """The integral over the unit disc along the major axis; see `motion_in_disc`.
 
     Returns
     -------
@@ -453,7 +455,7 @@ def _quadrature(
     low, high = np.full(len(mean), -0.5 * np.pi), np.full(len(mean), 0.5 * np.pi)
     for _ in range(PASSES):
         angle = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * GRID
-        density, _ = _chords(np.sin(angle), centre, deviation)
+        density, _ = _motion_chords(np.sin(angle), centre, deviation)
         counts = density >= density.max(axis=1, keepdims=True) - LOG_DROP
         first = np.maximum(counts.argmax(axis=1) - 1, 0)
         last = np.minimum(len(GRID) - counts[:, ::-1].argmax(axis=1), len(GRID) - 1)
@@ -462,7 +464,7 @@ def _quadrature(
     half = 0.5 * (high - low)
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
     offset = np.sin(angle)
-    density, chords = _chords(offset, centre, deviation)
+    density, chords = _motion_chords(offset, centre, deviation)
     peak = density.max(axis=1)
     weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
     inside = np.minimum(peak + np.log(weight.sum(axis=1) * half), 0.0)
@@ -474,7 +476,7 @@ _Chords = tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]
 mirrored to the left of the mean; whether they are; logarithm of the probability between them."""
 
 
-def _chords(
+def _motion_chords(
     offset: FloatArray, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, _Chords]:
     """Log of the integrals of the density along chords across places (n, k) on the major axis."""
@@ -491,7 +493,7 @@ def _chords(
     return density, (chord, low, high, mirrored, mass)
 
 
-def _moments(
+def _motion_chord_moments(
     chords: _Chords, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and variance on each chord, (n, k) each."""

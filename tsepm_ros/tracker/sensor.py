@@ -231,7 +231,7 @@ class SensorModel(Coverage):
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
 
-def goes_on(
+def sensor_rays_go_on(
     before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
 ) -> BoolArray:
     """Whether the ranges of neighbouring rays do not jump.
@@ -315,17 +315,17 @@ class SensorEchoPoses:
         if len(self.pose) == 1:
             return pose
         if not self.by_azimuth:
-            distance = _range(positions, pose)
+            distance = _range_from_sensor(positions, pose)
             return np.stack([np.interp(distance, key, values) for values in self.pose.T])
         for _ in range(TURNS):
-            from_seam = np.mod(_polar(positions, pose)[1] - key[0], 2 * np.pi)
+            from_seam = np.mod(_polar_from_sensor(positions, pose)[1] - key[0], 2 * np.pi)
             # Beyond the last echo begins the seam, which the first follows.
             pose = np.stack([np.interp(from_seam, key - key[0], values) for values in self.pose.T])
         return pose
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
-        return _polar(positions, self.of_echoes_from(positions))
+        return _polar_from_sensor(positions, self.of_echoes_from(positions))
 
 
 def sensor_echo_poses(scan: Scan) -> SensorEchoPoses | None:
@@ -358,12 +358,12 @@ def sensor_looked_at(
     pose = poses.of_echoes_from(positions)
     swept = None if scan.swept is None else tuple(scan.swept)
     if sensor.all_round and swept is None:
-        return sensor.covers(_range(positions, pose), 0.0)
-    range_, azimuth = _polar(positions, pose)
-    return sensor.covers(range_, azimuth) & _in_arc(swept, azimuth)
+        return sensor.covers(_range_from_sensor(positions, pose), 0.0)
+    range_, azimuth = _polar_from_sensor(positions, pose)
+    return sensor.covers(range_, azimuth) & _in_sensor_arc(swept, azimuth)
 
 
-def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
+def _in_sensor_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
     """Whether azimuths (n,) are of an arc, its start and width; None for all around."""
     if arc is None:
         return np.ones(len(azimuth), bool)
@@ -396,16 +396,16 @@ class SensorView(NamedTuple):
 
     def covers(self, positions: FloatArray) -> BoolArray:
         """Whether positions (n, 2) in the fixed frame were looked at."""
-        range_, azimuth = _polar(positions, np.array(self.pose))
-        return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
+        range_, azimuth = _polar_from_sensor(positions, np.array(self.pose))
+        return self.sensor.covers(range_, azimuth) & _in_sensor_arc(self.swept, azimuth)
 
 
-def _range(positions: FloatArray, pose: FloatArray) -> FloatArray:
+def _range_from_sensor(positions: FloatArray, pose: FloatArray) -> FloatArray:
     """Range of positions (n, 2) from a pose (3,) or poses (3, n)."""
     return np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
 
 
-def _polar(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _polar_from_sensor(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Range and azimuth of positions (n, 2) from a pose (3,) or poses (3, n)."""
     x, y, yaw = pose
     east, north = positions[:, 0] - x, positions[:, 1] - y

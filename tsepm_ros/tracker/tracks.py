@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import ArrayRows, FloatArray, IntArray, changed_arrays
-from tsepm_ros.numerics.gaussian import proper
+from tsepm_ros.numerics.gaussian import proper_covariance
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.motion import predict_motion
@@ -208,8 +208,8 @@ class TrackArrays(ArrayRows, Sequence[ConfirmedTrack]):
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
-        """The tracks with covariances that are positive definite, see `gaussian.proper`."""
-        covariance = proper(self.covariance) if len(self) else self.covariance
+        """Tracks whose covariances are positive definite, see `gaussian.proper_covariance`."""
+        covariance = proper_covariance(self.covariance) if len(self) else self.covariance
         return (
             self if covariance is self.covariance else changed_arrays(self, covariance=covariance)
         )

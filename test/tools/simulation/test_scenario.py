@@ -12,7 +12,7 @@ from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import (
     ClutterStrength,
     OwnShipMotion,
-    Strengths,
+    ScenarioStrengths,
     TargetArea,
     TargetStrength,
     scenario_from,
@@ -259,13 +259,13 @@ MANY = 20_000
 
 
 def clutter(law: ClutterStrength, n: int = MANY, seed: int = 1, position=None, time: float = 0.0):
-    drawn = Strengths(law, [], np.random.default_rng(seed))
+    drawn = ScenarioStrengths(law, [], np.random.default_rng(seed))
     position = np.zeros((n, 2)) if position is None else position
     return drawn.draw(position, np.full(len(position), -1), time)
 
 
 def echoes(target: TargetStrength, seed: int = 1):
-    drawn = Strengths(ClutterStrength(), [target], np.random.default_rng(seed))
+    drawn = ScenarioStrengths(ClutterStrength(), [target], np.random.default_rng(seed))
     return drawn.draw(np.zeros((MANY, 2)), np.zeros(MANY, np.int64), 0.0)
 
 
@@ -308,7 +308,7 @@ def test_texture_is_common_to_neighbours_and_fades(apart, later):
     law = ClutterStrength("log_normal", 1.0, texture_length=500.0, texture_time=180.0)
     pairs = []
     for seed in range(400):
-        drawn = Strengths(law, [], np.random.default_rng(seed))
+        drawn = ScenarioStrengths(law, [], np.random.default_rng(seed))
         origin = np.array([-1])
         one = drawn.draw(np.zeros((1, 2)), origin, 0.0)[0]
         other = drawn.draw(np.array([[apart, 0.0]]), origin, later)[0]

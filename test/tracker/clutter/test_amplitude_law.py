@@ -17,9 +17,9 @@ from tsepm_ros.tracker.clutter.amplitude_law import (
     REACH,
     AmplitudeLaw,
     AmplitudeLawTable,
+    amplitude_law_log_ratio,
     amplitude_law_prior,
     amplitude_law_ratio_db,
-    log_ratio,
 )
 
 
@@ -116,10 +116,12 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
         ratio = rng.choice(ratios, paths, p=prior)
         true = (1.0 + ratio[:, None]) * rng.exponential(size=(paths, 16))
         normalised = normalised_of(law, quantile(true).ravel()).reshape(true.shape)
-        told = amplitude_law.scaled(normalised, samples)
+        told = amplitude_law.scaled_by_amplitude_law(normalised, samples)
         for column, hits in enumerate((3, 5, 8, 16)):
             count = np.full(paths, float(hits))
-            learned = amplitude_law.log_ratio(count, told[:, :hits].sum(axis=1), samples)
+            learned = amplitude_law.amplitude_law_log_ratio(
+                count, told[:, :hits].sum(axis=1), samples
+            )
             exact = np.logaddexp.reduce(
                 np.log(prior)[:, None]
                 - hits * np.log1p(ratios)[:, None]
@@ -148,7 +150,7 @@ def exponential_ratio(hits: int, total: float) -> float:
 
 @pytest.mark.parametrize(("hits", "total"), [(1, 0.1), (3, 9.0), (8, 40.0), (16, 12.0)])
 def test_a_known_law_gives_the_ratio_of_exponentials(hits, total):
-    found = log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
+    found = amplitude_law_log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
     assert found == pytest.approx(math.log(exponential_ratio(hits, total)), abs=1e-5)
 
 
@@ -160,7 +162,7 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
         total = samples * share / (1.0 - share)  # share: beta(3, N)
         log_density = 2.0 * math.log(share) + (samples - 1.0) * math.log1p(-share)
         norm = math.gamma(3.0) / np.prod([samples, samples + 1.0, samples + 2.0])
-        log_ratio_there = log_ratio(np.array(3.0), np.array(total), samples)
+        log_ratio_there = amplitude_law_log_ratio(np.array(3.0), np.array(total), samples)
         return math.exp(log_density + log_ratio_there) / norm
 
     mean = integrate.quad(weighted, 0.0, 1.0, limit=500)[0]
@@ -170,7 +172,7 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
 def test_table_agrees_with_the_formula():
     table = AmplitudeLawTable.for_count(200.0, 16)
     hits, total = np.arange(17), np.linspace(0.0, 150.0, 17)
-    expected = log_ratio(hits.astype(float), total, table.count)
+    expected = amplitude_law_log_ratio(hits.astype(float), total, table.count)
     np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)
     assert abs(table.count / 200.0 - 1.0) < 0.1
 

@@ -13,14 +13,14 @@ from tsepm_ros.tracker.clutter.density import (
     MAX_DETECTIONS,
     MIN_STEP,
     PER_SIDE,
-    Bounds,
     ClutterExtent,
     ClutterMap,
-    SeenExtent,
-    squares,
-    window_sums,
+    DensityBounds,
+    SeenClutterExtent,
+    density_window_sizes,
+    density_window_sums,
 )
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, excess_poisson_bound
 from tsepm_ros.tracker.polar_grid import PolarGrid
 
 SONAR = SensorModel(max_range=9000.0)
@@ -152,7 +152,7 @@ def test_an_empty_scan_is_one_without_clutter():
 def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutter():
     range_, azimuth = np.array([170.0, 297.0, 474.0]), np.radians([22.0, -4.0, 22.0])
     sensor = SensorModel(max_range=500.0)
-    made, seen = ClutterMap(sensor), SeenExtent(ClutterExtent.of_sensor(sensor))
+    made, seen = ClutterMap(sensor), SeenClutterExtent(ClutterExtent.of_sensor(sensor))
     for _ in range(3):
         seen.update(range_, azimuth, np.ones(3))
         take(made, range_, azimuth, lambda: seen.region, 5e5)
@@ -206,8 +206,8 @@ def looped(
                 )
                 area = max(widening * seen[part].sum(), 0.1 * whole[part].sum())
                 area, number = min(area, whole[part].sum()), counts[part].sum()
-                low = poisson_bound(np.array(max(number - TARGET, 0.0)), -MAX_DEVIATIONS)
-                high = poisson_bound(np.array(number), MAX_DEVIATIONS)
+                low = excess_poisson_bound(np.array(max(number - TARGET, 0.0)), -MAX_DEVIATIONS)
+                high = excess_poisson_bound(np.array(number), MAX_DEVIATIONS)
                 bounds[begin] = float(low) / area, float(high) / area
             these = [bounds[one] for one in itertools.product(down[cell[0]], across[cell[1]])]
             low, high = (max(each) for each in zip(*these, strict=True))
@@ -224,11 +224,13 @@ def test_densities_are_those_of_a_loop_over_windows(sensor, kind, mean):
     counts[:5, 3:8] += 4.0 * mean
     whole = np.broadcast_to(grid.area, grid.shape)
     seen = whole * (rng.random(grid.shape) < 0.8)
-    sizes = squares(*grid.shape)
+    sizes = density_window_sizes(*grid.shape)
     if kind == "arcs":
         sizes = [(1, grid.shape[1] // parts) for parts in ARCS]
     start = np.full(grid.shape, counts.sum() / whole.sum())
-    bounds = Bounds(sizes, seen, window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1)
+    bounds = DensityBounds(
+        sizes, seen, density_window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1
+    )
     found = bounds.moved(start, counts, 1.0, TARGET)
     expected = looped(grid.shape, sizes, counts, (seen, whole, 1.1), grid.wraps, start)
     np.testing.assert_allclose(found, expected, rtol=1e-11)
@@ -239,9 +241,9 @@ SENSOR = SensorModel(clutter_density=1e-8)
 
 
 def test_places_do_not_grow_with_restarts():
-    extent, rng = SeenExtent(ClutterExtent.of_sensor(SENSOR)), np.random.default_rng(1)
+    extent, rng = SeenClutterExtent(ClutterExtent.of_sensor(SENSOR)), np.random.default_rng(1)
     for _ in range(5):
-        before, extent = extent, SeenExtent(ClutterExtent.of_sensor(SENSOR))
+        before, extent = extent, SeenClutterExtent(ClutterExtent.of_sensor(SENSOR))
         extent.take(before.places)
         extent.update(rng.uniform(10.0, 9000.0, 490), rng.uniform(-3.0, 3.0, 490), np.ones(490))
         assert extent.detections < 2 * MAX_DETECTIONS
@@ -263,7 +265,7 @@ def draw(
 def estimated(
     number: int, extent: ClutterExtent, limit: ClutterExtent = GIVEN, seed: int = 1
 ) -> ClutterExtent:
-    seen = SeenExtent(limit)
+    seen = SeenClutterExtent(limit)
     seen.update(*draw(np.random.default_rng(seed), number, extent), np.ones(number))
     return seen.region.extent
 
@@ -297,7 +299,7 @@ def test_the_limit_is_not_exceeded():
 
 
 def test_confirmed_tracks_detections_do_not_count_and_old_ones_go():
-    seen = SeenExtent(GIVEN)
+    seen = SeenClutterExtent(GIVEN)
     rng = np.random.default_rng(3)
     seen.update(*draw(rng, 400, GIVEN), np.full(400, 0.2))
     assert seen.region.extent == GIVEN
@@ -317,7 +319,7 @@ def test_a_sector_that_is_seen_across_the_seam_of_the_coverage_is_not_cut(turn):
     range_ = np.sqrt(rng.uniform(100.0, 8100.0, 400))
     for low, high in ((-3.1415, 3.1415), (-2.9, 2.9)):
         extent = ClutterExtent(0.0, 100.0, low + turn, high + turn)
-        seen = SeenExtent(extent)
+        seen = SeenClutterExtent(extent)
         seen.update(range_, azimuth + turn, np.ones(400))
         region = seen.region
         assert region.contains(range_, azimuth + turn).mean() > 0.98

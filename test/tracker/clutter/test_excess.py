@@ -16,9 +16,9 @@ from tsepm_ros.tracker.clutter.excess import (
     ConfirmedTargets,
     ExcessPrediction,
     Overdispersion,
-    SecondaryEchoes,
+    SecondaryEchoExcess,
 )
-from tsepm_ros.tracker.polar_grid import Batch, Cells
+from tsepm_ros.tracker.polar_grid import Cells, PolarBatch
 
 SONAR = SensorModel()
 
@@ -27,7 +27,7 @@ def taken(
     overdispersion: Overdispersion, made: ClutterMap, cells: Cells, weight: np.ndarray
 ) -> ExcessPrediction:
     """Take a scan as a batch; what makes its density uncertain."""
-    batch, density = Batch(made.grid.shape[1]), made.at(cells)
+    batch, density = PolarBatch(made.grid.shape[1]), made.at(cells)
     batch.take(cells, (weight, weight), weight, np.ones(made.grid.shape[1]))
     batch.densities.append(density)
     overdispersion.update(batch, made.seen.counted)
@@ -204,7 +204,7 @@ class Sea:
 
     def __init__(self, sensor: SensorModel = SONAR) -> None:
         self.map = ClutterMap(sensor)
-        self.echoes = SecondaryEchoes(self.map.grid)
+        self.echoes = SecondaryEchoExcess(self.map.grid)
 
     def take(self, places: np.ndarray, targets: ConfirmedTargets = NO_TARGETS) -> np.ndarray:
         range_, azimuth = places
@@ -212,7 +212,7 @@ class Sea:
         cells = self.map.grid.cells(range_, azimuth)
         self.map.update(cells, weight)
         self.map.take_level(weight.sum())
-        batch, expected = Batch(self.map.grid.shape[1]), self.map.expected
+        batch, expected = PolarBatch(self.map.grid.shape[1]), self.map.expected
         batch.take(cells, (range_, azimuth), weight, np.ones(self.map.grid.shape[1]))
         self.echoes.update(targets, batch, expected)
         among = self.echoes.among(cells, weight, expected)

@@ -10,7 +10,7 @@ import pytest
 from tsepm_ros import LandMask, Scan, SensorModel
 from tsepm_ros.tracker.clutter import fixed_places
 from tsepm_ros.tracker.clutter import fixed_places as module
-from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, excess_poisson_bound
 from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
     LEAST_SIDE,
@@ -104,7 +104,7 @@ class Plain:
         most = 0.0
         for right, up in DIRECTIONS:
             three = [self.number((level, x + k * right, y + k * up)) for k in (-1, 0, 1)]
-            low = float(poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
+            low = float(excess_poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
             most = max(most, min(low / 3.0, 2.0 * min(three)))
         first = next(i for i, (counts, *_) in enumerate(self.periods) if counts[of])
         scans = 0.0

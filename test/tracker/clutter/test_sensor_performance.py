@@ -10,7 +10,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     DATA_SHEET_SCANS,
     DetectionProbability,
     FittedErrors,
-    MeasurementErrors,
+    SensorPerformanceErrors,
 )
 from tsepm_ros.tracker.measurement import convert_measurements
 
@@ -29,7 +29,7 @@ def fitted(
     Also given, if asked for: a third, whose detections are at the sensor.
     """
     rng = np.random.default_rng(5)
-    errors = MeasurementErrors()
+    errors = SensorPerformanceErrors()
     confirmed = np.array([7, 9])
     start = np.array([[150.0, 20.0], [480.0, -200.0]])
     velocity = np.array([[0.5, 0.6], [-0.4, 0.3]])
@@ -78,7 +78,10 @@ def test_an_error_that_grows_with_range_is_told_from_a_constant():
 def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
     # A loop over the tracks, each alone, against tracks that begin, end and change places.
     rng, given = np.random.default_rng(6), model(0.5, 0.0, 0.02)
-    together, alone = MeasurementErrors(), {track: MeasurementErrors() for track in range(9)}
+    together, alone = (
+        SensorPerformanceErrors(),
+        {track: SensorPerformanceErrors() for track in range(9)},
+    )
     for ping in range(120):
         confirmed = rng.permutation([track for track in range(9) if ping // 10 != track])
         seen = np.sort(confirmed[rng.random(len(confirmed)) < 0.8])
@@ -109,7 +112,7 @@ def test_nothing_is_said_on_few_innovations():
 def test_three_detections_in_a_row_by_a_plain_formula():
     # On a line straight ahead; the middle one of 1, 2 and 4 s is 3 m too far and 0.01 rad aside.
     sensor = model(1.0, 0.0, 1e-6)
-    errors = MeasurementErrors()
+    errors = SensorPerformanceErrors()
     confirmed = np.array([1])
     for number in range(60):
         for ping, (time, far, turn) in enumerate(
@@ -143,7 +146,12 @@ def walked(
     given: SensorModel, cell: float = 0.0, turns: bool = False, moves: bool = True
 ) -> FittedErrors:
     """Errors fitted to a target whose ranges are rounded to cells, or that turns now and then."""
-    rng, errors, place, course = np.random.default_rng(7), MeasurementErrors(), 300.0 + 0j, 0.3
+    rng, errors, place, course = (
+        np.random.default_rng(7),
+        SensorPerformanceErrors(),
+        300.0 + 0j,
+        0.3,
+    )
     confirmed = np.array([4])
     for ping in range(600):
         course += 1.5 * (turns and ping % 12 == 0)

@@ -257,7 +257,8 @@ class ConfirmedTracks(ArrayRows):
         covered : (n,) ndarray of bool
             Which targets could be detected at all.
         max_speed : (n,) ndarray
-            v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed_motion`.
+            v_max, m/s: a mode whose mean is faster is conditioned on it; see
+            `motion.slowed_motion`.
 
         Returns
         -------

@@ -411,7 +411,7 @@ class TrackMaintenance:
             Time of the report, s; it may be later than the next step's.
         tracks : TrackArrays
             With stamps of their own, finite numbers and an id each, see
-            `tsepm_ros.session.inputs.usable`.
+            `tsepm_ros.session.inputs.usable_input_tracks`.
         """
         self._listen(stamp)
         confirmed = self._state()
