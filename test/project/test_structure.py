@@ -65,8 +65,6 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-PENDING_CONSTANTS = ("tsepm_ros/session/turn.py",)
-"""PENDING: the modules whose constants are still between the functions."""
 BUDGETS = {"first": (88, 10_915), "tools": (48, 5_501), "studies": (16, 1_838)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
@@ -173,8 +171,6 @@ def late_constants(tree: ast.Module) -> list[str]:
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_constants_stand_in_one_place_before_the_code(path):
     late = late_constants(ast.parse(path.read_text(encoding="utf-8")))
-    if path.relative_to(ROOT).as_posix().startswith(PENDING_CONSTANTS):
-        return
     assert late == []
 
 

@@ -51,6 +51,40 @@ MIN_PARTS = 4
 """Least messages of a turn, or a pass, whose time counts, or that show a sweep."""
 TURNS = 3
 """Turns of which the longest gives the time of a turn: a part of one does not."""
+WIDEST_PART = 0.5 * math.pi
+"""Widest arc of a message of a sweep, and longest step between two, rad."""
+MIN_ECHOES = 16
+"""Least messages of a turn or sector that show a sweep, where they list detections only."""
+MOST_PARTS = 20_000
+"""Most messages of a turn."""
+EVEN_RATES = 0.8
+"""Least share of steps whose rate differs from the median by less than a factor of 2."""
+LONGEST_OVERLAP = 0.5
+"""Largest part of a message's arc that the next one may look at again."""
+RANGE_CHANGE, CHANGES = 0.1, 0.25
+"""Least change of the range, as a part of it, and least share of changes, of detections only."""
+SECTOR_TOLERANCE = 0.2
+"""Largest difference of two passes over a sector, as a part of it."""
+LINE, NEWEST = 16, 5
+"""Messages of the line that a beam is followed by, and those whose median says where it is."""
+STEPS_OFF, MOST_OFF = 1.5, 0.25 * math.pi
+"""Steps, and angle (rad), by which a message lies beside the line at most."""
+ODD = 4
+"""Messages in a row beside the line that say that the beam is elsewhere."""
+VAIN = 4
+"""Beginnings in a row without an image from which on the turn is learned anew."""
+TRY_AGAIN = 1.1
+"""Factor of the messages that wait, between two attempts to learn a turn of them."""
+MOST_BYTES = 2**27
+"""Most memory of the messages that wait."""
+CHANGED = 0.2
+"""Relative change of the step, or of a sector's width, from which on the grid is another."""
+WHOLE_GAP, SHORTEST = 2.5, 3.0
+"""Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
+NO_NOISE = (
+    "every image is equal to the one before to the bit: they are used, as those of a source "
+    "without noise; a driver that sends its last image again gives false tracks"
+)
 
 
 class Closing(enum.Enum):
@@ -241,22 +275,6 @@ def turn_looked_at(arcs: Sequence[ScanArc | None], step: float) -> FloatArray | 
     return None if high - low >= TURN else np.array([turned(low), high - low])
 
 
-WIDEST_PART = 0.5 * math.pi
-"""Widest arc of a message of a sweep, and longest step between two, rad."""
-MIN_ECHOES = 16
-"""Least messages of a turn or sector that show a sweep, where they list detections only."""
-MOST_PARTS = 20_000
-"""Most messages of a turn."""
-EVEN_RATES = 0.8
-"""Least share of steps whose rate differs from the median by less than a factor of 2."""
-LONGEST_OVERLAP = 0.5
-"""Largest part of a message's arc that the next one may look at again."""
-RANGE_CHANGE, CHANGES = 0.1, 0.25
-"""Least change of the range, as a part of it, and least share of changes, of detections only."""
-SECTOR_TOLERANCE = 0.2
-"""Largest difference of two passes over a sector, as a part of it."""
-
-
 @dataclass
 class TurnPass:
     """Messages whose azimuths move in one direction.
@@ -372,24 +390,6 @@ class TurnLearner:
         if not (alike and abs(turned(middles[0] - middles[1])) <= limit):
             return None
         return two.rows[0][0] - one.rows[0][0], len(ended.rows)
-
-
-LINE, NEWEST = 16, 5
-"""Messages of the line that a beam is followed by, and those whose median says where it is."""
-STEPS_OFF, MOST_OFF = 1.5, 0.25 * math.pi
-"""Steps, and angle (rad), by which a message lies beside the line at most."""
-ODD = 4
-"""Messages in a row beside the line that say that the beam is elsewhere."""
-VAIN = 4
-"""Beginnings in a row without an image from which on the turn is learned anew."""
-TRY_AGAIN = 1.1
-"""Factor of the messages that wait, between two attempts to learn a turn of them."""
-MOST_BYTES = 2**27
-"""Most memory of the messages that wait."""
-CHANGED = 0.2
-"""Relative change of the step, or of a sector's width, from which on the grid is another."""
-WHOLE_GAP, SHORTEST = 2.5, 3.0
-"""Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
 
 
 class TurnBeam:
@@ -714,12 +714,6 @@ class TurnRepeats:
             return True
         self._say(NO_NOISE)
         return False
-
-
-NO_NOISE = (
-    "every image is equal to the one before to the bit: they are used, as those of a source "
-    "without noise; a driver that sends its last image again gives false tracks"
-)
 
 
 def is_turn_equal(one: ImagePing, other: ImagePing) -> bool:
