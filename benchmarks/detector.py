@@ -36,7 +36,11 @@ from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiat
 from tsepm_ros.detector.cfar import cfar_peaks, cfar_smoothed
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
-from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
+from tsepm_ros.tools.simulation.scenario import (
+    ClutterStrength,
+    ScenarioOwnShipMotion,
+    TargetStrength,
+)
 from tsepm_ros.tools.terminal import terminal_markdown_table, terminal_progress
 
 Rows = Iterator[Sequence[str]]
@@ -209,10 +213,10 @@ def peaks_of(image: SonarImage, size: tuple[int, int]) -> tuple[np.ndarray, np.n
 def tracks_table(options: argparse.Namespace) -> Rows:
     """False tracks behind the detector, and what intensities gain."""
     yield ["scene", "images", "expected", "false tracks", "over the target, 95 %"]
-    moving = OwnShipMotion(speed=0.5, turn_rate=0.02)
+    moving = ScenarioOwnShipMotion(speed=0.5, turn_rate=0.02)
     for name, own_ship, law in (
-        ("fixed, Rayleigh", OwnShipMotion(), None),
-        ("fixed, K 0.5", OwnShipMotion(), K),
+        ("fixed, Rayleigh", ScenarioOwnShipMotion(), None),
+        ("fixed, K 0.5", ScenarioOwnShipMotion(), K),
         ("moving, Rayleigh", moving, None),
     ):
         scene = scenario(options.images, own_ship=own_ship, clutter_strength=law)

@@ -26,11 +26,11 @@ class Comparison:
         The method of the curve.
     false, detection : float
         The point's false starts per run and P_D.
-    other_detection, detection_difference : Estimate
+    other_detection, detection_difference : IntervalEstimate
         P_D of the curve at the point's rate of false starts, and the point's P_D less that.
-    detection_bounds : Estimate
+    detection_bounds : IntervalEstimate
         The same difference with one-sided 95 % bounds.
-    other_false, false_ratio : Estimate
+    other_false, false_ratio : IntervalEstimate
         False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
     """
 
@@ -59,7 +59,7 @@ def compare(points: Points) -> list[Comparison]:
 
     Parameters
     ----------
-    points : mapping of (str, str) to sequence of RunSummary
+    points : mapping of (str, str) to sequence of RunMeasures
         The same runs for each point, by its method and label.
     """
     false, detection = _resampled(list(points.values()))

@@ -27,7 +27,7 @@ from tsepm_ros.tools.commands.evaluate_command import add_evaluate_arguments, ru
 from tsepm_ros.tools.evaluation.result_files import result_code_key
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
 """(min_hits, window) of a peer's sweep, from few to many false tracks."""
@@ -72,7 +72,7 @@ def sea_of(scenario: Scenario) -> Sea:
     Contenders support no moving sensor, no echo times and no constant range error.
     """
     sensor = scenario.sensor
-    if scenario.own_ship != OwnShipMotion() or scenario.sound_speed or sensor.range_std:
+    if scenario.own_ship != ScenarioOwnShipMotion() or scenario.sound_speed or sensor.range_std:
         raise ValueError(
             f"the peers cannot process {scenario.name}: they need own_ship at rest at the origin, "
             "sound_speed 0 and sensor.range_std 0 (--scene sound_speed:=0.0)"

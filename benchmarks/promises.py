@@ -48,7 +48,7 @@ from tsepm_ros.tools.evaluation.performance import (
 from tsepm_ros.tools.evaluation.result_files import add_result_file, result_code_key
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario, load_scenario
-from tsepm_ros.tools.simulation.scenario import TargetArea
+from tsepm_ros.tools.simulation.scenario import ScenarioTargetArea
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
@@ -321,7 +321,9 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     ).detection
     clutter = prediction_clutter_scans(case, TARGET_RATE)
     false = predicted_false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
-    anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
+    anywhere = ScenarioTargetArea(
+        1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED
+    )
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
     point = SimulatedOperatingPoint("score", "designed", given, version=result_code_key())
     [measures] = evaluated(whole, [point], options.runs, options)[0].measures

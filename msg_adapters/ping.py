@@ -87,7 +87,7 @@ class Ping:
 
     Attributes
     ----------
-    sensor_scan : SensorScan
+    sensor_scan : UnregisteredScan
         Input for a session.
     dropped : dict of str to int
         Number of detections that were left out, by reason.
@@ -183,7 +183,7 @@ def good_detections(
         As in `tsepm_ros.own_ship.registration.MessageFacts`.
     assumptions : tuple of str, optional
         As in :class:`Ping`.
-    beams : Arc, optional
+    beams : ScanArc, optional
         The azimuths of all beams; by default those of the elements of the message, good or bad.
 
     Returns

@@ -65,8 +65,8 @@ def test_a_full_disk_leaves_what_was_there(tmp_path):
         "sys.dont_write_bytecode = True\n"  # what the limit cuts would stay
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        "from tsepm_ros.whole_files import write_text\n"
-        "write_text(pathlib.Path(sys.argv[1]), 'x' * 100000)\n"
+        "from tsepm_ros.whole_files import write_whole_text\n"
+        "write_whole_text(pathlib.Path(sys.argv[1]), 'x' * 100000)\n"
     )
     ended = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True)
     assert ended.returncode == 1 and b"OSError" in ended.stderr

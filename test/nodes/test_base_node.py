@@ -263,7 +263,7 @@ FAULTY = """
 import sys
 from rclpy.executors import Executor
 from rclpy.task import Future
-from tsepm_ros.nodes.base_node import run
+from tsepm_ros.nodes.base_node import run_node
 from {module} import {kind}
 
 class Faulty({kind}):
@@ -298,7 +298,7 @@ def failing(executor, subscription):
     return take(executor, subscription)
 
 Executor._take_subscription = failing
-raise SystemExit(run(Faulty, sys.argv[1:]))
+raise SystemExit(run_node(Faulty, sys.argv[1:]))
 """
 
 MESSAGE_CALLBACKS = {

@@ -15,7 +15,7 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
+from tsepm_ros.tools.simulation.scenario import Scenario, ScenarioOwnShipMotion
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
 SECTOR = SensorModel(
@@ -26,7 +26,7 @@ SECTOR = SensorModel(
     clutter_density=2e-6,
 )
 
-WEST = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(0.5))
+WEST = ScenarioOwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(0.5))
 
 AHEAD = np.array([-2500.0, -3.0, 300.0, 1.0])
 

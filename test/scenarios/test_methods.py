@@ -257,22 +257,22 @@ import test_methods
 from tsepm_ros.methods.registry import METHODS
 METHODS["toy"] = test_methods.Toy
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
-from tsepm_ros.tools.evaluation.simulated_run import operating_points
-from tsepm_ros.tools.commands.given_parameters import (as_yaml)
-from tsepm_ros.settings.settings import NODES, make_groups, settings_from, with_method
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.tools.evaluation.simulated_run import simulated_operating_points
+from tsepm_ros.tools.commands.given_parameters import (given_parameters_as_yaml)
+from tsepm_ros.settings.settings import NODES, make_groups, settings_from, settings_with_method
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
 
 assert "toy" in available_methods()
 made = make_initiator("toy", sensor=SensorModel(), window=3, max_speed=5.0)
 assert [track.track_id for track in made.process(Scan(0.0, [3000.0], [0.0]))] == [0]
-groups = with_method(NODES["track_initiator"], "toy")
-assert "toy.window: 2" in as_yaml("track_initiator", groups)
-assert [point.label for point in operating_points(["toy"])] == ["default", "long"]
+groups = settings_with_method(NODES["track_initiator"], "toy")
+assert "toy.window: 2" in given_parameters_as_yaml("track_initiator", groups)
+assert [point.label for point in simulated_operating_points(["toy"])] == ["default", "long"]
 settings = settings_from(make_groups(groups, {"method": "toy", "toy.window": 5}))
 assert settings.window == 5
 session = Session(settings)
-session.add_scan(SensorScan(Scan(0.0, [3000.0], [0.0]), "sonar"), 0.0)
+session.add_scan(UnregisteredScan(Scan(0.0, [3000.0], [0.0]), "sonar"), 0.0)
 results = list(session.process(1.0))
 assert [len(result.new) for result in results] == [1]
 """

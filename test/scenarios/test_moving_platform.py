@@ -9,14 +9,14 @@ from support.run_summaries import study
 
 from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 RUNS = 40
 Z = 3.3
 """Standard errors of a difference: 99.9 %, two-sided."""
 
 SQUARE = load_scenario("square_path", {"sensor.clutter_density": 2e-7})
-FIXED = dataclasses.replace(SQUARE, own_ship=OwnShipMotion())
+FIXED = dataclasses.replace(SQUARE, own_ship=ScenarioOwnShipMotion())
 
 
 @functools.cache

@@ -12,7 +12,8 @@ from tsepm_ros.tools import terminal
 from tsepm_ros.tools.terminal import terminal_progress, terminal_progress_bar, write_terminal_line
 
 SHOW = (
-    "from tsepm_ros.tools.terminal import with_progress; print(*with_progress(range(3), 3, 'work'))"
+    "from tsepm_ros.tools.terminal import terminal_progress\n"
+    "print(*terminal_progress(range(3), 3, 'work'))"
 )
 
 

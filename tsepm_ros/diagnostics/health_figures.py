@@ -185,7 +185,7 @@ class HealthFigures:
     options : DiagnosticsOptions
     snapshot : SessionSnapshot
     connections : Connections
-    recent : Counts
+    recent : CountFigures
         Counts of the window.
     scans : sequence of ScanRecord
         The processed scans of the window, and the last `LAST_SCANS` of any age.

@@ -182,7 +182,7 @@ class WindowedMethod(Method):
 
     Attributes
     ----------
-    detections : DetectionWindow
+    detections : MeasurementWindow
         Those of the last scans, to which hits of potential tracks refer.
     stamp : float
         Of the last scan, s.

@@ -418,7 +418,7 @@ class NodeClocks:
 
     Parameters
     ----------
-    node : ParameterisedNode
+    node : BaseNode
 
     Attributes
     ----------

@@ -151,7 +151,7 @@ class TrackPublishers:
     node : rclpy.node.Node
     session : Session
         Source of the potential tracks.
-    watch : QosWatch
+    watch : SubscriptionQos
     with_potential_tracks : bool
         Whether potential tracks are published too.
     """

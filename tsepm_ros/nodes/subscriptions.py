@@ -105,7 +105,7 @@ class OfferedSubscription:
         Messages that may queue up.
     callback : callable
         Called with each message, and with its information if it has two parameters.
-    watch : QosWatch
+    watch : SubscriptionQos
         Counts the mismatches.
     reliability : rclpy.qos.ReliabilityPolicy, optional
         Initial reliability.
@@ -207,7 +207,7 @@ class DetectionsSubscription:
         Messages that may queue up.
     callback : callable
         Called with each message.
-    watch : QosWatch
+    watch : SubscriptionQos
         Counts publishers whose quality of service is incompatible.
     topic : str, optional
     readable : sequence of str, optional

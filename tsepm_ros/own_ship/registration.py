@@ -399,7 +399,7 @@ class UnregisteredScan:
         Height of each detection above the sensor's x-y plane, m; None: 0.
     axes : str
         Convention of the sensor frame's axes, a key of `AXES`.
-    beams : Arc or None
+    beams : ScanArc or None
         The azimuths that the message looked at, as far as it shows; None where it has none.
     facts : MessageFacts
     """
@@ -438,7 +438,7 @@ def register_in_fixed_frame(
 
     Parameters
     ----------
-    sensor_scan : SensorScan
+    sensor_scan : UnregisteredScan
     poses : PoseHistory
         Poses of the vessel; they must cover `registration_span`.
     mounting : Mounting

@@ -330,7 +330,7 @@ class SensorFigures:
     ----------
     sensor : SensorModel
         As given.
-    seen : Extent or None
+    seen : ClutterExtent or None
         Where clutter is seen; None before enough detections.
     seen_detections : int
         Detections from which this is known.
@@ -338,7 +338,7 @@ class SensorFigures:
         Detections outside the coverage, in the last `OUTSIDE_SCANS`.
     detections : int
         All detections of these.
-    outside_extent : Extent or None
+    outside_extent : ClutterExtent or None
         Ranges and sector of all detections, where some are outside the coverage.
     errors : FittedErrors or None
         Errors that fit the confirmed tracks' innovations.

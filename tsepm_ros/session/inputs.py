@@ -168,7 +168,7 @@ class Waiting(NamedTuple):
 
     Attributes
     ----------
-    scan : SensorScan
+    scan : UnregisteredScan
     arrival : Arrival
     seconds : float
         Time that it waited, s.
@@ -191,7 +191,7 @@ class ScanInputQueue:
 
     Attributes
     ----------
-    order : ScanOrder
+    order : ScanInputOrder
         Of the scans processed so far.
     scans : deque
         Times of arrival, and the scans that wait.
@@ -537,10 +537,10 @@ def register_input(
 
     Parameters
     ----------
-    arrived : SensorScan
+    arrived : UnregisteredScan
     own_ship : OwnShipInput
         The poses of a moving sensor.
-    frames : Frames
+    frames : InputFrames
     settings : Settings
 
     Returns

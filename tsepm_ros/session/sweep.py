@@ -127,7 +127,7 @@ def joined_sweep(
 
     Parameters
     ----------
-    messages : sequence of SensorScan
+    messages : sequence of UnregisteredScan
         At least one, in the order of their stamps, in one frame and of one reference direction.
     sensor : SensorModel
         Errors of the detections of a message that gives none, where another one does.
@@ -136,7 +136,7 @@ def joined_sweep(
 
     Returns
     -------
-    SensorScan
+    UnregisteredScan
         With the stamp of the first message; a detection's times are those of its message plus the
         time between the two stamps.
     """

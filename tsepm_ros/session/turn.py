@@ -164,7 +164,7 @@ class Turn:
         ----------
         stamp : float
             Not before the newest, s.
-        arc : Arc or None
+        arc : ScanArc or None
             The azimuths that the message looked at; None if unknown.
         """
         interval = stamp - self.stamp
@@ -256,7 +256,7 @@ def turn_looked_at(arcs: Sequence[ScanArc | None], step: float) -> FloatArray | 
 
     Parameters
     ----------
-    arcs : sequence of Arc or None
+    arcs : sequence of ScanArc or None
         In the order of the messages.
     step : float
         Step of the beam, of which half is added at both ends, rad.
@@ -337,7 +337,7 @@ class TurnLearner:
         ----------
         stamp : float
             s.
-        arc : Arc or None
+        arc : ScanArc or None
             The azimuths that the message looked at; None if unknown.
         ranges : (n,) ndarray
             Of its detections, m.

@@ -107,7 +107,7 @@ def oldest_first_assignment(pairs: AssignmentPairs, first_scan: IntArray) -> Ass
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : AssignmentPairs
     first_scan : (t,) ndarray of int
         First scan of each track, by `pairs.parent`.
     """

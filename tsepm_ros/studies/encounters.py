@@ -219,11 +219,11 @@ class EncounterEnvironment:
 
         Parameters
         ----------
-        histories : Histories
+        histories : EncounterHistories
             Features of the n tracks.
         meets : (n, n) ndarray of bool
             Which pairs of tracks meet.
-        pairs : Pairs
+        pairs : AssignmentPairs
             The cost is the squared distance in position; infinite outside the gate.
 
         Returns

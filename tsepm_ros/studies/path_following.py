@@ -382,7 +382,7 @@ class PathFollower(PathHitCounter):
         -------
         parent, row : (p,) ndarray of int
             Rows of potential tracks and detections.
-        displacements : Displacements
+        displacements : PathDisplacements
         first : (p,) ndarray of bool
             Whether the track has one hit only; it then counts as both.
         cut : int

@@ -126,7 +126,7 @@ def confirm(
     ----------
     tree : Tree
         After the scan.
-    window : DetectionWindow
+    window : MeasurementWindow
         The detections, with the probability that confirmed tracks caused each; new tracks are
         added.
     threshold : float

@@ -160,7 +160,7 @@ def fit_initial_states_of_paths(
     Parameters
     ----------
     paths : Paths
-    window : DetectionWindow
+    window : MeasurementWindow
         Window that holds their hits.
     stamp, sensor
         As in `fit_initial_states`.
@@ -188,7 +188,7 @@ def initial_state_figures(
 
     Parameters
     ----------
-    window : DetectionWindow
+    window : MeasurementWindow
     hits : sequence of sequence of (int, int)
         Those of each of n tracks, as in `ConfirmedTrack.hits`.
     stamp, state, position_sigma : (n,), (n, 4), (n,) ndarray

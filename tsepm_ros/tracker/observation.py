@@ -33,7 +33,7 @@ class Observation:
         Median of the last intervals, s; 0 while it is unknown.
     detections : (d,) ndarray of DETECTION
         Converted to the fixed frame; `clutter_density` is that after learning.
-    window : DetectionWindow
+    window : MeasurementWindow
         The detections of the last scans, these included.
     ids : (d,) ndarray of int
         Their ids in the window.
@@ -52,7 +52,7 @@ class Observation:
         not.
     clutter_sensor : SensorModel
         The sensor with the range rates of its clutter as given or learned.
-    seen_extent : Extent
+    seen_extent : ClutterExtent
         Ranges and sector in which clutter is seen.
     sensor_position : (2,) ndarray
         Where the sensor was, in the fixed frame, m.
@@ -64,7 +64,7 @@ class Observation:
         Pairs of potential tracks and detections that the scan may have.
     amplitudes : ScanAmplitudes or None
         What the amplitudes of the detections say; None where they do not count.
-    predictive : PredictiveDensity or None
+    predictive : ExcessPrediction or None
         What makes the clutter density uncertain; None where it is given.
     """
 

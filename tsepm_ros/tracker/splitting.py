@@ -108,7 +108,7 @@ def splitting_gate(
 
     Returns
     -------
-    Gated
+    SplittingGates
         A row per last hit.
     """
     margin = gaussian_gate_factor(probability) * last_hits["major_sigma"]
@@ -206,7 +206,7 @@ def split_children(gate_of_track: IntArray, gated: SplittingGates) -> tuple[IntA
     ----------
     gate_of_track : (n,) ndarray of int
         The gate (row of `gated`) that each potential track uses.
-    gated : Gated
+    gated : SplittingGates
         Detections in each gate.
 
     Returns

@@ -82,7 +82,7 @@ class Tracker:
         Makes clusters of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
-    window : DetectionWindow
+    window : MeasurementWindow
         Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Confirmed tracks whose starts the last scan corrected, as they are now: each with the hits

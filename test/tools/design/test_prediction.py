@@ -27,7 +27,7 @@ from tsepm_ros.tools.design.prediction import (
 from tsepm_ros.tools.evaluation.measures import measures_of
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import TargetArea
+from tsepm_ros.tools.simulation.scenario import ScenarioTargetArea
 from tsepm_ros.tools.terminal import named_terminal_progress
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
@@ -43,7 +43,7 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
     """Within 0.03, as promised, and the noise of 150 runs each (99 %)."""
     case = PredictionCase(sensor=SECTOR)
     predicted = prediction_statistics(case, method, options, runs=150, seed=11)
-    area = TargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
+    area = ScenarioTargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
     scene = Scenario(name="sector", sensor=SECTOR, areas=(area,))
     point = SimulatedOperatingPoint(method, options=options)
     measured = measures_of(scene, list(study(scene, point, range(150), 12))).detection

@@ -199,14 +199,14 @@ def test_workers_end_with_the_study_that_is_closed_early():
 
 SCRIPT = """
 import os, sys, time
-from tsepm_ros.tools.evaluation.result_files import mapped
+from tsepm_ros.tools.evaluation.result_files import mapped_results
 
 def busy(job):
     os.write(1, b"%d\\n" % os.getpid())  # in one piece
     time.sleep(3600)
 
 if __name__ == "__main__":
-    list(mapped(busy, range(4), 2))
+    list(mapped_results(busy, range(4), 2))
 """
 
 
@@ -242,7 +242,7 @@ def test_workers_of_a_killed_parent_end(tmp_path):
 
 WHILE_THEY_START = """
 import os, signal, time
-from tsepm_ros.tools.evaluation.result_files import mapped
+from tsepm_ros.tools.evaluation.result_files import mapped_results
 
 def wait(job):
     time.sleep(0.001)
@@ -255,7 +255,7 @@ if __name__ == "__main__":
         signal.signal(number, end)
     ended = iter([signal.{name}])
     os.register_at_fork(before=lambda: [os.kill(os.getpid(), number) for number in ended])
-    list(mapped(wait, range(4), 2))
+    list(mapped_results(wait, range(4), 2))
 """
 
 

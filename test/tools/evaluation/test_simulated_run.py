@@ -17,7 +17,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     simulated_origins_of,
 )
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
 
@@ -46,7 +46,7 @@ def track(sources: list[int], target: int = 0, off=(0.0, 0.0), stamp: float = 10
 
 
 def judged(*tracks, origins=ORIGINS, sensor_x=0.0):
-    scenario = SimpleNamespace(sensor=SENSOR, own_ship=OwnShipMotion(x=sensor_x))
+    scenario = SimpleNamespace(sensor=SENSOR, own_ship=ScenarioOwnShipMotion(x=sensor_x))
     return judge_simulated_starts(
         SimpleNamespace(scenario=scenario, truth=truth_at), tracks, origins
     )

@@ -288,9 +288,9 @@ def environment_decide(
 
     Returns
     -------
-    each : Estimate
+    each : IntervalEstimate
         Share of the detections that are decided rightly, each to the track of its smaller J.
-    pairs : Estimate
+    pairs : IntervalEstimate
         Share of the encounters, if the pair of the smallest J is taken first and the other
         detection goes to the other track.
     """

@@ -229,7 +229,7 @@ class ReportPanel:
 
     Attributes
     ----------
-    lines : sequence of Line
+    lines : sequence of ReportLine
     settings : mapping
         Title, labels and limits, as `Axes.set` takes them.
     marks : sequence of float
@@ -261,7 +261,7 @@ class ReportPicture:
     name : str
         Name of its file, without suffix.
     caption : str
-    panels : sequence of Panel
+    panels : sequence of ReportPanel
     size : (float, float)
         Width and height, inches.
     """

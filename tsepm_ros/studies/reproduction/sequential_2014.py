@@ -40,7 +40,7 @@ from tsepm_ros.tools.evaluation.intervals import (
 from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, SimulatedScene
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import WaypointMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioWaypointMotion
 from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack
@@ -180,7 +180,9 @@ def hexagon_case_2014(period: float, detection_probability: float) -> Scenario:
         scans=1 + int(DURATION // period),
         period=period,
         sensor=sensor,
-        own_ship=WaypointMotion(corners, PLATFORM_SPEED, PLATFORM_SPEED / TURN_RADIUS, True),
+        own_ship=ScenarioWaypointMotion(
+            corners, PLATFORM_SPEED, PLATFORM_SPEED / TURN_RADIUS, True
+        ),
     )
 
 

@@ -150,8 +150,8 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     "methods": ("list the methods", lambda parser: None, f"{HERE}.init_command:print_methods"),
     "parameters": (
         "print the parameters of a node, with defaults",
-        f"{HERE}.init_command:add_parameters_arguments",
-        f"{HERE}.init_command:print_parameters",
+        f"{HERE}.given_parameters:add_parameters_arguments",
+        f"{HERE}.given_parameters:print_parameters",
     ),
     "init": (
         "ask what a sonar is, write the node's parameter file and estimate the performance",

@@ -84,7 +84,7 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
     ----------
     options : argparse.Namespace
         From `add_evaluate_arguments`, and `line`, the command line.
-    more : sequence of OperatingPoint, optional
+    more : sequence of SimulatedOperatingPoint, optional
         Points evaluated in addition to those of the package's methods.
 
     Raises

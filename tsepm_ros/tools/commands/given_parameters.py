@@ -1,4 +1,4 @@
-"""Values of parameters that commands are given, in files and on the command line."""
+"""Values of parameters that commands are given, in files and on the command line, and defaults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tsepm_ros.settings.parameter_files import (
     parse_parameter_file_values,
     unused_parameter_files,
 )
-from tsepm_ros.settings.settings import TRACK_INITIATOR, Groups, settings_table
+from tsepm_ros.settings.settings import NODES, TRACK_INITIATOR, Groups, settings_table
 
 
 def given_parameters_as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
@@ -33,6 +33,23 @@ def given_parameters_as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> 
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
         lines.append(f"    {row.name}: {parameter_file_text(row.default)}")
     return "\n".join(lines) + "\n"
+
+
+def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the argument of `tsepm parameters`."""
+    parser.add_argument(
+        "node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator"
+    )
+
+
+def print_parameters(options: argparse.Namespace) -> None:
+    """Print the parameter file of a node, or of all, with the defaults."""
+    nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
+    keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
+    print(
+        "\n".join(given_parameters_as_yaml(node, nodes[node], key) for node, key in keys.items()),
+        end="",
+    )
 
 
 def add_given_parameters(

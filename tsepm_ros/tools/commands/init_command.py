@@ -26,8 +26,7 @@ from tsepm_ros.methods.registry import METHODS, registered_method
 from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
 from tsepm_ros.settings.parameter_files import ANY_NODE, parameter_file_section, parameter_file_text
-from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml
+from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.design.prediction import PredictionCase, first_prediction
 from tsepm_ros.tools.terminal import terminal_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
@@ -490,23 +489,6 @@ def print_methods(options: argparse.Namespace) -> None:
     """List the methods, each with what it is."""
     for name in METHODS:
         print(f"{name}: {str(registered_method(name).__doc__).splitlines()[0].strip()}")
-
-
-def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the argument of `tsepm parameters`."""
-    parser.add_argument(
-        "node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator"
-    )
-
-
-def print_parameters(options: argparse.Namespace) -> None:
-    """Print the parameter file of a node, or of all, with the defaults."""
-    nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
-    keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
-    print(
-        "\n".join(given_parameters_as_yaml(node, nodes[node], key) for node, key in keys.items()),
-        end="",
-    )
 
 
 def add_init_arguments(parser: argparse.ArgumentParser) -> None:

@@ -280,7 +280,7 @@ def expected_counts(gating: ExpectedGating, min_hits: int, window: int, scans: i
 
     Parameters
     ----------
-    gating : Gating
+    gating : ExpectedGating
     min_hits, window : int
         M and N.
     scans : int
@@ -351,7 +351,7 @@ def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -
 
     Parameters
     ----------
-    gating : Gating
+    gating : ExpectedGating
     options : TsepmOptions
 
     Returns
@@ -390,7 +390,7 @@ def expected_target_pass_share(
 
     Parameters
     ----------
-    gating : Gating
+    gating : ExpectedGating
     options : TsepmOptions
     speed : float
         Speed of the target, m/s.

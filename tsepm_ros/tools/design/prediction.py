@@ -183,7 +183,7 @@ def prediction_scenes(case: PredictionCase, number: int, seed: int) -> list[Scen
 
     Parameters
     ----------
-    case : Case
+    case : PredictionCase
     number, seed : int
 
     Raises
@@ -297,9 +297,9 @@ class PredictionStatistics:
     ----------
     targets : int
         Number of simulated targets.
-    detection : Estimate
+    detection : IntervalEstimate
         P_D within the case's scans.
-    confirmation_time : Estimate
+    confirmation_time : IntervalEstimate
         Mean time from the first scan to the confirmation of the targets found, s.
     slow_confirmation_time : float
         Time by which 95 % of the targets found are confirmed, s; nan if none is found.
@@ -339,7 +339,7 @@ def prediction_statistics(
 
     Parameters
     ----------
-    case : Case
+    case : PredictionCase
     method : str
     options : dict
         For `make_initiator`; a target false-track rate is that of the whole coverage.
@@ -389,7 +389,7 @@ def predicted_false_tracks_per_hour(
 
     Parameters
     ----------
-    case : Case
+    case : PredictionCase
     method : str
     options : dict
         For `make_initiator`.
@@ -481,8 +481,8 @@ class PredictedCandidate:
     false_bound : float
         Target false-track rate of the threshold, or upper bound of the rule, per hour over the
         coverage.
-    targets : TargetStatistics
-    false_simulated : Estimate
+    targets : PredictionStatistics
+    false_simulated : IntervalEstimate
         Simulated false tracks per hour; unknown for a rule that finds fewer targets than a method
         that keeps the target false-track rate.
     """
@@ -616,11 +616,11 @@ def predicted_candidates(
 
     Parameters
     ----------
-    case : Case
+    case : PredictionCase
     score : ScoreOptions
     tsepm : TsepmOptions
         Options besides the rule.
-    rules : list of Rule
+    rules : list of PredictedRule
         Rules that keep the target false-track rate.
     wanted : float
         Required P_D.
@@ -743,7 +743,7 @@ def predicted_remedied_detection(
 
     Parameters
     ----------
-    case : Case
+    case : PredictionCase
     score : ScoreOptions
     given_window : bool
         Whether the window of `score` is kept.

@@ -362,28 +362,28 @@ class Measures:
     Attributes
     ----------
     runs, scans : int
-    detection : Estimate
+    detection : IntervalEstimate
         P_D: share of (run, target) pairs with a true start by the end of the run.
-    detection_by_position : Estimate
+    detection_by_position : IntervalEstimate
         Share of pairs with a start within 3 sigma of the target, whatever its hits.
-    detection_corrected : Estimate
+    detection_corrected : IntervalEstimate
         Share of pairs with a true start, or a start that a correction made true. All other measures
         are of starts as first published.
-    corrections_per_run : Estimate
-    false_per_run, false_density, false_per_hour : Estimate
+    corrections_per_run : IntervalEstimate
+    false_per_run, false_density, false_per_hour : IntervalEstimate
         False and misplaced starts: per run, per scan and km^2 of coverage, and per hour.
-    redundant_per_run : Estimate
-    held : Estimate
+    redundant_per_run : IntervalEstimate
+    held : IntervalEstimate
         Share of targets with a confirmed track within 3 sigma at the end.
-    confirmation_time, confirmation_median, confirmation_95 : Estimate
+    confirmation_time, confirmation_median, confirmation_95 : IntervalEstimate
         Time from the first scan to the true starts, s: mean, median and 95 % quantile.
-    position_error, velocity_error : Estimate
+    position_error, velocity_error : IntervalEstimate
         Root mean square over the true starts, m and m/s.
-    pure_position_error, pure_velocity_error : Estimate
+    pure_position_error, pure_velocity_error : IntervalEstimate
         Root mean square over the pure starts, m and m/s.
-    position_to_bound, velocity_to_bound : Estimate
+    position_to_bound, velocity_to_bound : IntervalEstimate
         Errors of the pure starts over the root mean square of their Cramer-Rao bounds.
-    nees, pure_nees : Estimate
+    nees, pure_nees : IntervalEstimate
         Mean over the true and over the pure starts; 4 is ideal.
     """
 
@@ -463,7 +463,7 @@ def measures_of(
     Parameters
     ----------
     scenario : Scenario
-    runs : iterable of RunSummary
+    runs : iterable of RunMeasures
     scans : int, optional
         Number of scans after which the runs end; the scenario's if not given.
     """

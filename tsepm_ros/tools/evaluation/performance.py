@@ -105,7 +105,7 @@ class PerformancePlan:
     Attributes
     ----------
     scenarios : sequence of Scenario
-    points : sequence of OperatingPoint
+    points : sequence of SimulatedOperatingPoint
     runs, seed : int
     horizons : sequence of int
         Numbers of scans after which measures are given, besides all scans.
@@ -144,8 +144,8 @@ class PerformanceEvaluated:
     ----------
     scenario : Scenario
     scans : int
-    points : list of OperatingPoint
-    runs : list of list of RunSummary
+    points : list of SimulatedOperatingPoint
+    runs : list of list of RunMeasures
         Of each point.
     measures : list of Measures
         Of each point.
@@ -182,7 +182,7 @@ def evaluate_performance(
 
     Parameters
     ----------
-    plan : Plan
+    plan : PerformancePlan
     folder : Path
         Folder of the files of runs.
     processes : int, optional
@@ -250,8 +250,8 @@ def performance_markdown(
 
     Parameters
     ----------
-    plan : Plan
-    evaluated : sequence of Evaluated
+    plan : PerformancePlan
+    evaluated : sequence of PerformanceEvaluated
     command : str
         The command that repeats the evaluation.
     """

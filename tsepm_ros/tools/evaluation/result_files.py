@@ -213,7 +213,7 @@ def complete_result_files(
 
     Parameters
     ----------
-    files : sequence of RunFile
+    files : sequence of ResultRunFile
     runs : int
     function : callable
         Does a job and returns its result as JSON; importable by its name.

@@ -33,7 +33,7 @@ def draw_operating_curve(
 
     Parameters
     ----------
-    evaluated : sequence of Evaluated
+    evaluated : sequence of PerformanceEvaluated
         Evaluations of the scenario by horizon, a panel each.
     folder : Path
         Folder of the picture.

@@ -83,7 +83,7 @@ class RunScene:
     ----------
     title : str
         Source and method.
-    scans : list of ScanView
+    scans : list of SceneScan
         In the order in which they were processed.
     truth : list of (m, 3) ndarray
         Time (s), x and y (m) of each target.

@@ -46,7 +46,7 @@ MAY_BE_NULL = ("strength", "clutter_strength")
 
 
 @dataclass(frozen=True)
-class OwnShipMotion:
+class ScenarioOwnShipMotion:
     """A platform at constant speed and turn rate.
 
     Attributes
@@ -86,7 +86,7 @@ class OwnShipMotion:
 
 
 @dataclass(frozen=True)
-class WaypointMotion:
+class ScenarioWaypointMotion:
     """A platform that moves from waypoint to waypoint at constant speed.
 
     It starts at the first waypoint and cuts every corner on the arc of its turn.
@@ -135,7 +135,7 @@ class WaypointMotion:
         leg, since = self._at(time)
         return leg.rates(since)
 
-    def _at(self, time: float) -> tuple[OwnShipMotion, float]:
+    def _at(self, time: float) -> tuple[ScenarioOwnShipMotion, float]:
         """The current leg at a time, and the time since its beginning, s."""
         legs, durations = self._legs
         ends = np.cumsum(durations)
@@ -154,7 +154,7 @@ class WaypointMotion:
         return np.array([*self.waypoints, *first_straight], float)
 
     @cached_property
-    def _legs(self) -> tuple[list[OwnShipMotion], FloatArray]:
+    def _legs(self) -> tuple[list[ScenarioOwnShipMotion], FloatArray]:
         """Motion and duration (s) of each straight and each arc."""
         course = self._course
         straights = np.diff(course, axis=0)
@@ -169,17 +169,17 @@ class WaypointMotion:
         for k, yaw in enumerate(yaws.tolist()):
             x, y = course[k] + straights[k] * at_begin[k] / lengths[k]
             length = float(lengths[k] - at_begin[k] - at_end[k])
-            legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed))
+            legs.append(ScenarioOwnShipMotion(float(x), float(y), yaw, self.speed))
             durations.append(length / self.speed if self.speed else math.inf)
             if k < len(turns):
                 x, y = course[k + 1] - straights[k] * at_end[k] / lengths[k]
                 rate = math.copysign(self.turn_rate, turns[k])
-                legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed, rate))
+                legs.append(ScenarioOwnShipMotion(float(x), float(y), yaw, self.speed, rate))
                 durations.append(abs(float(turns[k])) / self.turn_rate)
         return legs, np.array(durations)
 
 
-Motion = OwnShipMotion | WaypointMotion
+Motion = ScenarioOwnShipMotion | ScenarioWaypointMotion
 
 
 @dataclass(frozen=True)
@@ -341,7 +341,7 @@ class ClutterPatch:
 
 
 @dataclass(frozen=True)
-class TargetArea:
+class ScenarioTargetArea:
     """Random targets in an area, with a given speed.
 
     Initial positions are uniform in area, headings uniform. Each target is drawn again until it
@@ -423,9 +423,9 @@ class Scenario:
         m/s; 0: echoes arrive at once.
     targets : tuple of (4,) ndarray
         States ``[x, vx, y, vy]`` when they appear: at time 0, or after the warm-up.
-    areas : tuple of TargetArea
+    areas : tuple of ScenarioTargetArea
         Random targets, drawn for every run.
-    own_ship : OwnShipMotion or WaypointMotion
+    own_ship : ScenarioOwnShipMotion or ScenarioWaypointMotion
     clutter_box : (4,) tuple of float, optional
         x from, x to, y from, y to (m) of the clutter, instead of the sensor's whole coverage.
     clutter_patches : tuple of ClutterPatch
@@ -449,8 +449,8 @@ class Scenario:
     sensor: SensorModel = field(default_factory=SensorModel)
     sound_speed: float = 0.0
     targets: tuple[FloatArray, ...] = ()
-    areas: tuple[TargetArea, ...] = ()
-    own_ship: Motion = field(default_factory=OwnShipMotion)
+    areas: tuple[ScenarioTargetArea, ...] = ()
+    own_ship: Motion = field(default_factory=ScenarioOwnShipMotion)
     clutter_box: tuple[float, float, float, float] | None = None
     clutter_patches: tuple[ClutterPatch, ...] = ()
     target_features: tuple[Features, ...] = ()
@@ -550,7 +550,7 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
         if "state" in _scenario_mapping(entry, where):
             targets.append(_scenario_values(entry, where, TARGET))
         else:
-            areas.append(_scenario_section(TargetArea, {"count": 1, **entry}, where))
+            areas.append(_scenario_section(ScenarioTargetArea, {"count": 1, **entry}, where))
     strengths = tuple(target.get("strength") for target in targets)
     for key in sorted(set(values) & set(OF_TARGETS)):
         raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
@@ -639,7 +639,11 @@ def _scenario_number(value: Any, kind: str, where: str) -> float | int:
 
 def _scenario_own_ship(content: Any, where: str) -> Motion:
     """A platform, along waypoints if they are given."""
-    kind = WaypointMotion if "waypoints" in _scenario_mapping(content, where) else OwnShipMotion
+    kind = (
+        ScenarioWaypointMotion
+        if "waypoints" in _scenario_mapping(content, where)
+        else ScenarioOwnShipMotion
+    )
     motion: Motion = _scenario_section(kind, content, where)
     return motion
 

@@ -127,7 +127,7 @@ def grouping_pairs(
     ----------
     range, azimuth : (n,) ndarray
         m, rad.
-    extent : ClusterExtent
+    extent : GroupingExtent
 
     Returns
     -------
@@ -211,7 +211,7 @@ def group_cells(
         Group of each detection.
     range, azimuth : (n,) ndarray
         m, rad.
-    extent : ClusterExtent
+    extent : GroupingExtent
 
     Returns
     -------

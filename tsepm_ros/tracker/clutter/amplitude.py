@@ -388,7 +388,7 @@ class ClutterAmplitudes:
     ----------
     use : str
         Whether amplitudes count as of the last scan, in words.
-    texture : Texture
+    texture : AmplitudeTexture
     """
 
     def __init__(self, shape: tuple[int, int], wraps: bool) -> None:

@@ -299,7 +299,7 @@ class ScanAmplitudes:
         Whether the amplitude of each counts.
     scaled : (d,) ndarray
         v of each; 0 where it does not count.
-    ratio : PathRatio
+    ratio : AmplitudeLawTable
     """
 
     told: BoolArray

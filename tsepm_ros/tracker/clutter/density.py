@@ -103,7 +103,7 @@ class ClutterRegion:
 
     Attributes
     ----------
-    extent : Extent
+    extent : ClutterExtent
     edges : (e, 3) ndarray
         ``edges @ (x, y, 1) <= 0`` inside, in the sensor's frame, m; without rows the whole extent.
     area : float
@@ -153,7 +153,7 @@ class SeenClutterExtent:
 
     Parameters
     ----------
-    limit : Extent
+    limit : ClutterExtent
         The estimate does not exceed it.
 
     Attributes
@@ -391,7 +391,7 @@ class SeenCells:
     Parameters
     ----------
     grid : PolarGrid
-    region : Region
+    region : ClutterRegion
         Where clutter is seen.
     area : float
         Area of that region, or of one target if larger, m^2.
@@ -406,7 +406,7 @@ class SeenCells:
         Area in which clutter is seen, and all, times the shares, m^2.
     counted : (r, c) ndarray
         Area in which clutter is expected, m^2.
-    bounds : Bounds
+    bounds : DensityBounds
         Of squares.
     widening : float
     """

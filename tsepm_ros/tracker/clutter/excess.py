@@ -359,7 +359,7 @@ class SecondaryEchoExcess:
             Those of the detections (n,) of a scan.
         weight : (n,) ndarray
             Probability that each is clutter.
-        expected : BlockSums
+        expected : PolarBlockSums
             Of the numbers that the map expects in a scan.
         """
         correlation = self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS)[:, None]
@@ -376,8 +376,8 @@ class SecondaryEchoExcess:
         Parameters
         ----------
         targets : ConfirmedTargets
-        batch : Batch
-        expected : BlockSums
+        batch : PolarBatch
+        expected : PolarBlockSums
             Of the numbers that the map expects in a scan.
         """
         (*cells, _, _), weight = batch.places[-1], batch.weights[-1]

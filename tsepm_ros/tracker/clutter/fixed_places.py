@@ -215,7 +215,7 @@ class FixedPlaces:
         ----------
         stamp : float
             s.
-        view : View
+        view : SensorView
             What the scan looked at.
         cells : CellNumbers
         moving : (k,) ndarray of int
@@ -255,7 +255,7 @@ class _Period(NamedTuple):
         With detections, ascending.
     counts : (k,) ndarray of int
     scans : int
-    views : Counter of View
+    views : Counter of SensorView
         How many of the scans, or of some of them, had each view.
     """
 

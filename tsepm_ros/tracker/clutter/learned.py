@@ -122,24 +122,24 @@ class Learned:
     clutter_map : ClutterMap
     overdispersion : Overdispersion
         How much lumpier clutter is than the map.
-    seen_extent : SeenExtent
+    seen_extent : SeenClutterExtent
         Where clutter is seen, in the coverage.
     amplitudes : ClutterAmplitudes
         Amplitudes of clutter.
     fixed_places : FixedPlaces
         Where clutter stays in the fixed frame.
-    secondary_echoes : SecondaryEchoes
+    secondary_echoes : SecondaryEchoExcess
         Clutter behind targets, and behind other clutter of a scan.
-    batch : Batch
+    batch : PolarBatch
         Detections of the last scans that are not learned from yet.
-    all_extent : SeenExtent
+    all_extent : SeenClutterExtent
         Where detections are, outside the coverage too, of scans that have such.
-    scan_interval : ScanInterval
-    clutter_range_rates : ClutterRangeRates
+    scan_interval : LearnedScanInterval
+    clutter_range_rates : LearnedRangeRates
         Range rates of clutter.
     detection_probability : DetectionProbability
         Estimated from the confirmed tracks.
-    errors : MeasurementErrors
+    errors : SensorPerformanceErrors
         Innovations of the confirmed tracks' detections.
     """
 
@@ -214,7 +214,7 @@ class LearnedScanClutter:
 
     Attributes
     ----------
-    predictive : PredictiveDensity or None
+    predictive : ExcessPrediction or None
         What makes the density uncertain; None where it is given, and until `learn`.
     amplitudes : ClutterAmplitudes or None
         The law of amplitudes, where the method learns it.
@@ -278,7 +278,7 @@ class LearnedScanClutter:
         ----------
         stamp : float
             Of the scan, s.
-        view : View
+        view : SensorView
             What the scan looked at.
         weight : (d,) ndarray
             Probability that each detection is clutter.

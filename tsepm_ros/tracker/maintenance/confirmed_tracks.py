@@ -100,7 +100,7 @@ class ConfirmedTracks(ArrayRows):
     ----------
     tracks : TrackArrays
         Their states are the means over the modes of motion.
-    models : InteractingModels
+    models : InteractingMotionModels
         State and probability of each mode.
     fits : StraightFits
         Fits of constant velocity, by which it is judged whether the target stands still.
