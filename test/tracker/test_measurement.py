@@ -83,6 +83,24 @@ def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     assert difference < 5 * math.sqrt(2 / n) + 1e-3
 
 
+@pytest.mark.parametrize("own", [{}, {"range_std": [40.0]}], ids=["model", "own error"])
+def test_the_covariance_of_a_target_elsewhere_is_as_seen_from_the_sensor_there(own):
+    place, pose = np.array([[1500.0, -800.0]]), (700.0, 900.0, 0.6)
+    moved = convert_measurements(Scan(0.0, [3000.0], [0.2], sensor_pose=pose, **own), SENSOR, 0)
+    still = convert_measurements(Scan(0.0, [3000.0], [0.2], **own), SENSOR, 0)
+    expected = measurement_covariance_at(still, place - pose[:2], SENSOR)
+    np.testing.assert_allclose(measurement_covariance_at(moved, place, SENSOR), expected)
+    range_, azimuth = math.hypot(800.0, -1700.0), math.atan2(-1700.0, 800.0)
+    variance = 40.0**2 if own else SENSOR.range_variance(range_)
+    plain = measurement_covariance(range_, azimuth, variance, SENSOR.azimuth_std)
+    np.testing.assert_allclose(expected[0], plain, rtol=1e-9)
+    uncertain = np.array([[400.0, 50.0, 0.01], [50.0, 100.0, -0.02], [0.01, -0.02, 1e-4]])
+    moved["sensor_pose_covariance"] = uncertain
+    added = measurement_pose_covariance(place[0] - pose[:2], uncertain)
+    found = measurement_covariance_at(moved, place, SENSOR)
+    np.testing.assert_allclose(found, expected + added)
+
+
 def test_covariance_at_the_sensor_is_that_of_any_direction():
     hits = convert_measurements(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
     expected = measurement_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
@@ -164,3 +182,14 @@ def test_claims_stay_with_their_detections(window):
     assert window.confirmed_probability(np.array([8])) == [0.75]
     added = window.append(scan_of(2, 4))
     assert window.confirmed_probability(added).tolist() == [0.0, 0.0]
+
+
+def test_detections_are_found_by_scan_and_index_while_they_are_here(window):
+    assert window.find([(0, 1), (2, 1), (3, 3)]).tolist() == [1, 4, 8]
+    assert window.find([]).tolist() == window.find([(1, 0), (3, 4)]).tolist() == []
+    window.forget(2)
+    assert len(window) == 6 and window.first_id == 3
+    assert window.find([(0, 1), (2, 1), (3, 0)]).tolist() == [4, 5]
+    assert window.find([(0, 2)]).tolist() == []
+    assert window.column("index", np.array([[3, 4], [5, 8]])).tolist() == [[0, 1], [0, 3]]
+    assert window[np.array([4])]["scan"].tolist() == [2]

@@ -172,3 +172,86 @@ def test_the_clutter_s_density_is_one_and_half_of_it_within_its_parameter():
     assert density.sum() * step == pytest.approx(1.0, abs=0.002)  # the tails hold 0.0013
     over_ground = found["range_rate"] + 4.0
     assert density[np.abs(over_ground) <= 2.0].sum() * step == pytest.approx(0.5, abs=1e-3)
+
+
+def rated_detections(number: int, seed: int) -> np.ndarray:
+    """Detections anywhere about moving sensors."""
+    rng = np.random.default_rng(seed)
+    found = np.zeros(number, DETECTION)
+    found["sensor_pose"][:, :2] = rng.uniform(-500.0, 500.0, (number, 2))
+    found["sensor_velocity"] = rng.uniform(-6.0, 6.0, (number, 2))
+    found["position"] = rng.uniform(-3000.0, 3000.0, (number, 2))
+    found["range_rate"] = rng.uniform(-8.0, 8.0, number)
+    found["range_rate_std"], found["azimuth_std"] = 0.3, 0.02
+    found["covariance"] = [[400.0, 30.0], [30.0, 900.0]]
+    found["time"] = rng.uniform(10.0, 20.0, number)
+    return found
+
+
+def range_rate(state: np.ndarray, elapsed: float, found: np.void) -> float:
+    """c of a target with a state some time before."""
+    offset = state[0::2] + elapsed * state[1::2] - found["sensor_pose"][:2]
+    return (state[1::2] - found["sensor_velocity"]) @ offset / np.hypot(*offset)
+
+
+def test_an_update_is_that_by_numerical_gradients_and_the_curvature_across_the_sight():
+    found, rng = rated_detections(6, 3), np.random.default_rng(4)
+    state = np.zeros((6, 4))
+    state[:, 0::2] = found["position"] + rng.normal(0.0, 50.0, (6, 2))
+    state[:, 1::2] = rng.uniform(-5.0, 5.0, (6, 2))
+    root, elapsed = rng.normal(size=(6, 4, 7)) * [[30.0], [2.0], [30.0], [2.0]], np.arange(6.0)
+    prior = root @ np.swapaxes(root, 1, 2)
+    found["range_rate_std"][5] = 0.0
+    updated, after = range_rates.update_by_range_rates(state, prior, elapsed, found)
+    begun, begun_after, increment = range_rates.begin_by_range_rates(state, prior, found, SENSOR)
+    clutter = range_rates.range_rate_clutter_density(found, SENSOR)
+    for i in range(5):
+        for time, got, covariance in ((elapsed[i], updated, after), (0.0, begun, begun_after)):
+            step = np.diag([1e-2, 1e-4, 1e-2, 1e-4])
+            gradient = [
+                (
+                    range_rate(state[i] + s, time, found[i])
+                    - range_rate(state[i] - s, time, found[i])
+                )
+                / (2.0 * s.max())
+                for s in step
+            ]
+            offset = state[i, 0::2] + time * state[i, 1::2] - found["sensor_pose"][i, :2]
+            distance = np.hypot(*offset)
+            x, y = np.array([-offset[1], offset[0]]) / distance
+            at = np.array([x, time * x, y, time * y])
+            turn = np.array([0.0, x, 0.0, y])
+            mixed, k = at @ prior[i] @ turn / distance, prior[i] @ gradient
+            curved = (at @ prior[i] @ at) * (turn @ prior[i] @ turn) / distance**2 + mixed**2
+            variance = gradient @ k + 0.3**2 + curved
+            error = found["range_rate"][i] - range_rate(state[i], time, found[i]) - mixed
+            np.testing.assert_allclose(got[i], state[i] + k * error / variance, rtol=1e-6)
+            expected = prior[i] - np.outer(k, k) / variance
+            np.testing.assert_allclose(covariance[i], expected, rtol=1e-5, atol=1e-5)
+        density = math.exp(-0.5 * error**2 / variance) / math.sqrt(2.0 * math.pi * variance)
+        assert increment[i] == pytest.approx(math.log(density / clutter[i]), abs=1e-5)
+    np.testing.assert_array_equal(updated[5], state[5])
+    assert clutter[5] == 1.0 and increment[5] == 0.0
+
+
+def test_pairs_agree_up_to_the_squared_distance_of_a_plain_formula():
+    first, second = rated_detections(40, 5), rated_detections(40, 6)
+    second["position"] = first["position"] + np.random.default_rng(7).normal(0.0, 60.0, (40, 2))
+    second["time"] += 12.0
+    for i in range(40):
+        a, b = first[i], second[i]
+        rates, sights, variance = [], [], 0.0
+        for one in (a, b):
+            sight = one["position"] - one["sensor_pose"][:2]
+            sights.append(sight / np.hypot(*sight))
+            rates.append(one["range_rate"] + sights[-1] @ one["sensor_velocity"])
+            variance += 0.3**2 + 0.02**2 * (one["sensor_velocity"] @ one["sensor_velocity"])
+        variance += 10.0**2 / 4.0 * np.sum((sights[1] - sights[0]) ** 2)
+        middle = (sights[0] + sights[1]) / np.hypot(*(sights[0] + sights[1]))
+        elapsed = b["time"] - a["time"]
+        way = middle @ (b["position"] - a["position"]) - elapsed * sum(rates) / 2.0
+        spread = elapsed**2 * variance / 4.0 + middle @ (a["covariance"] + b["covariance"]) @ middle
+        distance = (rates[1] - rates[0]) ** 2 / variance + way**2 / spread
+        for gate, agrees in ((distance * (1.0 + 1e-9), True), (distance * (1.0 - 1e-9), False)):
+            pair = first[i : i + 1], second[i : i + 1]
+            assert range_rates.range_rates_agree(*pair, 10.0, gate).tolist() == [agrees]

@@ -47,7 +47,10 @@ BAD_VALUES = [
 ]
 
 BAD_SHAPES = [
-    *[("swept", arc) for arc in ([1.0], [7.0, 1.0], [0.0, -0.1], [0.0, 7.0], [np.nan, 1.0])],
+    *[
+        ("swept", arc)
+        for arc in ([1.0], [7.0, 1.0], [-7.0, 1.0], [0.0, -0.1], [0.0, 7.0], [np.nan, 1.0])
+    ],
     ("sensor_velocity", [1.0, 2.0, 3.0]),
     ("sensor_velocity", [[1.0, 2.0]]),
     *[("range", value) for value in ([[100.0, 200.0]], 100.0, None, ["far", "near"])],

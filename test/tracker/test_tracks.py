@@ -5,9 +5,11 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from support.builders import detections
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
 
 
 def track(track_id: int = 3, stamp: float = 100.0) -> ConfirmedTrack:
@@ -23,7 +25,8 @@ TRACKS = [track(1, 100.0), track(2, 112.0), track(3, 124.0)]
 def test_many_tracks_are_predicted_to_one_time_as_each_alone():
     for one, alone in zip(TrackArrays.from_tracks(TRACKS).predicted(150.0), TRACKS, strict=True):
         expected = alone.predicted(150.0)
-        assert (one.track_id, one.stamp, one.age) == (alone.track_id, 150.0, expected.age)
+        assert (one.track_id, one.stamp, one.age) == (alone.track_id, 150.0, 186.0 - alone.stamp)
+        assert one.time_since_hit == alone.time_since_hit + 150.0 - alone.stamp
         np.testing.assert_allclose(one.state, expected.state)
         np.testing.assert_allclose(one.covariance, expected.covariance)
 
@@ -84,3 +87,32 @@ def test_a_filterpy_filter_predicts_as_the_track_does_and_may_change_its_own(
     P += 1.0
     np.testing.assert_array_equal(one.state, track().state)
     np.testing.assert_array_equal(one.covariance, track().covariance)
+
+
+def test_tracks_know_the_scans_and_the_times_of_their_hits():
+    window = MeasurementWindow()
+    for scan, number in enumerate([2, 1, 3, 2]):
+        found = detections(np.zeros((number, 2)), 12.0 * scan + np.arange(number))
+        found["scan"], found["index"] = scan, np.arange(number)
+        window.append(found)
+    hits = np.array([[1, 2, 5], [3, 7, -1], [6, -1, -1]])
+    state, covariance = np.arange(12.0).reshape(3, 4), np.tile(np.eye(4), (3, 1, 1))
+    made = tracks_from_hits(
+        window, hits, stamp=40.0, scan_index=3, state=state, covariance=covariance,
+        evaluation=np.array([0.1, 0.2, 0.3]),
+    )  # fmt: skip
+    assert made.hits.tolist() == [((0, 1), (1, 0), (2, 2)), ((2, 0), (3, 1)), ((3, 0),)]
+    assert made.hit_count.tolist() == [3, 2, 1]
+    assert made.scan_count.tolist() == [4, 2, 1]
+    assert made.age.tolist() == [39.0, 16.0, 4.0], "since the first hit"
+    assert made.track_id.tolist() == [0, 1, 2] and np.isnan(made.score).all()
+    assert made.numbered(np.array([7, 8, 9])).track_id.tolist() == [7, 8, 9]
+
+
+def test_covariances_that_rounding_spoiled_are_repaired_and_others_stay():
+    arrays = TrackArrays.from_tracks(TRACKS)
+    assert arrays.proper() is arrays
+    arrays.covariance[1, 0, 0] = -1.0
+    repaired = arrays.proper()
+    assert (np.linalg.eigvalsh(repaired.covariance) > 0.0).all()
+    np.testing.assert_allclose(repaired.covariance[[0, 2]], arrays.covariance[[0, 2]], rtol=1e-9)

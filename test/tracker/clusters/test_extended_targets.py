@@ -144,6 +144,43 @@ def test_starts_do_not_wait_for_what_clutter_explains_beside_a_track(density, wa
     assert excess.waits(7) == waits
 
 
+@pytest.mark.parametrize("pings", [(3.0, 3.0), (3.0, -3.0, None, None, None), (None, None)])
+def test_starts_do_not_wait_beside_what_is_one_sided_or_seldom_or_absent(pings):
+    excess, own = ExtendedTargetTest(TANK), np.array([0])
+    for ping, side in enumerate(pings):
+        range_ = [50.0] if side is None else [50.0, 50.0 + side]
+        scan = Scan(float(ping), range_, np.zeros(len(range_)))
+        excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([7]))
+    assert not excess.waits(7)
+
+
+@pytest.mark.parametrize(
+    ("plots", "target_extent", "seen", "active", "learns"),
+    [
+        ("on", 0.0, False, True, True),
+        ("auto", 0.0, False, False, True),
+        ("auto", 0.0, True, True, True),
+        ("off", 0.0, True, False, False),
+        ("on", 4.0, False, True, False),
+        ("auto", 4.0, False, False, False),
+    ],
+)
+def test_clusters_are_made_where_asked_for_and_learned_without_an_extent(
+    plots, target_extent, seen, active, learns
+):
+    targets = ExtendedTargets(TANK, CommonOptions(plots=plots, target_extent=target_extent))
+    targets.seen = seen
+    assert targets.active is active
+    start, confirmed = tracks(1, x=50.0), tracks(0, x=50.0)
+    start.state[:], targets.seen = confirmed.state, False
+    waits = targets.waits(start, confirmed, np.zeros(2))
+    assert waits.tolist() == [learns], "nothing is known beside a confirmed track"
+    targets.seen = True
+    same = targets.under(TANK, targets.common)
+    assert same.seen and same.test is not targets.test
+    assert not targets.under(replace(TANK, max_range=90.0), targets.common).seen
+
+
 def suspicious_of(echoes: int) -> ExtendedTargets:
     """After two pings of some echoes beside each other: three make a group suspicious."""
     targets = ExtendedTargets(TANK, CommonOptions())
@@ -233,23 +270,29 @@ def test_the_scatter_tells_errors_from_extent(common, spread):
     assert scatter.mean_size == pytest.approx(4.0, abs=0.4)
 
 
-@pytest.mark.parametrize("convoy", [False, True])
-def test_of_tracks_on_one_extent_the_oldest_goes_on_and_boats_in_line_stay(convoy):
-    """Two tracks 36 m apart: 5 detections a ping between them, or a boat with a track there."""
+@pytest.mark.parametrize(
+    ("convoy", "apart", "error"),
+    [(False, 36.0, 1.0), (True, 36.0, 1.0), (False, 36.0, 9.0), (False, 50.0, 1.0)],
+    ids=["one extent", "boats in line", "nearer than their errors", "farther than an extent"],
+)
+def test_of_tracks_on_one_extent_the_oldest_goes_on_and_others_stay(convoy, apart, error):
+    """Two tracks apart: 5 detections a ping between them, or a boat with a track there."""
     sensor = Swimmers().sensor
     targets = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
     rng = np.random.default_rng(1)
-    middle = [118.0] * 5 if convoy else 100.0 + 36.0 * rng.random((8, 5))
+    middle = [118.0] * 5 if convoy else 100.0 + apart * rng.random((8, 5))
     for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
-        scan = Scan(float(stamp), np.array([100.0, 136.0, *between]), np.zeros(7))
+        scan = Scan(float(stamp), np.array([100.0, 100.0 + apart, *between]), np.zeros(7))
         targets.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
-    places = [100.0, 136.0, *[118.0] * convoy]
+    places = [100.0, 100.0 + apart, *[118.0] * convoy]
+    spread = error**2 * np.eye(4)
     confirmed = [
-        ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), np.eye(4), ((0, 0),), 0.0)
+        ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), spread, ((0, 0),), 0.0)
         for number, x in enumerate(places)
     ]
     found = targets.of_one_extent(TrackArrays.from_tracks(confirmed))
-    assert found.tolist() == [False, not convoy, *[False] * convoy]
+    one = not convoy and apart == 36.0 and error == 1.0
+    assert found.tolist() == [False, one, *[False] * convoy]
 
 
 def test_errors_of_detections_are_their_own_or_the_sensor_s():
