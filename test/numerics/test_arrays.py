@@ -9,12 +9,17 @@ from scipy.special import logsumexp
 from tsepm_ros.numerics.arrays import (
     ArrayRows,
     among_best_of_array,
+    appended_arrays,
+    array_indices,
+    array_largest_of_groups,
     array_log_sums,
     array_rows_of_groups,
     array_rows_of_least_cost,
     array_sums_over_hits,
     changed_arrays,
     complete_linkage,
+    taken_from_array,
+    with_array_rows,
 )
 
 
@@ -104,3 +109,29 @@ def test_the_nearest_groups_are_joined_while_all_their_members_are_pairs(seed):
         groups[b] |= groups.pop(a)
     labels = complete_linkage(14, first, second, apart[first, second])
     assert labels.tolist() == [min(next(g for g in groups if k in g)) for k in range(14)]
+
+
+def test_rows_of_records_are_taken_in_the_shape_of_their_indices_and_appended():
+    records = np.zeros(4, [("time", float), ("place", float, (2,))])
+    records["time"], records["place"][:, 1] = [1.0, 2.0, 3.0, 4.0], 7.0
+    assert taken_from_array(records, np.array([[3, 0], [1, 1]]))["time"].tolist() == [
+        [4, 1],
+        [2, 2],
+    ]
+    mask = np.array([False, True, True, False])
+    assert taken_from_array(records, mask)["time"].tolist() == [2.0, 3.0]
+    assert array_indices(mask).tolist() == [1, 2]
+    assert array_indices(np.array([2, 0])).tolist() == [2, 0]
+    both = appended_arrays(records[:1], records[2:])
+    assert both["time"].tolist() == [1.0, 3.0, 4.0] and (both["place"][:, 1] == 7.0).all()
+
+
+def test_values_are_changed_in_some_rows_of_a_table_only(echoes):
+    made = with_array_rows(echoes, np.array([2, 0]), range=np.array([9.0, 8.0]))
+    assert made.range.tolist() == [8.0, 2.0, 9.0]
+    assert made.azimuth is echoes.azimuth and echoes.range.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_the_largest_of_a_group_without_rows_is_minus_infinity():
+    found = array_largest_of_groups(np.array([3.0, -1.0, 5.0]), np.array([0, 2, 0]), 4)
+    assert found.tolist() == [5.0, -np.inf, -1.0, -np.inf]

@@ -1,12 +1,19 @@
-"""Covariances that rounding has left singular or not positive definite."""
+"""Closed forms against general ones; covariances that rounding has left singular or indefinite."""
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, multivariate_normal
 
 from tsepm_ros.numerics.gaussian import (
+    gaussian_gate_factor,
+    gaussian_log_density,
+    gaussian_mixture,
+    inverse_covariance,
     inverse_covariance_or_nan,
+    is_gaussian_significant,
     proper_covariance,
     solve_covariance,
+    squared_mahalanobis_distance,
 )
 from tsepm_ros.studies.multiple_model import multiple_model_beyond_one
 
@@ -17,6 +24,40 @@ def ordinary(number: int, seed: int = 1) -> np.ndarray:
     scale = np.array([150.0, 4.0, 90.0, 3.0])
     covariance = factor @ np.swapaxes(factor, 1, 2) * np.outer(scale, scale)
     return 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
+
+
+def test_distances_densities_and_gates_are_those_of_the_general_formulas():
+    rng = np.random.default_rng(2)
+    difference, covariance = 100.0 * rng.standard_normal((40, 2)), ordinary(40)[:, 0::2, 0::2]
+    distance = squared_mahalanobis_distance(difference, covariance)
+    density, same = gaussian_log_density(difference, covariance)
+    for d, c, square, log in zip(difference, covariance, distance, density, strict=True):
+        assert square == pytest.approx(d @ np.linalg.inv(c) @ d)
+        assert log == pytest.approx(multivariate_normal(cov=c).logpdf(d))
+    np.testing.assert_array_equal(same, distance)
+    skewed = covariance + rng.standard_normal((40, 2, 2))
+    np.testing.assert_allclose(inverse_covariance(skewed), np.linalg.inv(skewed))
+    for probability in (0.5, 0.9, 0.999):
+        assert gaussian_gate_factor(probability) ** 2 == pytest.approx(chi2(2).ppf(probability))
+    edge = np.array([np.sqrt(chi2(2).ppf(0.999)), 0.0])
+    for share, significant in ((1.01, True), (0.99, False)):
+        found = is_gaussian_significant(share * np.array([5.0, 3.0]) * edge, np.diag([25.0, 9.0]))
+        assert bool(found) is significant
+
+
+def test_a_mixture_has_the_moments_of_its_parts():
+    rng = np.random.default_rng(3)
+    weights = rng.dirichlet(np.ones(3), 5).T
+    states, covariances = 10.0 * rng.standard_normal((3, 5, 4)), ordinary(15).reshape(3, 5, 4, 4)
+    state, covariance = gaussian_mixture(weights, states, covariances)
+    for row in range(5):
+        mean = sum(w * x for w, x in zip(weights[:, row], states[:, row], strict=True))
+        second = sum(
+            w * (p + np.outer(x, x))
+            for w, x, p in zip(weights[:, row], states[:, row], covariances[:, row], strict=True)
+        )
+        np.testing.assert_allclose(state[row], mean)
+        np.testing.assert_allclose(covariance[row], second - np.outer(mean, mean), atol=1e-9)
 
 
 def test_a_proper_covariance_is_returned_as_it_is():
