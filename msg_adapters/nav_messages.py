@@ -192,7 +192,7 @@ def read_fix(message: messages.NavSatFix) -> tuple[float, float, float, float]:
         above `MAX_FIX_STD` (``fix_vague``).
     """
     stamp_ns = time_to_ns(message.header.stamp)
-    stated = [float(message.position_covariance[place]) for place in (0, 4)]
+    stated = [float(message.position_covariance[entry]) for entry in (0, 4)]
     variances = [value for value in stated if value > 0.0]  # 0, -1 and nan are unknown
     std = math.sqrt(max(variances, default=math.nan))
     is_known = message.position_covariance_type and len(variances) == len(stated)
@@ -307,14 +307,14 @@ def read_land(message: messages.OccupancyGrid) -> LandMask | None:
         raise MessageError("land_invalid", f"data has {number} cells, not {width} x {height}")
     if not number:
         return None
-    place, q = info.origin.position, info.origin.orientation
+    position, q = info.origin.position, info.origin.orientation
     with refusing("land_invalid", "info.origin.orientation"):
         yaw, pitch, roll = registration_angles(registration_rotation((q.x, q.y, q.z, q.w)))
         if not max(abs(pitch), abs(roll)) <= MAX_TILT:
             raise ValueError("must be level")
     occupied = np.asarray(message.data, np.int8).reshape(height, width) >= OCCUPIED
-    origin = place.x, place.y, yaw
+    origin = position.x, position.y, yaw
     if registration_axes(message.header.frame_id) == "down":
-        occupied, origin = occupied.T, (place.y, place.x, -yaw)
+        occupied, origin = occupied.T, (position.y, position.x, -yaw)
     with refusing("land_invalid", "info:"):
         return LandMask(occupied, float(info.resolution), origin)

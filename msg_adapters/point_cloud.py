@@ -123,7 +123,7 @@ def read_fields(
     """
     fields = _cloud_fields(cloud, names, integers)
     if cloud.height * cloud.width == 0:
-        return {one.name: np.empty(0) for one, _ in fields}
+        return {point_field.name: np.empty(0) for point_field, _ in fields}
     if not fields:
         return {}
     _check_cloud_sizes(cloud, fields)
@@ -152,51 +152,53 @@ def _cloud_fields(
     cloud: messages.PointCloud2, names: Iterable[str], integers: Collection[str]
 ) -> list[tuple[messages.PointField, str]]:
     """The only field of each name, and its NumPy format without byte order."""
-    given = [(one.name, one) for one in cloud.fields]
-    found = {name: [one for other, one in given if other == name] for name in names}
+    given = [(field.name, field) for field in cloud.fields]
+    by_name = {name: [field for other_name, field in given if other_name == name] for name in names}
     _refuse(
         fault
-        for name, some in found.items()
+        for name, some in by_name.items()
         if len(some) != 1
         for fault in (
             (
                 "missing_field",
                 not some,
                 f"field {name!r} is missing; the cloud has "
-                f"{', '.join(other for other, _ in given) or 'no fields'}",
+                f"{', '.join(other_name for other_name, _ in given) or 'no fields'}",
             ),
             ("duplicate_field", len(some) > 1, f"field {name!r} occurs {len(some)} times"),
         )
     )
     fields = [
-        (one, *_DATATYPES.get(one.datatype, (f"number {one.datatype}", "")))
-        for (one,) in found.values()
+        (field, *_DATATYPES.get(field.datatype, (f"number {field.datatype}", "")))
+        for (field,) in by_name.values()
     ]
     _refuse(
         fault
-        for one, datatype, form in fields
-        if not form.startswith("f") or one.count != 1
+        for field, datatype, form in fields
+        if not form.startswith("f") or field.count != 1
         for fault in (
             (
                 "wrong_datatype",
-                not form.startswith(tuple("fiu" if one.name in integers else "f")),
-                f"field {one.name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
+                not form.startswith(tuple("fiu" if field.name in integers else "f")),
+                f"field {field.name!r} must be FLOAT32 or FLOAT64; its datatype is {datatype}",
             ),
             (
                 "wrong_count",
-                one.count != 1,
-                f"field {one.name!r} must have the count 1; it has {one.count}",
+                field.count != 1,
+                f"field {field.name!r} must have the count 1; it has {field.count}",
             ),
         )
     )
-    return [(one, form) for one, _, form in fields]
+    return [(field, form) for field, _, form in fields]
 
 
 def _check_cloud_sizes(
     cloud: messages.PointCloud2, fields: list[tuple[messages.PointField, str]]
 ) -> None:
     """Check that fields lie in the point and do not overlap, and rows and data hold the points."""
-    spans = sorted((one.offset, one.offset + int(form[1]), one.name) for one, form in fields)
+    spans = sorted(
+        (field.offset, field.offset + int(form[1]), field.name) for field, form in fields
+    )
     row, size = cloud.width * cloud.point_step, cloud.height * cloud.row_step
     beyond = f"beyond point_step = {cloud.point_step}"
     _refuse(

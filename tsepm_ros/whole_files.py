@@ -28,8 +28,8 @@ def temporary_beside_file(path: Path) -> Path:
     removed.
     """
     for other in path.parent.glob(f".{glob.escape(path.name)}.*"):
-        found = _TEMPORARY.fullmatch(other.name)
-        if found and found["name"] == path.name and not _file_process_exists(int(found["process"])):
+        match = _TEMPORARY.fullmatch(other.name)
+        if match and match["name"] == path.name and not _file_process_exists(int(match["process"])):
             remove_whole_file(other)
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part{path.suffix}")
 
@@ -85,7 +85,7 @@ def spare_files(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
     """
     there = [path for path in inputs if os.path.exists(path)]
     for path in filter(os.path.exists, outputs):
-        if any(os.path.samefile(path, one) for one in there):
+        if any(os.path.samefile(path, output) for output in there):
             raise ValueError(f"{path} is read here and is not overwritten: give another output")
 
 

@@ -181,8 +181,8 @@ def _cfar_ring(values: Image, box: Box, modes: Modes) -> Image:
 @functools.lru_cache(maxsize=4)
 def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
-    ones = np.frombuffer(defined, bool).reshape(shape)
-    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, modes), 1.0))
+    is_defined = np.frombuffer(defined, bool).reshape(shape)
+    return np.asarray(np.maximum(_cfar_ring(is_defined.astype(np.float32), box, modes), 1.0))
 
 
 def cfar_cell_limit(box: Box) -> float:

@@ -178,7 +178,9 @@ class Detector:
         """The smallest scale at which about as many echoes recur as at any."""
         least = MIN_CELLS * self.options.false_detections_per_ping
         thresholds = [scale.threshold for scale in self._scales]
-        recurring = [one.recurring if one.cells >= least else 0.0 for one in thresholds]
+        recurring = [
+            threshold.recurring if threshold.cells >= least else 0.0 for threshold in thresholds
+        ]
         pings = self.measured["images"] + 1 - self._begin
         if max(recurring) < MIN_RECURRING * pings:
             return 0
@@ -214,10 +216,10 @@ def _scan_of_detector(image: SonarImage, echoes: Echoes) -> Scan:
     fields: dict[str, Any] = {}
     features = {"intensity": 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)}
     for name, axis, column in (("azimuth", image.azimuth, 0), ("range", image.range, 1)):
-        place, cells = echoes.cell[:, column], np.arange(len(axis))
+        cell, cells = echoes.cell[:, column], np.arange(len(axis))
         step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.ones(1)
-        spacing = np.interp(place, cells, step)
-        fields[name] = np.interp(place, cells, axis)
+        spacing = np.interp(cell, cells, step)
+        fields[name] = np.interp(cell, cells, axis)
         fields[f"{name}_std"] = echoes.deviation[:, column] * spacing
         features[f"{name}_width"] = echoes.width[:, column] * spacing
     row = np.clip(np.rint(echoes.cell[:, 0]).astype(int), 0, len(image.azimuth) - 1)

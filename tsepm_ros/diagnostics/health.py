@@ -637,13 +637,15 @@ ENTRIES: dict[str, Entry] = {
 
 def health_status(task: str, entry: Entry, now: HealthFigures) -> Status:
     """Return the status of an entry: the sentences of its rules that apply, the worst first."""
-    found: list[tuple[Level, str]] = []
+    sentences: list[tuple[Level, str]] = []
     for alternatives in entry.rules:
         judged = ((rule.level, rule.judge(now)) for rule in alternatives)
-        found += [(level, sentence) for level, sentence in judged if sentence][:1]
-    found = sorted(found, key=lambda one: -one[0]) or [(Level.OK, entry.healthy(now))]
-    message = "; ".join(sentence for _, sentence in found)
-    return Status(task, found[0][0], message, entry.values(now))
+        sentences += [(level, sentence) for level, sentence in judged if sentence][:1]
+    sentences = sorted(sentences, key=lambda judgement: -judgement[0]) or [
+        (Level.OK, entry.healthy(now))
+    ]
+    message = "; ".join(sentence for _, sentence in sentences)
+    return Status(task, sentences[0][0], message, entry.values(now))
 
 
 class Health:
@@ -711,8 +713,8 @@ class Health:
             since_own_ship=self._since(OWN_SHIP, now),
             time=_first_health(now),
         )
-        found = [health_status(task, entry, figures) for task, entry in ENTRIES.items()]
-        return [overall(found), *found]
+        statuses = [health_status(task, entry, figures) for task, entry in ENTRIES.items()]
+        return [overall(statuses), *statuses]
 
     def _remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
         """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""

@@ -91,7 +91,7 @@ class InitiatorLearnedFile:
             if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
                 raise OSError("a name in its path has more than 200 bytes")
             self._path = path
-            found, age = learned.read_learned(
+            models, age = learned.read_learned(
                 path.read_text(encoding="utf-8"),
                 self._session.settings.sensor,
                 self._session.settings.session.sensor_frame,
@@ -106,7 +106,7 @@ class InitiatorLearnedFile:
                 f"{getattr(error, 'strerror', None) or error}"  # without the path again
             )
             return
-        self._session.tracker.learned = found
+        self._session.tracker.learned = models
         self._logger.info(
             f"what was learned {age / 60.0:.0f} min ago is used from {path}: clutter density "
             f"{self._session.tracker.clutter_density:.2g} per m^2, detection probability "

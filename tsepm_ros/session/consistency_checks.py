@@ -100,7 +100,7 @@ class MessageCheck:
         asked = self._of_counts()
         if self._messages % MESSAGES == 0:
             asked |= self._of_times()
-        new = [Notice(*one) for one in asked.items() if one[0] not in self._asked]
+        new = [Notice(*question) for question in asked.items() if question[0] not in self._asked]
         self._asked.update(asked)
         return [*(self._changes(arrived) if arrived.facts.states else ()), *new]
 
@@ -364,13 +364,13 @@ class SensorFigures:
 
 def check_findings(figures: SensorFigures) -> dict[str, str]:
     """Sentences by subject, for what does not fit."""
-    found = {
+    sentences = {
         "coverage": check_coverage_too_large(figures),
         "coverage_too_small": check_coverage_too_small(figures),
         "errors": check_errors_differ(figures),
         "confirmations": check_many_confirmations(figures),
     }
-    return {subject: sentence for subject, sentence in found.items() if sentence}
+    return {subject: sentence for subject, sentence in sentences.items() if sentence}
 
 
 def check_coverage_too_large(figures: SensorFigures) -> str:
@@ -534,8 +534,8 @@ class SensorCheck:
         """Subjects and sentences not found before; looked for at every tenth scan."""
         if (initiator.scan_index + 1) % SCANS_BETWEEN:
             return []
-        found = check_findings(self.figures(initiator))
-        new = [(subject, said) for subject, said in found.items() if subject not in self._said]
+        findings = check_findings(self.figures(initiator))
+        new = [(subject, said) for subject, said in findings.items() if subject not in self._said]
         self._said |= {subject for subject, _ in new}
         return new
 

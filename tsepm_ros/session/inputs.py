@@ -578,8 +578,8 @@ def register_input(
             scan = scan.replaced(sensor_pose=np.array([0.0, 0.0, 0.5 * math.pi]))
     if sensor.range_rate_std:
         before, after = (
-            int(np.isfinite(one.features.get("range_rate", ())).sum())
-            for one in (arrived.scan, scan)
+            int(np.isfinite(each_scan.features.get("range_rate", ())).sum())
+            for each_scan in (arrived.scan, scan)
         )
         if before > after:
             remarks.append(

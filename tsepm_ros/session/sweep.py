@@ -208,14 +208,14 @@ def _sweep_continues(
     before: UnregisteredScan, after: UnregisteredScan, sensor: SensorModel
 ) -> bool:
     """Whether the last ray of a message and the first of the next see one object."""
-    one, two = before.beams, after.beams
-    if one is None or two is None or before.scan.group is None or not len(before.scan):
+    arc_before, arc_after = before.beams, after.beams
+    if arc_before is None or arc_after is None or before.scan.group is None or not len(before.scan):
         return False
     # Of the first and last beams of both, the two that are next to each other.
     edges = [
         (end, begin)
-        for end in (one.start, one.start + one.width)
-        for begin in (two.start, two.start + two.width)
+        for end in (arc_before.start, arc_before.start + arc_before.width)
+        for begin in (arc_after.start, arc_after.start + arc_after.width)
     ]
     end, begin = min(edges, key=lambda pair: abs(turned(pair[1] - pair[0])))
     last, first = float(before.scan.azimuth[-1]), float(after.scan.azimuth[0])

@@ -379,17 +379,17 @@ class TurnLearner:
         self._before.append(ended)
         if len(self._before) < 2:
             return None
-        one, two = self._before
-        if not (one.is_sweep() and two.is_sweep()):
+        first, second = self._before
+        if not (first.is_sweep() and second.is_sweep()):
             return None
-        sector = abs(one.extent)
+        sector = abs(first.extent)
         limit = SECTOR_TOLERANCE * sector
-        widest = max(width for _, _, width, _ in one.rows + two.rows)
-        middles = [0.5 * (each.rows[0][1] + each.rows[-1][1]) for each in (one, two)]
-        alike = abs(sector - abs(two.extent)) <= limit and sector >= 3.0 * widest
+        widest = max(width for _, _, width, _ in first.rows + second.rows)
+        middles = [0.5 * (each.rows[0][1] + each.rows[-1][1]) for each in (first, second)]
+        alike = abs(sector - abs(second.extent)) <= limit and sector >= 3.0 * widest
         if not (alike and abs(turned(middles[0] - middles[1])) <= limit):
             return None
-        return two.rows[0][0] - one.rows[0][0], len(ended.rows)
+        return second.rows[0][0] - first.rows[0][0], len(ended.rows)
 
 
 class TurnBeam:
@@ -421,7 +421,9 @@ class TurnBeam:
         newest = list(self._line)[-NEWEST:]
         rates = (self.rate,) if self._moved > STEPS_OFF * self.step else (self.rate, -self.rate)
         there = [statistics.median(a + rate * (stamp - t) for t, a in newest) for rate in rates]
-        off, expected = min(((turned(azimuth - a), a) for a in there), key=lambda one: abs(one[0]))
+        off, expected = min(
+            ((turned(azimuth - a), a) for a in there), key=lambda offset: abs(offset[0])
+        )
         return expected + off, off
 
     def take(self, stamp: float, place: float) -> None:
@@ -578,14 +580,14 @@ class TurnRounds:
         for reason, left in self._odd:
             self.drop(reason, f"message left out: {stated_turn(left)}")
         self._odd.clear()
-        place, _ = self._beam.place(stamp, azimuth)
-        self._beam.take(stamp, place)
-        self._first = self._first if self.parts else place
+        azimuth_along, _ = self._beam.place(stamp, azimuth)
+        self._beam.take(stamp, azimuth_along)
+        self._first = self._first if self.parts else azimuth_along
         parts = self.parts
-        if is_full := abs(place - self._first) >= TURN - 0.5 * self._beam.step:
-            self._first += math.copysign(TURN, place - self._first)
+        if is_full := abs(azimuth_along - self._first) >= TURN - 0.5 * self._beam.step:
+            self._first += math.copysign(TURN, azimuth_along - self._first)
             self.parts = []
-        self.parts.append(Part(place, ping))
+        self.parts.append(Part(azimuth_along, ping))
         return self._finish(parts) if is_full else []
 
     def _begin(self) -> list[ImagePing]:
@@ -612,18 +614,18 @@ class TurnRounds:
             return []
         least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
         step = max(float(np.median(np.abs(np.diff(azimuth)))), least)
-        this, before = TurnRound(parts, low, high, step), self._narrow
-        used, self._narrow = [this], None
-        if self._grid is None or not self._grid.is_like(this, self._grid.step):
-            if before is not None and before.is_like(this, CHANGED * (high - low)):
-                used = [before, this]
-            if this.is_whole or before in used:
-                self._grid = this.grid(before)
+        joined, before = TurnRound(parts, low, high, step), self._narrow
+        used, self._narrow = [joined], None
+        if self._grid is None or not self._grid.is_like(joined, self._grid.step):
+            if before is not None and before.is_like(joined, CHANGED * (high - low)):
+                used = [before, joined]
+            if joined.is_whole or before in used:
+                self._grid = joined.grid(before)
             else:
-                self._narrow, used = this, []
+                self._narrow, used = joined, []
         self.unused += len(before.parts) if before and before not in used else 0
         self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
-        return [turn_on_grid(one, self._grid) for one in used if self._grid]
+        return [turn_on_grid(used_round, self._grid) for used_round in used if self._grid]
 
 
 def stated_turn(ping: ImagePing) -> str:
@@ -637,14 +639,14 @@ def turn_increment(ping: ImagePing) -> float:
     return float(ping.azimuth[-1] - ping.azimuth[0]) / number if number else math.nan
 
 
-def is_turn_alike(one: ImagePing, other: ImagePing) -> bool:
+def is_turn_alike(ping: ImagePing, other: ImagePing) -> bool:
     """Whether two messages of parts have the same frame, ranges and step between bearings."""
-    steps = turn_increment(one), turn_increment(other)
+    steps = turn_increment(ping), turn_increment(other)
     return (
-        one.frame_id == other.frame_id
+        ping.frame_id == other.frame_id
         and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
         and not is_whole_turn(other)
-        and np.array_equal(one.range, other.range)
+        and np.array_equal(ping.range, other.range)
     )
 
 
@@ -656,13 +658,13 @@ def is_whole_turn(ping: ImagePing) -> bool:
 def turn_azimuths(parts: Sequence[Part]) -> FloatArray:
     """Azimuths of all bearings along the turn, rad."""
     return np.concatenate(
-        [np.zeros(0), *[place + ping.azimuth - ping.azimuth[0] for place, ping in parts]]
+        [np.zeros(0), *[first + ping.azimuth - ping.azimuth[0] for first, ping in parts]]
     )
 
 
-def turn_on_grid(this: TurnRound, grid: TurnRound) -> ImagePing:
+def turn_on_grid(joined: TurnRound, grid: TurnRound) -> ImagePing:
     """One image of the bearings of messages, each at its own time, in the nearest cell."""
-    parts, cells = this.parts, round((grid.high - grid.low) / grid.step) + 1
+    parts, cells = joined.parts, round((grid.high - grid.low) / grid.step) + 1
     first, azimuth = parts[0].ping, turn_azimuths(parts)
     time = np.concatenate(
         [
@@ -671,9 +673,9 @@ def turn_on_grid(this: TurnRound, grid: TurnRound) -> ImagePing:
             for _, ping in parts
         ]
     )
-    place = (azimuth - this.low + grid.ends(this)[0] - grid.low) / grid.step
-    shift = float(np.angle(np.exp(2j * math.pi * place).mean())) / (2.0 * math.pi)
-    row = np.rint(place - shift).astype(np.int64)
+    cell = (azimuth - joined.low + grid.ends(joined)[0] - grid.low) / grid.step
+    shift = float(np.angle(np.exp(2j * math.pi * cell).mean())) / (2.0 * math.pi)
+    row = np.rint(cell - shift).astype(np.int64)
     row = row % cells if grid.is_whole else row
     inside = (row >= 0) & (row < cells)
     image, at = np.full((cells, len(first.range)), np.nan, np.float32), np.full(cells, np.nan)
@@ -716,13 +718,15 @@ class TurnRepeats:
         return False
 
 
-def is_turn_equal(one: ImagePing, other: ImagePing) -> bool:
+def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
     """Whether two images are equal to the bit, and show something; turns round their azimuths."""
-    if one.intensity.shape != other.intensity.shape or not np.array_equal(one.range, other.range):
+    if image.intensity.shape != other.intensity.shape or not np.array_equal(
+        image.range, other.range
+    ):
         return False
-    if np.abs(one.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
+    if np.abs(image.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
         return False
-    rows = zip(one.intensity, other.intensity, strict=True)
+    rows = zip(image.intensity, other.intensity, strict=True)
     if not all(np.array_equal(*row, equal_nan=True) for row in rows):
         return False
     values = other.intensity[np.isfinite(other.intensity)]

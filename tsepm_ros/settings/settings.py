@@ -282,7 +282,7 @@ def _settings_lines(node: str) -> list[str]:
     return [
         f"{f'parameters {prefix}*' if prefix else 'parameters'}: "
         + ", ".join(
-            row.name for one, group in groups if one == prefix for row in parameter_table(group)
+            row.name for key, group in groups if key == prefix for row in parameter_table(group)
         )
         for prefix in dict.fromkeys(prefix for prefix, _ in groups)
     ]

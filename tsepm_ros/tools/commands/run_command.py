@@ -422,7 +422,7 @@ def run_recording(options: argparse.Namespace) -> None:
     _report_run(run, scene, seconds, options)
     if drawing is not None:
         picture = options.picture or options.out / "picture.png"
-        drawing.save(scene, picture)
+        drawing.save_plan(scene, picture)
         print(f"picture: {picture}", file=sys.stderr)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))

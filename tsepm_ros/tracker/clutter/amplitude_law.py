@@ -269,12 +269,12 @@ class AmplitudeLawTable:
         total : ndarray
             V, of the same shape.
         """
-        place = np.log1p(total) * ((GRID_POINTS - 1) / math.log1p(GRID_END))
-        left = np.minimum(place.astype(np.int64), GRID_POINTS - 2)
+        grid_position = np.log1p(total) * ((GRID_POINTS - 1) / math.log1p(GRID_END))
+        left = np.minimum(grid_position.astype(np.int64), GRID_POINTS - 2)
         flat = self.table.ravel()
         index = np.minimum(hits, len(self.table) - 1) * GRID_POINTS + left
         low = flat[index]
-        return np.asarray(low + (place - left) * (flat[index + 1] - low))
+        return np.asarray(low + (grid_position - left) * (flat[index + 1] - low))
 
 
 @lru_cache(maxsize=64)

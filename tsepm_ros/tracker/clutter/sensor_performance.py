@@ -167,14 +167,14 @@ class SensorPerformanceErrors:
         detections = taken_from_array(detections, own)
         self._last[:, row, :2] = self._last[:, row, 1:]
         self._last[:, row, 2] = detections["time"], detections["position"] @ (1.0, 1j)
-        time, place = self._last[:, row]
+        time, position = self._last[:, row]
         before, after = np.diff(time.real).T
-        sight = place[:, 1] - detections["sensor_pose"][:, :2] @ (1.0, 1j)
+        sight = position[:, 1] - detections["sensor_pose"][:, :2] @ (1.0, 1j)
         distance = np.abs(sight)
         shorter, longer = np.minimum(before, after), np.maximum(before, after)
         use = (shorter > 0.0) & (longer <= MAX_SPACING * shorter) & (distance > 0.0)
         share, distance = after[use] / (before[use] + after[use]), distance[use]
-        z1, z2, z3 = place[use].T
+        z1, z2, z3 = position[use].T
         spread = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
         innovation = (z2 - share * z1 - (1.0 - share) * z3) / spread
         turned = innovation * sight[use].conj() / distance
