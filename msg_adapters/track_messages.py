@@ -310,8 +310,8 @@ def radar_tracks(
     for track in tracks:
         made, stands = messages.RadarTrack(), track.stationary_probability
         made.uuid.uuid = track_uuid(instance, track.track_id)
-        place, velocity = made.position, made.velocity
-        place.x, velocity.x, place.y, velocity.y = track.state.tolist()
+        position, velocity = made.position, made.velocity
+        position.x, velocity.x, position.y, velocity.y = track.state.tolist()
         if not math.isnan(stands):
             # NO_CLASSIFICATION, STATIC and DYNAMIC are 0, 1 and 2.
             made.classification = 1 if stands >= STANDS else 2 if stands <= MOVES else 0
@@ -609,15 +609,17 @@ def _track_shapes(
     height, dash = _LABEL_HEIGHT * size, _DASH_WIDTH * size
     opacity = _COASTING_OPACITY if coasting else 1.0
     own: dict[str, Any] = {"number": track.track_id, "color": color, "opacity": opacity}
-    place, (x, y) = track.position, track.position.tolist()
-    sphere = _track_marker(header, "position", kind="SPHERE", scale=(size,) * 3, place=place, **own)
+    position, (x, y) = track.position, track.position.tolist()
+    sphere = _track_marker(
+        header, "position", kind="SPHERE", scale=(size,) * 3, place=position, **own
+    )
     # Scale of an arrow between two points: diameters of shaft and head, length of the head.
     arrow = _track_marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
-    arrow.points = _track_marker_points(np.array([place, place + lead_time * track.velocity]))
+    arrow.points = _track_marker_points(np.array([position, position + lead_time * track.velocity]))
     if coasting:  # every second segment, along the ellipse
         scale = (dash, 0.0, 0.0)
         ellipse = _track_marker(
-            header, "ellipse", kind="LINE_LIST", scale=scale, place=place, **own
+            header, "ellipse", kind="LINE_LIST", scale=scale, place=position, **own
         )
         turn = np.linspace(0.0, math.tau, 2 * _DASHES, endpoint=False)
         ellipse.points = _track_marker_points(
@@ -626,7 +628,9 @@ def _track_shapes(
     else:
         own["opacity"] = _ELLIPSE_OPACITY
         scale = (max(2 * major, _THICKNESS), max(2 * minor, _THICKNESS), _THICKNESS)
-        ellipse = _track_marker(header, "ellipse", kind="CYLINDER", scale=scale, place=place, **own)
+        ellipse = _track_marker(
+            header, "ellipse", kind="CYLINDER", scale=scale, place=position, **own
+        )
     turned = ellipse.pose.orientation
     turned.z, turned.w = math.sin(angle / 2), math.cos(angle / 2)
     own |= {"opacity": opacity, "scale": (0.0, 0.0, height), "place": (x, y + height)}

@@ -822,7 +822,7 @@ class ImageTurns:
             self._why = beam
             return []
         passes = TurnRounds(beam, lambda *why: dropped.append(why))
-        images = [image for one in waiting for image in passes.take(one)]
+        images = [image for waiting_ping in waiting for image in passes.take(waiting_ping)]
         self._why = (
             "their azimuths do not advance evenly with their stamps to a turn, or two passes"
         )

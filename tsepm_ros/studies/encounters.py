@@ -346,10 +346,10 @@ class EncounterMaintenance(TrackMaintenance):
         mean = over_modes(confirmed.models.probability, gated.likelihood)
         factors = np.ones(mean.shape)
         for seeker in (0, 1):
-            track, place = inside = mean[:, seeker].nonzero()
+            track, column = inside = mean[:, seeker].nonzero()
             cost = -2.0 * np.log(mean[:, seeker][inside])
-            pairs = AssignmentPairs(track, gated.row[track, seeker, place], cost)
-            factors[track, seeker, place] = environment.factors(histories, meets, pairs)
+            pairs = AssignmentPairs(track, gated.row[track, seeker, column], cost)
+            factors[track, seeker, column] = environment.factors(histories, meets, pairs)
         return changed_arrays(gated, likelihood=gated.likelihood * factors[:, SEEKER])
 
 

@@ -189,11 +189,11 @@ class Hough(PathHitCounter):
         new |= np.diff(scan[detection], prepend=-1) != 0
         line, detection = line[new], detection[new]
         counts = np.bincount(line, minlength=len(cells))
-        place = np.arange(len(line)) - (np.cumsum(counts) - counts)[line]
+        number = np.arange(len(line)) - (np.cumsum(counts) - counts)[line]
         hits = np.full((len(cells), int(counts.max(initial=2))), NO_HIT, np.int64)
-        hits[line, place] = image[detection]
+        hits[line, number] = image[detection]
         first = np.zeros(len(cells), np.int64)
-        first[line[place == 0]] = scan[detection[place == 0]]
+        first[line[number == 0]] = scan[detection[number == 0]]
         return Paths(hits, counts, first)[counts >= votes]
 
     def _cells(self, offset: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -224,9 +224,9 @@ class Hough(PathHitCounter):
 
     def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
         """More votes first, then the better fit."""
-        place = np.empty(len(paths))
-        place[np.lexsort((estimates.evaluation, -paths.hit_count))] = np.arange(len(paths))
-        return place
+        rank = np.empty(len(paths))
+        rank[np.lexsort((estimates.evaluation, -paths.hit_count))] = np.arange(len(paths))
+        return rank
 
 
 @dataclass(frozen=True, kw_only=True)

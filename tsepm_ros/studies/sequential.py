@@ -146,8 +146,8 @@ def sequential_line(
     weights[:, 0, 0] = -time_after_state[:, -1:] * weights[:, 0, 1]
     weights[:, 0, 0, -1] += 1.0
     slope = along / np.square(along).sum(axis=1, keepdims=True)  # of the line, by an error across
-    place = along[:, -1] - time_after_state[:, -1] * speed
-    weights[:, 1, 0] = 1.0 / m + place[:, None] * slope
+    position = along[:, -1] - time_after_state[:, -1] * speed
+    weights[:, 1, 0] = 1.0 / m + position[:, None] * slope
     weights[:, 1, 1] = speed[:, None] * slope
     turned = axes[:, None] @ covariances @ np.swapaxes(axes, 1, 2)[:, None]  # (n, m, 2, 2)
     blocks = np.einsum("npam,nqbm,nmpq->npaqb", weights, weights, turned)

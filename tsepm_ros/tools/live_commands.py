@@ -61,13 +61,13 @@ class LiveHealthReader(Node):
     @property
     def entries(self) -> list[tuple[Level, str]]:
         """Level and sentence of each entry, by node."""
-        found = [
+        entries = [
             (Level(status.level[0]), f"{status.name}: {status.message}")
             for _, statuses in sorted(self._heard.items())
             for status in statuses
         ]
         silence = f"no message on {DIAGNOSTICS} within {self._timeout:g} s"
-        return found + [(Level.STALE, f"{name}: {silence}") for name in sorted(self._silent)]
+        return entries + [(Level.STALE, f"{name}: {silence}") for name in sorted(self._silent)]
 
     def _hear(self, message: DiagnosticArray) -> None:
         for status in message.status[:1]:  # nodes of this package begin with this entry

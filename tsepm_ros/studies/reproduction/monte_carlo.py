@@ -237,10 +237,10 @@ class MonteCarloPredicted(Tsepm):
         """See `Tsepm.estimated`."""
         candidates, hits = super().estimated(ids), self.detections[ids]
         distances = [np.zeros(len(ids))]
-        for place in range(hits.shape[1]):
-            others = self.hits_before(place, hits.shape[1])
+        for column in range(hits.shape[1]):
+            others = self.hits_before(column, hits.shape[1])
             if len(others) > 1:  # two positions at least have a velocity
-                fitted, hit = self.fit(hits[:, others]), hits[:, [place]]
+                fitted, hit = self.fit(hits[:, others]), hits[:, [column]]
                 time = hit["time"] - self.stamp
                 misfit = hit["position"] - position_after_motion(fitted.state[:, None], time)
                 covariance = position_covariance_after_motion(fitted.covariance[:, None], time)
@@ -344,11 +344,11 @@ def _monte_carlo_table_1_counts(
     common = CommonOptions(max_speed=MAX_SPEED, **AS_GIVEN)
     initiator = Tracker(TSEPM_AS_READ[as_read](scene.scenario.sensor, common, options))
     started = MonteCarloStarts.on(scene, initiator, window)
-    found, wrong = started.counts()
+    true, wrong = started.counts()
     errors = [
-        (one.position_error, one.velocity_error)
-        for one in started.judged()
-        if one.outcome is Outcome.TRUE
+        (judged.position_error, judged.velocity_error)
+        for judged in started.judged()
+        if judged.outcome is Outcome.TRUE
     ]
     false = ~started.from_targets()
     begin, origin = started.hits[false, :1], started.origins()[false, :1]
@@ -359,7 +359,7 @@ def _monte_carlo_table_1_counts(
         float(len(np.unique(first))),
         float(initiator.totals.started),
         float(wrong),
-        float(found),
+        float(true),
         *(errors[0] if errors else (math.nan, math.nan)),
     ]
 
@@ -440,15 +440,15 @@ def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
             made = initiator.method
             initiator = Tracker(MonteCarloGrouping(made.sensor, made.common, made.options))
         started = MonteCarloStarts.on(scene, initiator, RULE[1])
-        found, wrong = started.counts()
+        true, wrong = started.counts()
         totals = initiator.totals
-        results[name] = [float(found), float(wrong), float(totals.started)]
+        results[name] = [float(true), float(wrong), float(totals.started)]
         if isinstance(initiator.method, MonteCarloGrouping):
             groups = [
                 (scene.judge(list(tracks)), group) for group, tracks in initiator.method.groups
             ]
-            found_by_any = found or any(
-                one.outcome is Outcome.TRUE for judged, _ in groups for one in judged
+            found_by_any = true or any(
+                each.outcome is Outcome.TRUE for judged, _ in groups for each in judged
             )
             left = totals.raw_confirmations - totals.pruned
             results[name] += [float(found_by_any), float(totals.raw_confirmations), float(left)]
@@ -462,7 +462,7 @@ def _monte_carlo_errors_by_weight(
 ) -> list[float]:
     errors: list[float] = []
     for judged, group in groups:
-        if any(one.outcome is not Outcome.FALSE for one in judged):
+        if any(each.outcome is not Outcome.FALSE for each in judged):
             truth = scene.simulator.truth(judged[0].track.stamp)[0]
             x, y = (monte_carlo_weighted(group) - truth)[:, 0::2].T
             errors += np.hypot(x, y).tolist()

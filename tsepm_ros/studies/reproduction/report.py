@@ -302,7 +302,7 @@ def write_report(parts: Sequence[Part], report: Path) -> None:
         The report's file.
     """
     report.parent.mkdir(parents=True, exist_ok=True)
-    texts = [one if isinstance(one, str) else one.written(report.parent) for one in parts]
+    texts = [part if isinstance(part, str) else part.written(report.parent) for part in parts]
     write_whole_text(report, "\n\n".join(filter(None, texts)) + "\n")
 
 

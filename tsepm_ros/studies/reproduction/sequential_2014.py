@@ -231,7 +231,7 @@ def _started_2014(
 def _counts_by_scan_2014(started: MonteCarloStarts, name: str, judged: Sequence[Judged]) -> Result:
     """Counts by the end of each scan: true tracks, all tracks."""
     scenario = started.scene.scenario
-    true = [one.track.stamp for one in judged if one.outcome is Outcome.TRUE]
+    true = [each.track.stamp for each in judged if each.outcome is Outcome.TRUE]
     counts = {}
     for kind, values in (("true", true), ("all", started.tracks.stamp)):
         scan = np.round(np.array(values) / scenario.period)
@@ -249,7 +249,7 @@ def run_conventional_2014(scenario: Scenario, seed: list[int]) -> Result:
         judged = scene.judge(list(started.tracks))  # lines of Hough have any number of hits
         results |= _counts_by_scan_2014(started, name, judged)
         results[name] = [
-            float(one.position_error) for one in monte_carlo_first_of_each_target(judged)
+            float(each.position_error) for each in monte_carlo_first_of_each_target(judged)
         ]
     return results
 
@@ -278,7 +278,7 @@ def errors_2014(started: MonteCarloStarts, judged: list[Judged]) -> Result:
             results[name] += _mean_errors_2014(
                 _estimated_2014(scene, judgement.track, name) - truth, truth
             )
-    return results | {"pure": [float(one.pure) for one in judged]}
+    return results | {"pure": [float(each.pure) for each in judged]}
 
 
 def _estimated_2014(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
@@ -429,7 +429,9 @@ def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
 
 def _in_main_2014(readings: Sequence[Counts2014]) -> list[Counts2014]:
     """The readings in the main scene."""
-    return [one for one in readings if (one.period, one.detection_probability) == MAIN]
+    return [
+        reading for reading in readings if (reading.period, reading.detection_probability) == MAIN
+    ]
 
 
 def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
@@ -571,16 +573,16 @@ def _figures_2014(errors: FloatArray) -> list[IntervalEstimate]:
 
 def _errors_picture_2014(runs: list[Result]) -> ReportPicture:
     panels = []
-    for place, top, text in (
+    for column, top, text in (
         (1, 8.0, "length of the velocity's error, m/s"),
         (3, 90.0, "angle between the velocities, degrees"),
     ):
         bins, lines = np.linspace(0.0, top, 33), []
         for name, label in ESTIMATORS.items():
-            values = np.minimum(_stacked_2014(runs, name)[:, place], top)
+            values = np.minimum(_stacked_2014(runs, name)[:, column], top)
             share = np.histogram(values, bins)[0] / max(len(values), 1)
             lines.append(ReportLine(bins[:-1], share, label, {"drawstyle": "steps-post"}))
-        value = TABLE_1["least_squares"][1 if place == 1 else 2]
+        value = TABLE_1["least_squares"][1 if column == 1 else 2]
         title = f"dashed: least squares, published, {value:g}"
         settings = {"xlabel": text, "ylabel": "share of tracks", "title": title}
         panels.append(ReportPanel(lines, settings, [value]))

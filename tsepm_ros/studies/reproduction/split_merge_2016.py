@@ -178,10 +178,10 @@ def _table_i_parts_2016() -> list[Part]:
 
 def _split_text_2016(first: int, second: int) -> str:
     pairs = zip(TABLE_I[first], TABLE_I[second], strict=True)
-    place = next(place for place, (hit, other) in enumerate(pairs) if hit != other)
-    if place == 0:
+    index = next(index for index, (hit, other) in enumerate(pairs) if hit != other)
+    if index == 0:
         return f"{first} and {second} have different first measurements, so they never were one"
-    return f"{first} and {second} split at hit {place + 1}"
+    return f"{first} and {second} split at hit {index + 1}"
 
 
 def _scene_parts_2016(runs: list[Result]) -> list[Part]:
@@ -192,7 +192,7 @@ def _scene_parts_2016(runs: list[Result]) -> list[Part]:
     targets = split.shape[1]
     detected = [int(report_column(runs, name, 1).sum()) for name in ("split", "merged")]
     rows: list[list[Cell]] = []
-    for what, published, counts in (
+    for quantity, published, counts in (
         ("after splitting", AFTER_SPLITTING, split),
         ("after merging", AFTER_MERGING, merged),
         ("mostly the target's, after splitting", len(TABLE_II), near[0]),
@@ -201,7 +201,7 @@ def _scene_parts_2016(runs: list[Result]) -> list[Part]:
         low, high = np.quantile(counts, (0.05, 0.95))
         # The areas of one run are not independent.
         average = mean_count_interval(counts.mean(axis=1) * targets) / targets
-        rows.append([what, published, average, f"{low:.0f} to {high:.0f}"])
+        rows.append([quantity, published, average, f"{low:.0f} to {high:.0f}"])
     return [
         "### The scene with four targets",
         f"The shipped scenario *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8; in the 3 km "

@@ -191,7 +191,7 @@ def _tsepm_2018_after(runs: Sequence[Result]) -> dict[str, list[IntervalEstimate
     return {
         f"{denominator}, {reading}": [
             tsepm_2018_ratio(
-                *(report_column(runs, f"{row.name} {reading}", place) for place in places)
+                *(report_column(runs, f"{row.name} {reading}", column) for column in places)
             )
             for row in TABLE_1
         ]
@@ -203,7 +203,7 @@ def _tsepm_2018_after(runs: Sequence[Result]) -> dict[str, list[IntervalEstimate
 def _tsepm_2018_errors(runs: Sequence[Result], row: MonteCarloTable1Row) -> list[Cell]:
     """Root mean square errors of the target's first true tracks."""
     both = (Counted.POSITION_ERROR, Counted.VELOCITY_ERROR)
-    errors = (report_column(runs, f"{row.name} literal", place) for place in both)
+    errors = (report_column(runs, f"{row.name} literal", column) for column in both)
     return [root_mean_square_interval(values[np.isfinite(values)]) for values in errors]
 
 
@@ -297,8 +297,8 @@ def _tsepm_2018_after_parts(
         "P_F falls with M at each N": "",
     }
     rows: list[list[Cell]] = [
-        [row.name, row.false_after, *(values[place] for values in after.values())]
-        for place, row in enumerate(TABLE_1)
+        [row.name, row.false_after, *(values[row_number] for values in after.values())]
+        for row_number, row in enumerate(TABLE_1)
     ]
     names = [closest[0], closest[1], closest[3]]
     return [
@@ -403,12 +403,16 @@ class Tsepm2018Curves:
         for curve in (name for name in CURVES if "tsepm" in name):
             columns[f"{curve}: P_D, any"] = ".2f"
             values.append(self.found(curve, 3))
-        shown = (heading, *(f"{curve}: {what}" for curve in SHOWN for what in ("P_D", "P_F")))
+        shown = (heading, *(f"{curve}: {column}" for curve in SHOWN for column in ("P_D", "P_F")))
         return ReportTable(
             name,
             columns,
             list(zip(*values, strict=True)),
-            hidden=[one for one in columns if one not in (*shown, f"{SHOWN[0]}: P_D, any")],
+            hidden=[
+                column_name
+                for column_name in columns
+                if column_name not in (*shown, f"{SHOWN[0]}: P_D, any")
+            ],
         )
 
     def picture(
@@ -527,13 +531,13 @@ def tsepm_2018_figure_parts(
 def _tsepm_2018_merging_parts(densities: Tsepm2018Curves) -> list[Part]:
     """The burden before and after pruning and merging, and the weights of merging."""
     literal, last = SHOWN[0], densities.runs[-1]
-    found, wrong, _, _, reached, left = (report_column(last, literal, k).mean() for k in range(6))
+    true, wrong, _, _, reached, left = (report_column(last, literal, k).mean() for k in range(6))
     errors = np.array([e for runs in densities.runs for run in runs for e in run["weights"]])
     published, *others = errors.reshape(-1, len(WEIGHTS)).T
     return [
         f"**The burden** ({literal}). Merging is said to reduce it. At "
         f"{max(densities.scenes):.0e} per m², {reached:.3g} tracks per run reach M hits in 8 "
-        f"scans, pruning leaves {left:.3g}, and merging {wrong + found:.3g}.",
+        f"scans, pruning leaves {left:.3g}, and merging {wrong + true:.3g}.",
         f"**Merging by evaluation values** (Eq. 31, {literal}): the position of {len(published)} "
         "merged groups with a member from the target has an rms error of "
         f"{root_mean_square_interval(published):.0f} m. Mean difference from it, by other weights: "

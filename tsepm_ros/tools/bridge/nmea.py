@@ -126,8 +126,8 @@ class NmeaReports(dict[int, Report]):
         """
         gone = [self.pop(track) for track in list(self) if track not in present]
         self.update(reports)
-        ends = [_nmea_line(one, stamp, LOST) for one in gone]
-        return ends + [_nmea_line(one, stamp, TRACKED) for one in reports.values()]
+        ends = [_nmea_line(report, stamp, LOST) for report in gone]
+        return ends + [_nmea_line(report, stamp, TRACKED) for report in reports.values()]
 
 
 def _nmea_line(report: Report, stamp: float, status: str) -> str:

@@ -127,7 +127,7 @@ class TrackBridge(BaseNode):
 
     def _take(self, cloud: PointCloud2) -> None:
         """Hand on the confirmed tracks after a ping, if somebody takes them now."""
-        wanted = [one for one in self._messages if one[0].get_subscription_count()]
+        wanted = [output for output in self._messages if output[0].get_subscription_count()]
         try:
             stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
             # A stamp that goes back is of another run.
@@ -263,12 +263,12 @@ class TrackBridge(BaseNode):
         try:
             stamp, latitude, longitude, std = read_fix(fix)
             position, _, frame = self._own_ship(stamp)
-            found = GeographicReference(latitude, longitude, *position.tolist())
-            self._tie(found, frame, JUMP + 3.0 * float(np.nan_to_num(std)))
+            reference = GeographicReference(latitude, longitude, *position.tolist())
+            self._tie(reference, frame, JUMP + 3.0 * float(np.nan_to_num(std)))
         except ValueError as error:
             self.drop(getattr(error, "reason", "bad_fix"), f"{FIX} is not used: {error}")
 
-    def _tie(self, found: GeographicReference, frame: str, near: float) -> None:
+    def _tie(self, reference: GeographicReference, frame: str, near: float) -> None:
         """Take a reference, unless it is not near where the one before has own ship.
 
         Raises
@@ -277,17 +277,17 @@ class TrackBridge(BaseNode):
             If it is not, until `AGREEING` in a row are near to each other.
         """
         known = self._reference if frame == self._reference_frame else None
-        away = known.distance(found) if known else 0.0
+        away = known.distance(reference) if known else 0.0
         if not away <= near:  # or not on the earth
-            agrees = self._doubted and self._doubted[-1].distance(found) <= near
-            self._doubted = [*(self._doubted if agrees else ()), found]
+            agrees = self._doubted and self._doubted[-1].distance(reference) <= near
+            self._doubted = [*(self._doubted if agrees else ()), reference]
             if len(self._doubted) < AGREEING:
                 raise MessageError(
                     "fix_jump",
                     f"it is {away:.0f} m from where own ship is by the fixes before and its own "
                     f"motion; it is used if {AGREEING} fixes in a row agree",
                 )
-        self._reference, self._reference_frame, self._doubted = found, frame, []
+        self._reference, self._reference_frame, self._doubted = reference, frame, []
 
 
 def main(args: Sequence[str] | None = None) -> int:

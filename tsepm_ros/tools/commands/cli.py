@@ -87,12 +87,12 @@ def _cli_parser(named: Collection[str] | None = None) -> argparse.ArgumentParser
     return parser
 
 
-def _cli_function(place: Place) -> Callable[..., Any]:
+def _cli_function(function_place: Place) -> Callable[..., Any]:
     """A function of the commands, or one of another module, which is imported."""
-    if not isinstance(place, str):
-        return place
+    if not isinstance(function_place, str):
+        return function_place
     with handling_ending_signals(ends_at_once()):
-        return pkgutil.resolve_name(f"tsepm_ros.{place}")
+        return pkgutil.resolve_name(f"tsepm_ros.{function_place}")
 
 
 def _add_cli_ros_arguments(parser: argparse.ArgumentParser) -> None:

@@ -128,7 +128,7 @@ def run_design(options: argparse.Namespace) -> None:
         "processes": options.workers,
         "progress": named_terminal_progress,
     }
-    found = list(
+    performances = list(
         predicted_candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation)
     )
     hours = prediction_clutter_scans(case, target_rate) / case.scans_per_hour
@@ -137,26 +137,28 @@ def run_design(options: argparse.Namespace) -> None:
         f"{options.seed}; score with window {score.window}; 95 % intervals; a dash: not simulated, "
         "since fewer targets are found"
     )
-    print(design_candidate_table(found))
+    print(design_candidate_table(performances))
     assumed = ""
     if "sensor.clutter_density" not in values:
         assumed = (
             f"the clutter is not given; with the default, {case.detections_per_scan:.3g} false "
             "detections per ping (yours: --false-detections NUMBER), "
         )
-    print(f"\n{assumed}{design_verdict(found, options.wanted, target_rate)}", flush=True)
-    if max(candidate.targets.detection.high for candidate in found) < options.wanted:
+    print(f"\n{assumed}{design_verdict(performances, options.wanted, target_rate)}", flush=True)
+    if max(candidate.targets.detection.high for candidate in performances) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
         changes = predicted_remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
-        now = ("as it is", found[0].targets.detection)
+        now = ("as it is", performances[0].targets.detection)
         print(design_remedy_table([now, *changes]))
 
 
 def _check_design(options: argparse.Namespace) -> None:
     """Refuse arguments early that would fail after the simulation."""
-    values = parse_parameter_file_values(one for one in options.parameter if isinstance(one, str))
+    values = parse_parameter_file_values(
+        assignment for assignment in options.parameter if isinstance(assignment, str)
+    )
     if options.false_detections is not None and not 0.0 < options.false_detections < math.inf:
         raise ValueError(f"--false-detections must be above 0; got {options.false_detections:g}")
     if options.false_detections is not None and "sensor.clutter_density" in values:

@@ -55,22 +55,22 @@ def run_detect(options: argparse.Namespace) -> None:
         If there is no image.
     """
     given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
-    found, drawn, notes = 0, None, list[str]()
+    detection_count, drawn, notes = 0, None, list[str]()
     outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
         write_image_folder_detections(options.folder, options.out, notes, outputs, **given)
     ):
-        found += len(scan)
+        detection_count += len(scan)
         if k <= options.image and detector.stages is not None:
             drawn = image, detector.stages, scan
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
-    if not found or drawn is None:
+    if not detection_count or drawn is None:
         raise CommandFailed(f"{options.folder} has no image with an echo")
     if options.picture:
         draw_detect(options.picture, *drawn)
     measured = ", ".join(f"{name} {value:.3g}" for name, value in detector.measured.items())
-    print(f"{found} detections in {options.out}; {measured}", file=sys.stderr)
+    print(f"{detection_count} detections in {options.out}; {measured}", file=sys.stderr)
 
 
 def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:

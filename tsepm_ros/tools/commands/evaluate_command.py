@@ -177,7 +177,7 @@ def _evaluate_pictures(
     caption = f"{plan.runs} runs, seed {plan.seed}; 95 % intervals"
     return [
         draw_operating_curve(
-            [one for one in evaluated if one.scenario is scenario], folder, caption
+            [each for each in evaluated if each.scenario is scenario], folder, caption
         )
         for scenario in plan.scenarios
     ]

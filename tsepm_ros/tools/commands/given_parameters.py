@@ -84,11 +84,11 @@ def given_parameter_values(
         If a file cannot be read or has nothing for the node, or an assignment is none.
     """
     values: dict[str, Value] = {}
-    for one in given:
+    for source in given:
         values |= (
-            given_parameters_for(one, node)
-            if isinstance(one, Path)
-            else parse_parameter_file_values([one])
+            given_parameters_for(source, node)
+            if isinstance(source, Path)
+            else parse_parameter_file_values([source])
         )
     return {name: value for name, value in values.items() if not name.startswith(OF_ROS)}
 
@@ -107,7 +107,11 @@ def given_parameters_for(path: Path, node: str) -> dict[str, Value]:
     if not fitting:
         [*why] = unused_parameter_files(["--params-file", str(path)], node)
         raise ValueError("; ".join(why) or f"{path} is no parameter file for {node}")
-    values = {name: value for one in fitting for name, value in flattened_parameter_file(one)}
+    values = {
+        name: value
+        for values_of_section in fitting
+        for name, value in flattened_parameter_file(values_of_section)
+    }
     for row in settings_table(TRACK_INITIATOR):
         refuse_integer_parameter(row, values.get(row.name), f"{path}: ")
     return values

@@ -231,10 +231,10 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     path, coverage, notes = Path(name), dict[str, float](), list[str]()
     is_images = (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists()
     outputs = [
-        *(one for one in (options.picture, options.html) if isinstance(one, Path)),
-        *(options.out / one for one in OUTPUTS if options.out),
+        *(output for output in (options.picture, options.html) if isinstance(output, Path)),
+        *(options.out / output for output in OUTPUTS if options.out),
     ]
-    given = [path, *(one for one in options.parameter if isinstance(one, Path))]
+    given = [path, *(output for output in options.parameter if isinstance(output, Path))]
     if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
         name in scenarios and not path.exists()
     ):
@@ -248,7 +248,11 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     source, is_bag = (path, False) if is_images else recording_source_of(path)
     beside = source.iterdir() if is_bag and source.is_dir() else map(source.with_name, BESIDE)
     spare_files(
-        [*given, source, *(one for one in beside if one.suffix not in WRITTEN or not is_bag)],
+        [
+            *given,
+            source,
+            *(output for output in beside if output.suffix not in WRITTEN or not is_bag),
+        ],
         outputs,
     )
     _refuse_unused_of_run(options, "a bag" if is_bag else "a recording")
@@ -351,14 +355,14 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     if shown:
         node_name = "/sonar_detector"  # a file may be the tracker's alone
         fitting = [
-            one
-            for one in options.parameter
-            if isinstance(one, str)
-            or not unused_parameter_files(["--params-file", str(one)], node_name)
+            assignment
+            for assignment in options.parameter
+            if isinstance(assignment, str)
+            or not unused_parameter_files(["--params-file", str(assignment)], node_name)
         ]
         of_detector, _ = _shared_out_run_values(given_parameter_values(fitting, node_name))
         groups = make_groups(SONAR_DETECTOR, of_detector)
-        images = ImageInput(groups, run.session.drop, lambda one: run.notes.update({one: one}))
+        images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
         images.plans = [] if options.html else None
     return dataclasses.replace(
         run,

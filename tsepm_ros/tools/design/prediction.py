@@ -313,12 +313,12 @@ class PredictionStatistics:
     @classmethod
     def of(cls, times: list[float | None]) -> PredictionStatistics:
         """Statistics of each target's time of confirmation, s, None if it is not confirmed."""
-        found = [time for time in times if time is not None]
+        confirmed = [time for time in times if time is not None]
         return cls(
             targets=len(times),
-            detection=proportion_interval(len(found), len(times)),
-            confirmation_time=mean_interval(found),
-            slow_confirmation_time=float(np.quantile(found, 0.95)) if found else math.nan,
+            detection=proportion_interval(len(confirmed), len(times)),
+            confirmation_time=mean_interval(confirmed),
+            slow_confirmation_time=float(np.quantile(confirmed, 0.95)) if confirmed else math.nan,
         )
 
 
@@ -331,7 +331,7 @@ def prediction_statistics(
     seed: int,
     processes: int = 1,
     progress: Progress = silent_terminal,
-    enough: Callable[[IntervalEstimate], bool] = lambda found: False,
+    enough: Callable[[IntervalEstimate], bool] = lambda detection: False,
 ) -> PredictionStatistics:
     """Simulate targets in their scenes and run the method on them.
 
@@ -368,8 +368,8 @@ def prediction_statistics(
     done = mapped_results(_predicted_confirmation_times, jobs, processes)
     for of_scene in progress(done, len(jobs)):
         times += of_scene
-        found = sum(time is not None for time in times)
-        if len(times) >= MIN_TARGETS and enough(proportion_interval(found, len(times))):
+        confirmed = sum(time is not None for time in times)
+        if len(times) >= MIN_TARGETS and enough(proportion_interval(confirmed, len(times))):
             break
     done.close()
     return PredictionStatistics.of(times)
@@ -574,10 +574,10 @@ def _predicted_rule_within(
         return rate
 
     numbers = range(2, window + 1)  # the rate falls with each more hit
-    place = bisect_left(numbers, True, key=lambda number: predicted(number) <= false_per_hour)
-    if place == len(numbers):
+    index = bisect_left(numbers, True, key=lambda number: predicted(number) <= false_per_hour)
+    if index == len(numbers):
         return None
-    min_hits, probability = numbers[place], sensor.detection_probability
+    min_hits, probability = numbers[index], sensor.detection_probability
     passes = expected_target_pass_share(gating, chosen(min_hits), case.target_speed)
     by_scan = expected_confirmed_by(min_hits, window, probability, gate, case.scans, passes)
     return PredictedRule(
@@ -635,9 +635,11 @@ def predicted_candidates(
     scans = prediction_clutter_scans(case, rate)
     rival = -math.inf  # the P_D that another method has at least
 
-    def enough(found: IntervalEstimate) -> bool:
-        decided = not found.low < wanted <= found.high
-        return (decided and prediction_known_within(found, HALF_WIDTH)) or found.high < rival
+    def enough(detection: IntervalEstimate) -> bool:
+        decided = not detection.low < wanted <= detection.high
+        return (
+            decided and prediction_known_within(detection, HALF_WIDTH)
+        ) or detection.high < rival
 
     def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> PredictedCandidate:
         options = {**dataclasses.asdict(case.common), **own}
@@ -704,8 +706,8 @@ def first_prediction(
     """The estimate of a case, at the design's window unless the given window is kept."""
     if not given_window:
         options = dataclasses.replace(options, window=predicted_score_window(case, options))
-    [(threshold, found)] = predicted_passages(case, options, [options.window])
-    return FirstPrediction(options.window, threshold, found[: case.scans])
+    [(threshold, shares)] = predicted_passages(case, options, [options.window])
+    return FirstPrediction(options.window, threshold, shares[: case.scans])
 
 
 def prediction_remedies(case: PredictionCase) -> list[tuple[str, PredictionCase]]:
@@ -754,10 +756,10 @@ def predicted_remedied_detection(
     cases = [(text, changed, score) for text, changed in prediction_remedies(case)]
     cases.append(("ten times as many false tracks", case, more))
     jobs = [(changed, options, given_window, runs, seed) for _, changed, options in cases]
-    found = progress("possible changes")(
+    estimates = progress("possible changes")(
         mapped_results(_predicted_remedied, jobs, processes), len(jobs)
     )
-    for (text, _, _), detection in zip(cases, found, strict=True):
+    for (text, _, _), detection in zip(cases, estimates, strict=True):
         yield text, detection
 
 
@@ -774,5 +776,5 @@ def _predicted_remedied(
         options,
         runs=runs,
         seed=seed,
-        enough=lambda found: prediction_known_within(found, REMEDY_HALF_WIDTH),
+        enough=lambda estimate: prediction_known_within(estimate, REMEDY_HALF_WIDTH),
     ).detection

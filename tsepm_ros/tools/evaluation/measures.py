@@ -214,8 +214,11 @@ class RunMeasures:
     def as_json(self) -> dict[str, Any]:
         """The summary as lists of values, null for nan; see :meth:`from_json`."""
         starts, scans = (
-            [[None if value != value else value for value in vars(one).values()] for one in of]
-            for of in (self.starts, self.scans)  # nan is not JSON
+            [
+                [None if value != value else value for value in vars(summary).values()]
+                for summary in summaries
+            ]
+            for summaries in (self.starts, self.scans)  # nan is not JSON
         )
         return {"targets": self.targets, "starts": starts, "scans": scans}
 
@@ -241,25 +244,27 @@ def summarise_measures(run: SimulatedRun) -> RunMeasures:
     first = run.scenario.warm_up
     judged, corrected = (
         [
-            (scan - first, one)
-            for (scan, _), one in zip(tracks, run.judge([t for _, t in tracks]), strict=True)
+            (scan - first, judged_start)
+            for (scan, _), judged_start in zip(
+                tracks, run.judge([t for _, t in tracks]), strict=True
+            )
             if scan >= first
         ]
         for tracks in (run.starts, run.corrections)
     )
     true = [
-        (scan, one.target)
-        for scan, one in [*judged, *corrected]
-        if one.outcome in (Outcome.TRUE, Outcome.REDUNDANT)
+        (scan, judged_start.target)
+        for scan, judged_start in [*judged, *corrected]
+        if judged_start.outcome in (Outcome.TRUE, Outcome.REDUNDANT)
     ]
-    false = [scan for scan, one in judged if one.outcome is Outcome.FALSE]
-    near = [(scan, target) for scan, one in judged for target in one.at]
+    false = [scan for scan, judged_start in judged if judged_start.outcome is Outcome.FALSE]
+    near = [(scan, target) for scan, judged_start in judged for target in judged_start.at]
     return RunMeasures(
         targets=len(run.simulator.targets),
         starts=tuple(
-            _measured_start_summary(run, one, scan)
-            for scan, one in judged
-            if one.outcome is not Outcome.FALSE
+            _measured_start_summary(run, judged_start, scan)
+            for scan, judged_start in judged
+            if judged_start.outcome is not Outcome.FALSE
         ),
         scans=tuple(
             ScanSummary(

@@ -108,7 +108,7 @@ def result_outside_files(*objects: Any) -> list[Path]:
 
     These are all modules that are loaded and not installed: a method may be made of several.
     """
-    own = {one.__module__ for one in objects if not one.__module__.startswith("tsepm_ros.")}
+    own = {item.__module__ for item in objects if not item.__module__.startswith("tsepm_ros.")}
     installed = (str(PACKAGE), sys.prefix, sys.base_prefix)
     return [
         Path(file)

@@ -422,7 +422,7 @@ def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     hits = f"hits of a new track in order{', with the number of the ping' if panels else ''}"
     kind = "new track" if scene.judged is None else "track on a target"
     start = f"{kind} at its start: id, 95 % ellipse, arrow: {seconds:g} s of travel"
-    place, other = "true place when the track started", "false, misplaced or redundant track"
+    true_label, other = "true place when the track started", "false, misplaced or redundant track"
     few = panels or len(scene.starts_by(true=True)) <= HITS_SHOWN
     coasts = any(view.held.time_since_hit.any() for view in scene.scans)
     coasting = {"label": "trail where no detection came", "linestyle": COASTING_LINE}
@@ -436,7 +436,7 @@ def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
         ),
         (scene.truth, entry_of(label="true way ends", **plan_points(truth, "s", 6.0))),
         (few, entry_of(label=hits, **plan_points(ink, "s", 6.5, hollow=True))),
-        (panels, entry_of(label=place, **TRUE_PLACE)),
+        (panels, entry_of(label=true_label, **TRUE_PLACE)),
         (True, entry_of(label=start, color=track, marker=">", markersize=6, linewidth=1.6)),
         (
             scene.starts_by(true=False),

@@ -123,12 +123,12 @@ class RunScene:
         """True starts, or those with another outcome; starts without judgement count as true."""
         if self.judged is None:
             return self.starts if true else []
-        return [one.track for one in self.judged if (one.outcome is Outcome.TRUE) is true]
+        return [start.track for start in self.judged if (start.outcome is Outcome.TRUE) is true]
 
     @property
     def true_starts(self) -> dict[int, Judged]:
         """The true start of each target that has one, by the target's index."""
-        return {one.target: one for one in self.judged or [] if one.outcome is Outcome.TRUE}
+        return {start.target: start for start in self.judged or [] if start.outcome is Outcome.TRUE}
 
     @property
     def true_places(self) -> FloatArray:
@@ -136,10 +136,12 @@ class RunScene:
 
         nan outside of the time of the target's path.
         """
-        found = [(self.truth[target], one.track.stamp) for target, one in self.true_starts.items()]
+        starts = [
+            (self.truth[target], start.track.stamp) for target, start in self.true_starts.items()
+        ]
         places = [
             [np.interp(stamp, path[:, 0], axis, np.nan, np.nan) for axis in path[:, 1:].T]
-            for path, stamp in found
+            for path, stamp in starts
         ]
         return np.array(places).reshape(-1, 2)
 
@@ -210,12 +212,12 @@ def scene_headline(scene: RunScene) -> str:
         last = max(start_scans[judgement.track.track_id] for judgement in starts.values())
         pings = _scene_pings(last)
     counts = Counter(judgement.outcome for judgement in scene.judged)
-    others = [one for one in (Outcome.MISPLACED, Outcome.REDUNDANT) if counts[one]]
+    others = [outcome for outcome in (Outcome.MISPLACED, Outcome.REDUNDANT) if counts[outcome]]
     return ", ".join(
         [
             f"{len(starts)} of {len(scene.truth)} targets in {pings}",
             _scene_tracks(counts[Outcome.FALSE], "false "),
-            *(f"{counts[one]} {one.value}" for one in others),
+            *(f"{counts[outcome]} {outcome.value}" for outcome in others),
         ]
     )
 

@@ -455,7 +455,7 @@ class PlayedRecording(PlayedTopics):
         events: list[tuple[float, int, Any]] = [
             *((pose.stamp, 0, partial(self._publish_pose, pose)) for pose in poses),
             *((time, 1, partial(self._publish_states, time)) for time in times),
-            *((one.time, 2, partial(self._publish_scan, one)) for one in self._recording.scans),
+            *((scan.time, 2, partial(self._publish_scan, scan)) for scan in self._recording.scans),
         ]
         for due, _, publish in sorted(events, key=lambda event: event[:2]):
             if due >= self._from:

@@ -304,8 +304,8 @@ class _RosbagsStorage:
     def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
         for reader in self._readers:
             connections = [c for c in reader.connections if c.topic in topics]
-            found = reader.messages(connections, start=start_ns) if connections else ()
-            for connection, log_ns, data in found:
+            stored = reader.messages(connections, start=start_ns) if connections else ()
+            for connection, log_ns, data in stored:
                 yield BagMessage(connection.topic, log_ns, bytes(data))
 
     def deserialize(self, data: bytes, type_name: str) -> Any:
@@ -355,18 +355,18 @@ def _readable_bag(path: Path, stack: ExitStack, notes: list[str]) -> Path:
     kind = recording_kind_of(path) if path.is_file() else ""
     if kind not in (MCAP, SQLITE):  # the folder of a compressed bag
         return path
-    place = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind}")
+    copy_path = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind}")
     beside = [Path(f"{path}{end}") for end in ("-wal", "-journal") if kind == SQLITE]
     beside = [file for file in beside if file.is_file() and file.stat().st_size]
     address = f"{path.resolve().as_uri()}?immutable=1"
     if kind == MCAP or not (beside or _bag_answers(address, f"SELECT 1 {_UNKNOWN}")):
-        place.symlink_to(path.resolve())
-        return place
+        copy_path.symlink_to(path.resolve())
+        return copy_path
     for file in (path, *beside):
-        shutil.copyfile(file, f"{place}{file.name.removeprefix(path.name)}")
-    _bag_answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
+        shutil.copyfile(file, f"{copy_path}{file.name.removeprefix(path.name)}")
+    _bag_answers(copy_path.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
     notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
-    return place
+    return copy_path
 
 
 def _bag_answers(address: str, commands: str) -> list[Any]:

@@ -137,13 +137,13 @@ def _image_folder_placed(
 ) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
     """Ranges above 0, azimuths and intensities (b, m) of a picture."""
     if layout.rows == "fan":
-        ends, sector = ((float(one[0]), float(one[-1])) for one in axes)
+        ends, sector = ((float(axis[0]), float(axis[-1])) for axis in axes)
         distance, azimuth, table = located_image(picture, layout, ends, sector)
     else:
         table = image_by_beam(picture, layout)
         distance, azimuth = (
-            np.linspace(one[0], one[-1], cells) if len(one) == 2 else one
-            for one, cells in zip(axes, table.T.shape, strict=True)
+            np.linspace(axis[0], axis[-1], cells) if len(axis) == 2 else axis
+            for axis, cells in zip(axes, table.T.shape, strict=True)
         )
         azimuth = azimuth[:: -1 if layout.port_first else 1]
     first = int((distance <= 0.0).sum())

@@ -280,7 +280,7 @@ class Recording:
     @property
     def span(self) -> tuple[float, float]:
         """First and last recorded time, s."""
-        times = [one.time for one in self.scans] + [one.stamp for one in self.own_ship]
+        times = [item.time for item in self.scans] + [item.stamp for item in self.own_ship]
         times += [time for path in self.targets.values() for time in path[:, 0].tolist()]
         return (min(times), max(times)) if times else (0.0, 0.0)
 
@@ -378,8 +378,8 @@ def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
     for rows in (np.flatnonzero(target == value) for value in np.unique(target)):
         starts = _recording_changes(table.get("scan", time)[rows])
         first = np.minimum.reduceat(time[rows], starts)
-        place = np.unique(first, return_inverse=True)[1]
-        late = np.flatnonzero(np.maximum.accumulate(place) - place > 1)
+        scan_of_line = np.unique(first, return_inverse=True)[1]
+        late = np.flatnonzero(np.maximum.accumulate(scan_of_line) - scan_of_line > 1)
         if len(late):
             raise ValueError(
                 f"{file}, line {lines[rows[starts[late[0]]]]}: time_s steps back to "
@@ -447,25 +447,25 @@ def _check_recording_scans(
     remedy = "number the pings, or leave out the column scan if each has one time"
     last: dict[float, int] = {}
     restarts: list[str] = []
-    for place, number in enumerate(numbers):
-        if place - last.get(number, -MIN_RETURN) < MIN_RETURN:
+    for index, number in enumerate(numbers):
+        if index - last.get(number, -MIN_RETURN) < MIN_RETURN:
             raise ValueError(
                 f"{file}: scan {number:g} has rows at {starts[last[number]]:.10g} and "
-                f"{starts[place]:.10g} s, with other scans between: {remedy}"
+                f"{starts[index]:.10g} s, with other scans between: {remedy}"
             )
         if number in last:
             restarts.append(
-                f"the numbers of scan start again at {starts[place]:.10g} s: taken as new pings"
+                f"the numbers of scan start again at {starts[index]:.10g} s: taken as new pings"
             )
-        last[number] = place
+        last[number] = index
     notes += restarts[:1]
     gaps = np.diff(starts)
     longest = MAX_SPAN * float(np.median(gaps)) if len(gaps) else 0.0
     if spans.max(initial=0.0) > longest:
-        place = int(np.argmax(spans))
+        index = int(np.argmax(spans))
         raise ValueError(
-            f"{file}: the rows of scan {numbers[place]:g} have times from {starts[place]:.10g} to "
-            f"{starts[place] + spans[place]:.10g} s, longer than scans are apart: {remedy}"
+            f"{file}: the rows of scan {numbers[index]:g} have times from {starts[index]:.10g} to "
+            f"{starts[index] + spans[index]:.10g} s, longer than scans are apart: {remedy}"
         )
     same = int(np.count_nonzero(gaps == 0.0))
     sentence = (
@@ -502,14 +502,14 @@ def _recording_empty_scans(
     runs = _recording_runs(own_ship)
     times = [float(own_ship["time_s"][rows[0]]) for rows in runs]
     by_number: dict[float, list[int]] = {}
-    for place, rows in enumerate(runs):
-        by_number.setdefault(float(own_ship["scan"][rows[0]]), []).append(place)
-    found = {
-        min(by_number[number], key=lambda place: abs(times[place] - start))
+    for index, rows in enumerate(runs):
+        by_number.setdefault(float(own_ship["scan"][rows[0]]), []).append(index)
+    stamps = {
+        min(by_number[number], key=lambda index: abs(times[index] - start))
         for number, start in zip(numbers, starts.tolist(), strict=True)
         if number in by_number
     }
-    return [time for place, time in enumerate(times) if place not in found]
+    return [time for index, time in enumerate(times) if index not in stamps]
 
 
 def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
@@ -558,17 +558,22 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
     simulated, start = list(simulator), simulator.start
     scans = [
         RecordedScan(
-            one.scan.stamp,
+            simulated_scan.scan.stamp,
             {
                 name: values
                 for name in ("range", "azimuth", "time_offset")
-                if (values := getattr(one.scan, name)) is not None
+                if (values := getattr(simulated_scan.scan, name)) is not None
             },
         )
-        for one in simulated
+        for simulated_scan in simulated
     ]
     targets = {
-        target: np.array([(one.scan.stamp, *one.truth[target]) for one in simulated])
+        target: np.array(
+            [
+                (simulated_scan.scan.stamp, *simulated_scan.truth[target])
+                for simulated_scan in simulated
+            ]
+        )
         for target in range(len(simulator.targets))
     }
     number = math.ceil((simulated[-1].complete - start) / OWN_SHIP_PERIOD) + 1
@@ -578,4 +583,6 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
         for time in (OWN_SHIP_PERIOD * np.arange(number)).tolist()
         for x, y, yaw in [pose(time).tolist()]
     ]
-    return Recording(scans, own_ship, targets), [one.origin for one in simulated]
+    return Recording(scans, own_ship, targets), [
+        simulated_scan.origin for simulated_scan in simulated
+    ]

@@ -114,8 +114,8 @@ class ImageSimulator:
         for image, _ in self:
             pose = np.asarray(image.sensor_pose)
             for k, after in enumerate(np.asarray(image.time_offset).tolist()):
-                one = image.azimuth[k : k + 1], image.intensity[k : k + 1]
-                yield SonarImage(image.stamp + after, image.range, *one, None, pose[k])
+                bearing = image.azimuth[k : k + 1], image.intensity[k : k + 1]
+                yield SonarImage(image.stamp + after, image.range, *bearing, None, pose[k])
 
     def _image(self, time: float) -> SonarImage:
         model = self.model
@@ -127,10 +127,12 @@ class ImageSimulator:
         for k, state in enumerate(self._simulator.truth(time)):
             middle, _ = self._cells(state[None, 0::2], poses[0])
             seen = int(np.clip(np.rint(middle[0]), 0, len(after) - 1))
-            place = self._cells(state[None, 0::2] + after[seen] * state[1::2], poses[seen])
+            echo_cells = self._cells(state[None, 0::2] + after[seen] * state[1::2], poses[seen])
             number = 1 + math.ceil(SCATTERERS * math.prod(model.target_size))
             spread = self._rng.uniform(-0.5, 0.5, (2, number)).T * model.target_size
-            field += self._echo(np.add(place, spread.T), strengths[k % len(strengths)] or DEFAULT)
+            field += self._echo(
+                np.add(echo_cells, spread.T), strengths[k % len(strengths)] or DEFAULT
+            )
         for x0, y0, x1, y1, strength in model.walls:
             points = np.linspace((x0, y0), (x1, y1), WALL_POINTS)
             field += self._echo(self._cells(points, poses[0]), TargetStrength(strength))
@@ -161,17 +163,19 @@ class ImageSimulator:
         row = (np.mod(azimuth + 0.1, 2 * math.pi) - 0.1) / self._steps[0]
         return np.stack([row, (np.hypot(*offset.T) - self.range[0]) / self._steps[1]])
 
-    def _echo(self, place: FloatArray, strength: TargetStrength) -> Any:
+    def _echo(self, echo_cells: FloatArray, strength: TargetStrength) -> Any:
         """Field (b, m) of scatterers at rows and columns (2, n)."""
         response = [
             np.exp(-0.5 * ((np.arange(cells) - centre[:, None]) / math.hypot(sigma, POINT)) ** 2)
-            for cells, centre, sigma in zip(self.model.cells, place, self.model.blur, strict=True)
+            for cells, centre, sigma in zip(
+                self.model.cells, echo_cells, self.model.blur, strict=True
+            )
         ]
-        apart = (place - place[:, place.shape[1] // 2, None]) / np.hypot(self.model.blur, POINT)[
-            :, None
-        ]
+        apart = (echo_cells - echo_cells[:, echo_cells.shape[1] // 2, None]) / np.hypot(
+            self.model.blur, POINT
+        )[:, None]
         power = np.exp(-(apart**2).sum(axis=0)).sum()  # mean, at the middle one
-        scatterers = self._white(place.shape[1])
+        scatterers = self._white(echo_cells.shape[1])
         if strength.fluctuation == "steady":
             scatterers /= np.abs(scatterers)
         scatterers *= 10.0 ** (strength.ratio_db / 20.0) / math.sqrt(power)

@@ -602,10 +602,10 @@ def _scenario_kinds(kind: type[Any]) -> dict[str, str]:
 def _scenario_section(kind: type[Any], content: Any, where: str) -> Any:
     """Make a dataclass from a mapping."""
     values = _scenario_values(content, where, _scenario_kinds(kind))
-    for one in dataclasses.fields(kind):
-        has_default = one.default_factory is not dataclasses.MISSING
-        if one.default is dataclasses.MISSING and not has_default and one.name not in values:
-            raise ValueError(f"{where}: {one.name} is missing")
+    for each in dataclasses.fields(kind):
+        has_default = each.default_factory is not dataclasses.MISSING
+        if each.default is dataclasses.MISSING and not has_default and each.name not in values:
+            raise ValueError(f"{where}: {each.name} is missing")
     try:
         return kind(**values)
     except (TypeError, ValueError) as error:
@@ -650,8 +650,8 @@ def _scenario_own_ship(content: Any, where: str) -> Motion:
 
 def _scenario_waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(
-        tuple(_scenario_numbers(2, one, place).tolist())
-        for place, one in _scenario_entries(content, where)
+        tuple(_scenario_numbers(2, waypoint, entry_name).tolist())
+        for entry_name, waypoint in _scenario_entries(content, where)
     )
 
 
@@ -669,8 +669,8 @@ def _scenario_features(content: Any, where: str) -> dict[str, tuple[float, float
 
 def _scenario_patches(content: Any, where: str) -> tuple[ClutterPatch, ...]:
     return tuple(
-        _scenario_section(ClutterPatch, one, place)
-        for place, one in _scenario_entries(content, where)
+        _scenario_section(ClutterPatch, patch, entry_name)
+        for entry_name, patch in _scenario_entries(content, where)
     )
 
 

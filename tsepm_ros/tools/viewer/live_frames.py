@@ -218,5 +218,5 @@ def _live_hypotheses(tracks: TrackArrays) -> TrackArrays:
     side = 2.0 * np.sqrt(max(float(np.median(variance)), MIN_CELL**2))
     with np.errstate(invalid="ignore"):
         cells = np.nan_to_num(np.floor(tracks.state[:, 0::2] / side))
-    _, place = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
-    return replace(tracks, hits=np.fromiter([((0, one),) for one in place.tolist()], object))
+    _, row = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
+    return replace(tracks, hits=np.fromiter([((0, index),) for index in row.tolist()], object))

@@ -293,11 +293,11 @@ def _page_positions(positions: FloatArray | None) -> list[int]:
 def _page_pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
     if pose is None or not all(math.isfinite(value) for value in pose[:2]):
         return None
-    place, heading = _page_integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
+    position, heading = _page_integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
     known = math.isfinite(heading)
     speeds = np.array(pose[3:])
     return [
-        *place,
+        *position,
         round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None,
         *(
             _page_integers(speeds, MILLIMETERS).tolist()
@@ -341,13 +341,13 @@ def page_geographic_terms(origin: str) -> Frame:
     if not origin:
         return {}
     reference = GeographicReference.read(origin)
-    place = [reference.latitude, reference.longitude]
+    origin_degrees = [reference.latitude, reference.longitude]
     to_pole = _DEGREE * (90.0 - abs(reference.latitude))
     reach = min(GEOGRAPHIC_REACH, GEOGRAPHIC_SHARE * to_pole)
     nodes = np.polynomial.chebyshev.chebpts1(2 * GEOGRAPHIC_ORDER)
     east, north = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
     try:
-        degrees = reference.geographic(reach * np.stack([east, north], axis=1)) - place
+        degrees = reference.geographic(reach * np.stack([east, north], axis=1)) - origin_degrees
     except ImportError:
         raise ValueError(
             "origin needs the library pyproj: pip install pyproj, or the package python3-pyproj"
@@ -358,7 +358,7 @@ def page_geographic_terms(origin: str) -> Frame:
     basis = np.stack([east**i * north**j for i, j in powers], axis=1)
     factors = np.linalg.lstsq(basis, degrees, rcond=None)[0].tolist()
     terms = [[*power, *pair] for power, pair in zip(powers, factors, strict=True)]
-    return {"north": True, "geographic": {"origin": place, "reach": reach, "terms": terms}}
+    return {"north": True, "geographic": {"origin": origin_degrees, "reach": reach, "terms": terms}}
 
 
 def page_health_of_message(message: Any) -> Frame | None:

@@ -77,7 +77,7 @@ def page_server_token(addresses: Iterable[str], given: str) -> str:
     given : str
         The token of the options; empty: a random token, unless all addresses are loopback ones.
     """
-    if given or all(ipaddress.ip_address(one).is_loopback for one in addresses):
+    if given or all(ipaddress.ip_address(address).is_loopback for address in addresses):
         return given
     return secrets.token_urlsafe(24)
 
@@ -432,7 +432,7 @@ def _bound_page_server(host: str, port: int) -> list[_ListeningPageServer]:
         raise ValueError(
             f"the page cannot be served on {host}, port {port}: {error}{remedy}"
         ) from None
-    return [_ListeningPageServer(fileno=one.detach()) for one in bound]
+    return [_ListeningPageServer(fileno=bound_socket.detach()) for bound_socket in bound]
 
 
 def _page_server_url(host: str, port: int, token: str) -> str:
