@@ -51,6 +51,8 @@ def test_a_track_is_shown_in_one_line():
     assert repr(TrackArrays.from_tracks([])) == "TrackArrays([])"
     many = repr(TrackArrays.from_tracks([track(number) for number in range(5)]))
     assert many.count("ConfirmedTrack(") == 3 and many.endswith(", 5 in all)")
+    assert "in all" not in repr(TrackArrays.from_tracks(TRACKS))
+    assert track().since == 64.0, "36 s before its stamp"
 
 
 def test_a_stone_soup_state_has_the_time_of_its_stamp():

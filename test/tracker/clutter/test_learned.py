@@ -9,7 +9,20 @@ import pytest
 from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tracker.clutter.learned import HALF_LIFE, read_learned, write_learned
+from tsepm_ros.tracker.clutter.fixed_places import RISE
+from tsepm_ros.tracker.clutter.learned import (
+    HALF_LIFE,
+    MIN_RATE_COUNT,
+    Learned,
+    LearnedRangeRates,
+    LearnedScanClutter,
+    LearnedScanInterval,
+    read_learned,
+    write_learned,
+)
+from tsepm_ros.tracker.measurement import DETECTION
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.polar_grid import MEMORY
 
 DAY = 86_400.0
 
@@ -105,3 +118,70 @@ def test_another_sensor_is_refused(run):
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="it is not"):
         read_learned(text, SENSOR, "", 0.0, DAY)
+
+
+def test_the_scan_interval_is_the_median_of_the_last_intervals():
+    interval = LearnedScanInterval()
+    interval.update(0.0)
+    assert interval.median == 0.0, "the first scan has none"
+    for one in (4.0, 12.0, 4.0, 400.0, 5.0):
+        interval.update(one)
+    assert interval.median == 5.0
+    for one in range(MEMORY):
+        interval.update(100.0 + one)
+    assert interval.median == 100.0 + (MEMORY - 1) / 2.0
+
+
+def rated(rates) -> np.ndarray:
+    """Detections ahead of a sensor that moves ahead at 3 m/s, by rates over ground."""
+    made = np.zeros(len(rates), DETECTION)
+    made["position"], made["sensor_velocity"] = (100.0, 0.0), (3.0, 0.0)
+    made["range_rate"], made["range_rate_std"] = np.asarray(rates) - 3.0, 0.2
+    return made
+
+
+@pytest.mark.parametrize(
+    ("rates", "width"),
+    [
+        (np.linspace(-1.0, 3.0, MIN_RATE_COUNT - 1), None),
+        (np.linspace(-1.0, 3.0, MIN_RATE_COUNT), np.median(np.abs(np.linspace(-1.0, 3.0, 20)))),
+        (np.full(30, 1e-3), 0.25),
+        (np.full(30, 2e4), 1e4),
+    ],
+    ids=["too few", "median", "not below the error", "not above all rates"],
+)
+def test_the_width_of_clutter_s_range_rates_is_their_median_over_ground(rates, width):
+    sensor = replace(SENSOR, range_rate_std=0.5, clutter_range_rate=7.0)
+    learned = LearnedRangeRates()
+    for part in np.array_split(rates, 3):
+        made = np.append(rated(part), rated([50.0]))
+        made["range_rate_std"][-1] = 0.0  # does not count
+        learned.update(made)
+    assert learned.estimate(sensor).clutter_range_rate == pytest.approx(width or 7.0)
+
+
+@pytest.mark.parametrize("clutter_density", ["given", "estimated"])
+def test_the_density_at_a_scan_is_as_given_or_of_the_map_and_raised_where_clutter_stays(
+    clutter_density,
+):
+    common = CommonOptions(clutter_density=clutter_density)
+    learned = Learned.initial(SENSOR)
+    range_, azimuth = np.array([1000.0, 5000.0, 8000.0]), np.array([0.0, 1.0, -2.0])
+    clutter = LearnedScanClutter(learned, common, SENSOR, False, range_, azimuth)
+    density = clutter.density()
+    np.testing.assert_allclose(density, 1e-8)
+    assert not clutter.is_fixed.any()
+    clutter._staying = density * RISE * [0.0, 0.99, 1.01]
+    assert clutter.is_fixed.tolist() == [False, False, True]
+    np.testing.assert_allclose(clutter.before(list), density * [1.0, 1.0, 1.01 * RISE])
+
+
+def test_what_turns_out_to_be_a_target_s_is_taken_back_from_the_map():
+    learned = Learned.initial(SENSOR)
+    range_, azimuth = np.array([1000.0, 5000.0]), np.array([0.0, 1.0])
+    clutter = LearnedScanClutter(learned, CommonOptions(), SENSOR, False, range_, azimuth)
+    clutter.weight = np.array([1.0, 0.5])
+    taken = []
+    learned.clutter_map.withdraw = lambda cells, weight: taken.append(weight.tolist())
+    clutter.withdraw(np.array([0.25, 1.0]))
+    assert clutter.weight.tolist() == [0.75, 0.0] and taken == [[0.25, 0.5]]
