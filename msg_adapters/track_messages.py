@@ -45,7 +45,7 @@ from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, array_log_sums
 from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.inputs import TrackerReport
-from tsepm_ros.tracker.measurement import measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -706,7 +706,7 @@ def fixed_echo_markers(
     if not len(arrays):
         return clear_markers(header)  # RViz rejects a marker without points
     own: dict[str, Any] = {"color": FIXED_ECHO_COLOR, "opacity": 1.0}
-    sigma = measurement_major_sigma(arrays.covariance[:, 0::2, 0::2])
+    sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
     size = max(minimum_size, float(np.median(sigma)), _THICKNESS)
     cubes = _track_marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
     cubes.points = _track_marker_points(arrays.state[:, 0::2])

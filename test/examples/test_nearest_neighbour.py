@@ -48,7 +48,7 @@ def test_a_filter_begins_with_a_track_and_predicts_by_nearly_constant_velocity()
     np.testing.assert_array_equal(told.covariance, COVARIANCE)
     tracker.step(12.0, *NONE)
     [told] = tracker.tracks()
-    state, covariance = motion.predict_motion(STATE[None], COVARIANCE[None], 12.0, 0.3)
+    state, covariance = motion.predict(STATE[None], COVARIANCE[None], 12.0, 0.3)
     np.testing.assert_allclose(told.state, state[0], rtol=1e-12)
     np.testing.assert_allclose(told.covariance, covariance[0], rtol=1e-12)
 
@@ -57,11 +57,11 @@ def test_an_update_is_that_of_a_kalman_filter_at_the_echo_s_own_time():
     tracker, delay = started(track(), noise=0.0), 2.5
     position, R, lag = seen(12.0, (3080.0, 1490.0), delay=delay)
     assert tracker.step(12.0, position, R, lag) == {7: 0}
-    state, covariance = motion.predict_motion(STATE[None], COVARIANCE[None], 12.0)
+    state, covariance = motion.predict(STATE[None], COVARIANCE[None], 12.0)
     step = np.array([delay])
     expected = state[:, 0::2] + delay * state[:, 1::2]
-    spread = motion.position_covariance_after_motion(covariance, step) + R
-    state, covariance = motion.update_motion(state, covariance, step, position - expected, spread)
+    spread = motion.position_covariance_after(covariance, step) + R
+    state, covariance = motion.update(state, covariance, step, position - expected, spread)
     [told] = tracker.tracks()
     np.testing.assert_allclose(told.state, state[0], rtol=1e-9)
     np.testing.assert_allclose(told.covariance, covariance[0], rtol=1e-9, atol=1e-9)

@@ -45,7 +45,7 @@ def test_stone_soup_starts_predicts_and_measures_as_a_filter_here_does():
     np.testing.assert_array_equal(start.state_vector.ravel(), STATE)
     np.testing.assert_array_equal(start.covar, COVARIANCE)
     later = page["predictor"].predict(start, timestamp=start.timestamp + timedelta(seconds=12))
-    state, covariance = motion.predict_motion(STATE[None], COVARIANCE[None], 12.0, 0.01)
+    state, covariance = motion.predict(STATE[None], COVARIANCE[None], 12.0, 0.01)
     np.testing.assert_allclose(later.state_vector.ravel().astype(float), state[0], rtol=1e-12)
     np.testing.assert_allclose(later.covar.astype(float), covariance[0], rtol=1e-9)
     models = pytest.importorskip("stonesoup.models.measurement.nonlinear")

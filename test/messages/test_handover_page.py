@@ -45,8 +45,8 @@ def test_a_detection_updates_as_the_package_s_own_filter_does(make_track, over_t
     state, covariance = run_page()["update"](track.state, track.covariance, cloud, 1)
     step, before = placed.time_offset[1:], track.covariance[None]
     innovation = placed.position[1:] - track.position - step * track.velocity
-    S = motion.position_covariance_after_motion(before, step) + placed.covariance[1:]
-    [after], [spread] = motion.update_motion(track.state[None], before, step, innovation, S)
+    S = motion.position_covariance_after(before, step) + placed.covariance[1:]
+    [after], [spread] = motion.update(track.state[None], before, step, innovation, S)
     np.testing.assert_allclose(state, after, rtol=1e-9)
     np.testing.assert_allclose(covariance, spread, rtol=1e-9, atol=1e-9)
 

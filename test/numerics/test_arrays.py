@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 from tsepm_ros.numerics.arrays import (
-    ArrayRows,
+    Rows,
     among_best_of_array,
     appended_arrays,
     array_indices,
@@ -16,15 +16,15 @@ from tsepm_ros.numerics.arrays import (
     array_rows_of_groups,
     array_rows_of_least_cost,
     array_sums_over_hits,
-    changed_arrays,
+    changed,
     complete_linkage,
-    taken_from_array,
-    with_array_rows,
+    taken,
+    with_rows,
 )
 
 
 @dataclass(frozen=True)
-class Echoes(ArrayRows):
+class Echoes(Rows):
     range: np.ndarray
     azimuth: np.ndarray
 
@@ -44,7 +44,7 @@ def test_rows_are_taken_and_joined_column_by_column(echoes):
 
 def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
     with pytest.raises(TypeError, match=r"Echoes has no \{'bearing'\}"):
-        changed_arrays(echoes, range=echoes.range, bearing=echoes.azimuth)
+        changed(echoes, range=echoes.range, bearing=echoes.azimuth)
 
 
 def test_rows_chosen_of_several_tables_follow_each_other(echoes):
@@ -114,12 +114,12 @@ def test_the_nearest_groups_are_joined_while_all_their_members_are_pairs(seed):
 def test_rows_of_records_are_taken_in_the_shape_of_their_indices_and_appended():
     records = np.zeros(4, [("time", float), ("place", float, (2,))])
     records["time"], records["place"][:, 1] = [1.0, 2.0, 3.0, 4.0], 7.0
-    assert taken_from_array(records, np.array([[3, 0], [1, 1]]))["time"].tolist() == [
+    assert taken(records, np.array([[3, 0], [1, 1]]))["time"].tolist() == [
         [4, 1],
         [2, 2],
     ]
     mask = np.array([False, True, True, False])
-    assert taken_from_array(records, mask)["time"].tolist() == [2.0, 3.0]
+    assert taken(records, mask)["time"].tolist() == [2.0, 3.0]
     assert array_indices(mask).tolist() == [1, 2]
     assert array_indices(np.array([2, 0])).tolist() == [2, 0]
     both = appended_arrays(records[:1], records[2:])
@@ -127,7 +127,7 @@ def test_rows_of_records_are_taken_in_the_shape_of_their_indices_and_appended():
 
 
 def test_values_are_changed_in_some_rows_of_a_table_only(echoes):
-    made = with_array_rows(echoes, np.array([2, 0]), range=np.array([9.0, 8.0]))
+    made = with_rows(echoes, np.array([2, 0]), range=np.array([9.0, 8.0]))
     assert made.range.tolist() == [8.0, 2.0, 9.0]
     assert made.azimuth is echoes.azimuth and echoes.range.tolist() == [1.0, 2.0, 3.0]
 

@@ -12,7 +12,7 @@ from tsepm_ros.numerics.gaussian import (
     inverse_covariance_or_nan,
     is_gaussian_significant,
     proper_covariance,
-    solve_covariance,
+    solve,
     squared_mahalanobis_distance,
 )
 from tsepm_ros.studies.multiple_model import multiple_model_beyond_one
@@ -118,6 +118,6 @@ def test_a_singular_covariance_can_be_solved_for():
     covariance = np.array([np.ones((4, 4)), np.eye(4)])
     with pytest.raises(np.linalg.LinAlgError):
         np.linalg.solve(covariance, difference[..., None])
-    solved = solve_covariance(covariance, difference)
+    solved = solve(covariance, difference)
     assert solved[1] == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert difference[0] @ solved[0] > 1e6, "the states are far apart in that direction"

@@ -27,7 +27,7 @@ from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
-from tsepm_ros.tracker.motion import position_after_motion
+from tsepm_ros.tracker.motion import position_after
 from tsepm_ros.tracker.scan import ECHO_FEATURES
 
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])
@@ -250,7 +250,7 @@ def test_targets_meet_where_their_gates_overlap_in_time(within, width, met):
     error = math.sqrt((width / 6.0) ** 2 - 9.0)
     one, two = encounter_pairs(states, spread, np.full(2, error), 3.0, within)
     times = np.linspace(-within, within, 10_001)
-    closest = np.hypot(*position_after_motion(states[1] - states[0], times).T).min()
+    closest = np.hypot(*position_after(states[1] - states[0], times).T).min()
     assert (closest <= width) == met, "what the numbers above mean"
     assert (one.tolist(), two.tolist()) == (([0], [1]) if met else ([], []))
 

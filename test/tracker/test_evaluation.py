@@ -115,7 +115,7 @@ def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hyp
         initiator.process(scan)
     before = initiator.method.hypotheses
     observed = initiator.observe(scans[3])
-    predicted = splitting.predict_for_splitting(before, observed.interval, 0.001)
+    predicted = splitting.predict(before, observed.interval, 0.001)
     expected = ExpectedDetections.from_hypotheses(
         predicted, observed.stamp, observed.detections, SONAR
     )
@@ -123,9 +123,9 @@ def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hyp
     missed, scores = evaluation.evaluate(expected, parent, row, observed, 0.99)
     deletion = ScoreOptions().deletion_threshold
     kept, cut = pruning.prune(scores, observed.ids[row], deletion, 100, limit)
-    started = splitting.splitting_start(observed, 10.0, 16)
+    started = splitting.start(observed, 10.0, 16)
     parts = missed, scores, started
-    tree = splitting.expand_splitting(expected, parts, pairs[:2], kept + len(missed), observed)
+    tree = splitting.expand(expected, parts, pairs[:2], kept + len(missed), observed)
     return tree.hypotheses, unmade + cut
 
 

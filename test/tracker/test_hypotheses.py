@@ -101,10 +101,10 @@ def test_pairs_are_updated_as_by_the_kalman_filter_alone(shared):
     parent, row = np.array([0, 0, 1]), np.array([0, 2, 1])
     pairs = made.state[parent], made.covariance[parent]
     after = np.full(3, 2.0)
-    innovation, spread = motion.motion_innovations(*pairs, after, found[row], FIXED_RANGE_ERROR)
+    innovation, spread = motion.innovations(*pairs, after, found[row], FIXED_RANGE_ERROR)
     for one, other in zip(expected.innovations(parent, row), (innovation, spread), strict=True):
         np.testing.assert_allclose(one, other)
-    state, covariance = motion.update_motion(*pairs, after, innovation, spread)
+    state, covariance = motion.update(*pairs, after, innovation, spread)
     found_state, found_covariance = expected.updated(parent, row)
     np.testing.assert_allclose(found_state, state)
     np.testing.assert_allclose(found_covariance, covariance, atol=1e-9)

@@ -21,9 +21,9 @@ from tsepm_ros.tracker.measurement import (
     DETECTION,
     MeasurementWindow,
     convert_measurements,
-    measurement_major_sigma,
+    major_sigma,
 )
-from tsepm_ros.tracker.motion import position_after_motion
+from tsepm_ros.tracker.motion import position_after
 from tsepm_ros.tracker.tracks import TrackArrays
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
@@ -116,7 +116,7 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
     fitted = fit_initial_states(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
     square = np.square(fitted.state - STATE).mean(axis=0)
-    positions = position_after_motion(STATE, TIMES - 50.0)
+    positions = position_after(STATE, TIMES - 50.0)
     bound = np.diag(cramer_rao_measure(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
     assert math.sqrt(bound[0] + bound[2]) == pytest.approx(125.8, rel=0.01)  # the design's figures
     assert math.sqrt(bound[1] + bound[3]) == pytest.approx(4.10, rel=0.01)
@@ -137,7 +137,7 @@ def scans(away: float, number: int = 5) -> MeasurementWindow:
 
 
 def figures(window: MeasurementWindow, tracks: TrackArrays):
-    sigma = measurement_major_sigma(tracks.covariance[:, 0::2, 0::2])
+    sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
     return initial_state_figures(window, tracks.hits, tracks.stamp, tracks.state, sigma)
 
 

@@ -12,10 +12,10 @@ from tsepm_ros import SensorModel
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.motion import (
     MAX_OUTSIDE,
-    limited_motion,
+    limited,
     log_speed_probability,
     motion_in_disc,
-    slowed_motion,
+    slowed,
 )
 
 V_MAX = 10.0
@@ -60,21 +60,21 @@ def test_a_state_with_little_outside_stays_to_the_bit():
     for speed, sigma in ((3.0, 1.0), (8.9, 1.5)):
         state, covariance = with_velocity(2, [speed, 0.0], np.diag([sigma, 0.01]) ** 2)
         assert 1.0 - math.exp(log_speed_probability(state, covariance, V_MAX)[0]) < MAX_OUTSIDE
-        found = limited_motion(state, covariance, V_MAX)
+        found = limited(state, covariance, V_MAX)
         assert found[0].tobytes() == state.tobytes()
         assert found[1].tobytes() == covariance.tobytes()
     state, covariance = with_velocity(2, [9.1, 0.0], np.diag([1.5, 0.01]) ** 2)
-    assert limited_motion(state, covariance, V_MAX)[0][0, 1] < 9.1
+    assert limited(state, covariance, V_MAX)[0][0, 1] < 9.1
 
 
 def test_only_a_mean_that_is_faster_is_slowed_and_as_it_is_limited():
     slow = with_velocity(2, [9.9, 0.0], np.eye(2) * 9.0)
     fast = with_velocity(3, [10.1, 0.0], np.eye(2) * 9.0)
     state, covariance = (np.concatenate(parts) for parts in zip(slow, fast, strict=True))
-    found, spread = slowed_motion(state, covariance, V_MAX)
+    found, spread = slowed(state, covariance, V_MAX)
     assert found[0].tobytes() == state[0].tobytes()
     assert spread[0].tobytes() == covariance[0].tobytes()
-    expected, of = limited_motion(*fast, V_MAX)
+    expected, of = limited(*fast, V_MAX)
     np.testing.assert_array_equal(found[1], expected[0])
     np.testing.assert_array_equal(spread[1], of[0])
 
@@ -86,7 +86,7 @@ def test_the_mean_is_inside_and_the_covariance_positive_definite_however_far_out
         spread = turned(rng.uniform(0.0, 3.0), major, major * 10.0 ** rng.uniform(-2.0, 0.0))
         towards, out = rng.uniform(-math.pi, math.pi), V_MAX * 10.0 ** rng.uniform(-1.0, 1.5)
         mean = out * np.array([math.cos(towards), math.sin(towards)])
-        state, covariance = limited_motion(*with_velocity(seed, mean, spread), V_MAX)
+        state, covariance = limited(*with_velocity(seed, mean, spread), V_MAX)
         assert np.hypot(*state[0, 1::2]) <= V_MAX
         np.testing.assert_array_equal(covariance[0], covariance[0].T)
         deviation = np.sqrt(np.diag(covariance[0]))
@@ -103,8 +103,8 @@ def test_a_limited_state_is_limited_once():
         mean = (
             (V_MAX + 3.0 * major) * rng.random() * np.array([math.cos(towards), math.sin(towards)])
         )
-        once = limited_motion(*with_velocity(seed, mean, spread), V_MAX)
-        again = limited_motion(*once, V_MAX)
+        once = limited(*with_velocity(seed, mean, spread), V_MAX)
+        again = limited(*once, V_MAX)
         np.testing.assert_array_equal(again[0], once[0])
         np.testing.assert_array_equal(again[1], once[1])
 
@@ -142,7 +142,7 @@ def transition(step: float) -> np.ndarray:
 @pytest.mark.parametrize("step", [0.0, 12.0, -12.0])
 def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
     state, covariance = states(1)
-    found, spread = motion.predict_motion(state, covariance, step, noise)
+    found, spread = motion.predict(state, covariance, step, noise)
     # Backward as well, uncertainty grows with the time between; only its correlation turns over.
     time = abs(step)
     block = noise * np.array([[time**3 / 3, step * time / 2], [step * time / 2, time]])
@@ -162,19 +162,19 @@ def test_a_gain_is_that_of_the_stacked_matrices_and_the_update_is_bayes():
     h = np.stack([np.kron(np.eye(2), [1.0, t]) for t in elapsed])
     spread = h @ covariance @ np.swapaxes(h, 1, 2) + error
     np.testing.assert_allclose(
-        motion.position_covariance_after_motion(covariance, elapsed), spread - error, atol=1e-9
+        motion.position_covariance_after(covariance, elapsed), spread - error, atol=1e-9
     )
     np.testing.assert_array_equal(
-        motion.position_covariance_after_motion(covariance, np.zeros(3)), covariance[:, 0::2, 0::2]
+        motion.position_covariance_after(covariance, np.zeros(3)), covariance[:, 0::2, 0::2]
     )
     gain = covariance @ np.swapaxes(h, 1, 2) @ np.linalg.inv(spread)
-    np.testing.assert_allclose(motion.motion_kalman_gain(covariance, elapsed, spread), gain)
-    found = motion.update_motion(state, covariance, elapsed, innovation, spread)
+    np.testing.assert_allclose(motion.kalman_gain(covariance, elapsed, spread), gain)
+    found = motion.update(state, covariance, elapsed, innovation, spread)
     np.testing.assert_allclose(found[0], state + np.einsum("nij,nj->ni", gain, innovation))
     information = np.linalg.inv(covariance) + np.swapaxes(h, 1, 2) @ np.linalg.inv(error) @ h
     np.testing.assert_allclose(found[1], np.linalg.inv(information), atol=1e-6)
     np.testing.assert_allclose(
-        motion.position_after_motion(state, elapsed), np.einsum("nij,nj->ni", h, state)
+        motion.position_after(state, elapsed), np.einsum("nij,nj->ni", h, state)
     )
 
 
@@ -182,7 +182,7 @@ def test_innovations_are_against_the_place_and_with_the_errors_there():
     found = detections([[3000.0, 40.0]], 12.0)
     found["range_std"], found["azimuth_std"] = 20.0, 0.01
     state, covariance = np.array([[2990.0, 5.0, 10.0, 3.0]]), np.diag([9.0, 1.0, 4.0, 2.0])[None]
-    innovation, spread = motion.motion_innovations(
+    innovation, spread = motion.innovations(
         state, covariance, np.array([2.0]), found, SensorModel()
     )
     np.testing.assert_allclose(innovation, [[0.0, 24.0]])
@@ -194,7 +194,7 @@ def test_the_likelihood_of_a_detection_is_gaussian_within_the_gate_and_nothing_b
     found = detections([[0.0, 0.0]] * 3, 0.0)
     spread = np.diag([4.0, 9.0])
     innovation = np.array([[2.0, 3.0], [4.0, 6.6], [4.0, 6.9]])  # squares 2, 8.84 and 9.29
-    density = motion.motion_log_likelihood(
+    density = motion.log_likelihood(
         np.zeros((1, 4)),
         np.eye(4)[None],
         np.zeros(3, np.int64),
@@ -219,7 +219,7 @@ def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
     state, covariance = np.array([[994.0, 3.0, 0.0, 0.0]]), np.diag([9.0, 4.0, 9.0, 4.0])[None]
     owner, row = np.zeros(3, np.int64), np.arange(3)
     spread = np.broadcast_to(np.diag([26.0, 26.0]), (3, 2, 2))
-    density = motion.motion_log_likelihood(
+    density = motion.log_likelihood(
         state, covariance, owner, 0.0, np.zeros((3, 2)), spread, found, row, 0.99
     )
     # The velocity along the line of sight after the position: variance 4 - 8^2 / 26.
@@ -232,11 +232,11 @@ def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
 
 def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
     state, covariance = np.array([[100.0, 3.0, 50.0, -2.0]]), np.diag([9.0, 1.0, 9.0, 1.0])[None]
-    begun = motion.InteractingMotionModels.from_states(state, covariance)
+    begun = motion.InteractingModels.from_states(state, covariance)
     goes_on, begins = motion.GOES_ON, 1.0 / motion.SCANS_TO_TURN
     chain = np.array([[1.0 - begins, begins], [1.0 - goes_on, goes_on]])
     np.testing.assert_allclose(begun.probability @ chain, begun.probability, err_msg="stationary")
-    models = motion.InteractingMotionModels(
+    models = motion.InteractingModels(
         np.array([[0.7, 0.3]]), np.stack([state, state + 1.0], axis=1), begun.covariance
     )
     for elapsed, longest in [(2.0, motion.TURN_TIME), (-8.0, 8.0)]:

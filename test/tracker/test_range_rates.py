@@ -125,13 +125,13 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
     found = np.zeros(n, DETECTION)
     found["azimuth_std"], found["range_std"] = SENSOR.azimuth_std, SENSOR.range_std
     found["sensor_velocity"], found["range_rate_std"] = SHIP, SENSOR.range_rate_std
-    rate, *_ = range_rates.expected_range_rates(found, truth[:, 0::2], truth[:, 1::2])
+    rate, *_ = range_rates.expected(found, truth[:, 0::2], truth[:, 1::2])
     found["range_rate"] = rate + SENSOR.range_rate_std * rng.standard_normal(n)
     error = measurement_covariance_at(found[:1], mean[None, 0::2], SENSOR)[0]
     found["position"] = truth[:, 0::2] + rng.multivariate_normal((0, 0), error, n)
     state, covariance = np.tile(mean, (n, 1)), np.tile(prior, (n, 1, 1))
     inside = np.isfinite(
-        motion.motion_log_likelihood(
+        motion.log_likelihood(
             state,
             covariance,
             np.arange(n),
@@ -167,7 +167,7 @@ def test_the_clutter_s_density_is_one_and_half_of_it_within_its_parameter():
     found["position"], found["range_rate_std"] = (1000.0, 0.0), 0.2
     found["sensor_velocity"] = (4.0, 0.0)
     found["range_rate"] = np.linspace(-1000.0, 1000.0, len(found)) - 4.0
-    density = range_rates.range_rate_clutter_density(found, replace(SENSOR, clutter_range_rate=2.0))
+    density = range_rates.clutter_density(found, replace(SENSOR, clutter_range_rate=2.0))
     step = 2000.0 / (len(found) - 1)
     assert density.sum() * step == pytest.approx(1.0, abs=0.002)  # the tails hold 0.0013
     over_ground = found["range_rate"] + 4.0
@@ -202,9 +202,9 @@ def test_an_update_is_that_by_numerical_gradients_and_the_curvature_across_the_s
     root, elapsed = rng.normal(size=(6, 4, 7)) * [[30.0], [2.0], [30.0], [2.0]], np.arange(6.0)
     prior = root @ np.swapaxes(root, 1, 2)
     found["range_rate_std"][5] = 0.0
-    updated, after = range_rates.update_by_range_rates(state, prior, elapsed, found)
-    begun, begun_after, increment = range_rates.begin_by_range_rates(state, prior, found, SENSOR)
-    clutter = range_rates.range_rate_clutter_density(found, SENSOR)
+    updated, after = range_rates.update(state, prior, elapsed, found)
+    begun, begun_after, increment = range_rates.begun(state, prior, found, SENSOR)
+    clutter = range_rates.clutter_density(found, SENSOR)
     for i in range(5):
         for time, got, covariance in ((elapsed[i], updated, after), (0.0, begun, begun_after)):
             step = np.diag([1e-2, 1e-4, 1e-2, 1e-4])

@@ -132,7 +132,7 @@ def test_every_detection_in_a_hypothesis_gate_is_a_pair(times):
 
 def test_a_hypothesis_is_predicted_with_its_fading():
     before = replace(hypotheses_at([[0.0, 0.0]], speed=2.0), faded=np.array([0.3]))
-    after = splitting.predict_for_splitting(before, 10.0, 0.5)
+    after = splitting.predict(before, 10.0, 0.5)
     assert after.state[0].tolist() == [20.0, 2.0, 0.0, 0.0]
     assert after.covariance[0, 1, 1] == pytest.approx(4.0 + 5.0)
     np.testing.assert_allclose(after.faded, 0.4 - 0.1 * np.exp(-0.1))
@@ -143,7 +143,7 @@ def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
     observed = made.observe(scan)
     observed = replace(observed, confirmed_density=np.array([0.0, 3.0]) * observed.clutter_density)
-    started = splitting.splitting_start(observed, 10.0, 4)
+    started = splitting.start(observed, 10.0, 4)
     assert started.hits[:, 0].tolist() == observed.ids.tolist()
     assert started.hit_count.tolist() == [1, 1]
     np.testing.assert_allclose(started.state[:, 0::2], observed.detections["position"])

@@ -50,7 +50,7 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed_arrays
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
 from tsepm_ros.tracker.confirmation import confirmed_hits, spans_time
 from tsepm_ros.tracker.hypotheses import (
@@ -118,7 +118,7 @@ class Score(Method):
         given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
         ended = observed.scan_index + 1 - given.first_scan >= self.options.window
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
-        self.hypotheses = changed_arrays(given, score=np.where(ended, -np.inf, given.score))
+        self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
         tracks = self._confirmed(observed, new)
         ids = np.array([track_id for track_id, _ in corrected], np.int64)
         target_hits = None
@@ -127,7 +127,7 @@ class Score(Method):
         number = len(tracks)
         return Step(
             tracks,
-            changed_arrays(
+            changed(
                 counts,
                 potential_tracks=int(np.count_nonzero(~ended)),
                 terminated=int(np.count_nonzero(ended)),
@@ -145,14 +145,12 @@ class Score(Method):
     def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
         """The tree after a scan: split, evaluated and pruned; and the counts of these."""
         options = self.options
-        predicted = splitting.predict_for_splitting(
-            self.hypotheses, observed.interval, options.process_noise
-        )
+        predicted = splitting.predict(self.hypotheses, observed.interval, options.process_noise)
         expected = ExpectedDetections.from_hypotheses(
             predicted, observed.stamp, observed.detections, self.sensor
         )
         parent, row, cut = splitting.split(expected, GATE_PROBABILITY, observed.most_pairs)
-        started = splitting.splitting_start(observed, self.common.max_speed, options.window)
+        started = splitting.start(observed, self.common.max_speed, options.window)
         missed, score = evaluation.evaluate(expected, parent, row, observed, GATE_PROBABILITY)
         kept, beyond = pruning.prune(
             np.concatenate([missed.score, score, started.score]),
@@ -162,7 +160,7 @@ class Score(Method):
             self.common.max_potential_tracks,
         )
         parts = missed, score, started
-        tree = splitting.expand_splitting(expected, parts, (parent, row), kept, observed)
+        tree = splitting.expand(expected, parts, (parent, row), kept, observed)
         first, left = len(observed.ids), int(np.count_nonzero(missed.score > -np.inf))
         split = int(np.count_nonzero(score > -np.inf)) + first
         return tree, ScanStatistics(

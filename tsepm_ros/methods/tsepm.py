@@ -49,10 +49,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import (
-    ArrayRows,
     BoolArray,
     FloatArray,
     IntArray,
+    Rows,
     array_rows_of_groups,
     array_rows_of_least_cost,
 )
@@ -129,7 +129,7 @@ class TsepmOptions(MnOptions):
 
 
 @dataclass(frozen=True)
-class TsepmCandidates(ArrayRows):
+class TsepmCandidates(Rows):
     """Tracks that reached confirmation, fitted and evaluated.
 
     Attributes

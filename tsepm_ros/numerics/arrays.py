@@ -15,7 +15,7 @@ IntArray = NDArray[np.int64]
 T = TypeVar("T")
 
 
-def changed_arrays(table: T, **columns: Any) -> T:
+def changed(table: T, **columns: Any) -> T:
     """A table (a dataclass without slots) with other columns, or parts.
 
     As `dataclasses.replace`, without a constructor: a tenth of the time.
@@ -32,7 +32,7 @@ def array_indices(rows: NDArray[np.generic]) -> NDArray[Any]:
     return rows.nonzero()[0] if rows.dtype == bool else rows
 
 
-def taken_from_array(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
+def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
     """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask (n,).
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
@@ -49,7 +49,7 @@ def appended_arrays(records: NDArray[np.void], more: NDArray[np.void]) -> NDArra
     return np.concatenate(blocks).view(records.dtype)
 
 
-def with_array_rows(table: T, rows: IntArray, **values: Any) -> T:
+def with_rows(table: T, rows: IntArray, **values: Any) -> T:
     """A table with other values in some rows: of columns, or of the columns of tables in it."""
     columns: dict[str, Any] = {}
     for name, value in values.items():
@@ -58,12 +58,12 @@ def with_array_rows(table: T, rows: IntArray, **values: Any) -> T:
             columns[name] = column.copy()
             columns[name][rows] = value
         else:
-            columns[name] = with_array_rows(column, rows, **value.__dict__)
-    return changed_arrays(table, **columns)
+            columns[name] = with_rows(column, rows, **value.__dict__)
+    return changed(table, **columns)
 
 
 @dataclass(frozen=True, eq=False)
-class ArrayRows:
+class Rows:
     """Columns of equal length, the fields of a subclass: arrays, or tables of such columns."""
 
     def __len__(self) -> int:

@@ -142,7 +142,7 @@ def inverse_covariance_or_nan(matrices: FloatArray) -> FloatArray:
     return inverted.astype(np.float64, copy=False)
 
 
-def solve_covariance(covariance: FloatArray, difference: FloatArray) -> FloatArray:
+def solve(covariance: FloatArray, difference: FloatArray) -> FloatArray:
     """``C^-1 d`` of covariances (n, d, d) and vectors (n, d); singular covariances are repaired."""
     try:
         solved = np.linalg.solve(covariance, difference[..., None])

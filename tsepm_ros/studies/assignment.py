@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import ArrayRows, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows
 from tsepm_ros.tracker.initial_state import NO_HIT
 
 BLOCK = 50_000
@@ -20,7 +20,7 @@ BLOCK = 50_000
 
 
 @dataclass(frozen=True)
-class AssignmentPairs(ArrayRows):
+class AssignmentPairs(Rows):
     """Potential tracks and the detections that may extend them: a row each.
 
     Attributes

@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import chdtri, fdtrc
 
-from tsepm_ros.numerics.arrays import ArrayRows, BoolArray, FloatArray, IntArray, changed_arrays
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.studies.assignment import AssignmentPairs, exclusive_assignment
 from tsepm_ros.tools.evaluation.measures import measured_closest_approach
@@ -58,7 +58,7 @@ from tsepm_ros.tracker.maintenance.data_association import (
     over_modes,
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.measurement import measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MAX_WINDOW, CommonOptions
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
@@ -88,7 +88,7 @@ def encounter_features(scan: Scan) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class EncounterHistories(ArrayRows):
+class EncounterHistories(Rows):
     """Statistics of the features of tracks' detections, a row for each track.
 
     Attributes
@@ -178,8 +178,8 @@ def encounter_pairs(
     if len(state) < 2:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     # Pairs farther apart cannot meet within the time; few pairs remain.
-    deviation = measurement_major_sigma(covariance[:, 0::2, 0::2])
-    deviation = deviation + max_time * measurement_major_sigma(covariance[:, 1::2, 1::2])
+    deviation = major_sigma(covariance[:, 0::2, 0::2])
+    deviation = deviation + max_time * major_sigma(covariance[:, 1::2, 1::2])
     farthest = gate * np.hypot(deviation, error) + max_time * np.hypot(state[:, 1], state[:, 3])
     near = cKDTree(state[:, 0::2]).query_pairs(2.0 * farthest.max(), output_type="ndarray")
     first, second = near[np.lexsort((near[:, 1], near[:, 0]))].T
@@ -187,10 +187,10 @@ def encounter_pairs(
     time = np.clip(measured_closest_approach(apart)[0], -max_time, max_time)
 
     def reach(rows: IntArray) -> FloatArray:
-        position_covariance = motion.position_covariance_after_motion(covariance[rows], time)
-        return gate * np.hypot(measurement_major_sigma(position_covariance), error[rows])
+        position_covariance = motion.position_covariance_after(covariance[rows], time)
+        return gate * np.hypot(major_sigma(position_covariance), error[rows])
 
-    met = np.hypot(*motion.position_after_motion(apart, time).T) <= reach(first) + reach(second)
+    met = np.hypot(*motion.position_after(apart, time).T) <= reach(first) + reach(second)
     return first[met], second[met]
 
 
@@ -350,7 +350,7 @@ class EncounterMaintenance(TrackMaintenance):
             cost = -2.0 * np.log(mean[:, seeker][inside])
             pairs = AssignmentPairs(track, gated.row[track, seeker, column], cost)
             factors[track, seeker, column] = environment.factors(histories, meets, pairs)
-        return changed_arrays(gated, likelihood=gated.likelihood * factors[:, SEEKER])
+        return changed(gated, likelihood=gated.likelihood * factors[:, SEEKER])
 
 
 class FeatureTracker(Tracker):

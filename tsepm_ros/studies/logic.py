@@ -43,13 +43,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, assignment_within
 from tsepm_ros.studies.path_following import PathFollower
 from tsepm_ros.tracker import splitting
-from tsepm_ros.tracker.measurement import measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 
 
@@ -140,9 +140,7 @@ class LogicPolynomials:
         powers = (max_interval / self.scale)[:, None] ** np.arange(count)
         length = np.hypot(self.coefficients[..., 0], self.coefficients[..., 1])
         diagonal = np.arange(count)
-        sigma = (powers * measurement_major_sigma(self.covariance[:, diagonal, diagonal])).sum(
-            axis=1
-        )
+        sigma = (powers * major_sigma(self.covariance[:, diagonal, diagonal])).sum(axis=1)
         return (powers * length)[:, 1:].sum(axis=1), sigma
 
 
@@ -242,7 +240,7 @@ class Logic(PathFollower):
         row: IntArray,
     ) -> FloatArray:
         """D of pairs of predictions and detections, (p,)."""
-        candidates = taken_from_array(detections, row)
+        candidates = taken(detections, row)
         expected, covariance = predicted.at(owner, candidates["time"])
         misfit = candidates["position"] - expected
         if predicted.degree == 0:

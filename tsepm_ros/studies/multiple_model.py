@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.numerics.gaussian import (
     MIN_EIGENVALUE,
     proper_covariance,
@@ -53,7 +53,7 @@ from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, initial_paths
-from tsepm_ros.tracker.measurement import measurement_major_sigma, rotated_measurement_covariance
+from tsepm_ros.tracker.measurement import major_sigma, rotated_measurement_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -116,7 +116,7 @@ class MultipleModelBanks(Paths):
 
     def predicted(self, step: float, noise: float) -> MultipleModelBanks:
         """The banks after a time step, s, with a process noise, m^2/s^3."""
-        state, covariance = motion.predict_motion(
+        state, covariance = motion.predict(
             self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4), step, noise
         )
         return replace(
@@ -134,10 +134,10 @@ class MultipleModelBanks(Paths):
         elapsed, hits = time_after_state.repeat(number), detections.repeat(number)
         innovation = hits["position"] - state[:, 0::2] - elapsed[:, None] * state[:, 1::2]
         innovation_covariance = (
-            motion.position_covariance_after_motion(covariance, elapsed) + hits["covariance"]
+            motion.position_covariance_after(covariance, elapsed) + hits["covariance"]
         )
         density, _ = gaussian.gaussian_log_density(innovation, innovation_covariance)
-        state, covariance = motion.update_motion(
+        state, covariance = motion.update(
             state, covariance, elapsed, innovation, innovation_covariance
         )
         # P - K S K' loses its definiteness to rounding where the detection is far more accurate
@@ -200,8 +200,8 @@ class MultipleModel(PathFollower):
         state, covariance = self.potential.output()
         factor = gaussian.gaussian_gate_factor(self.options.gate_probability)
         longest = np.abs(detections["time"] - self.stamp).max()
-        sigma = measurement_major_sigma(covariance[:, 0::2, 0::2])
-        sigma = sigma + longest * measurement_major_sigma(covariance[:, 1::2, 1::2])
+        sigma = major_sigma(covariance[:, 0::2, 0::2])
+        sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
         radius = factor * np.hypot(sigma, detections["major_sigma"].max())
         radius += longest * np.hypot(state[:, 1], state[:, 3])
         positions = np.ascontiguousarray(detections["position"])
@@ -211,10 +211,10 @@ class MultipleModel(PathFollower):
         )
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
-            hits = taken_from_array(detections, row)
+            hits = taken(detections, row)
             elapsed = hits["time"] - self.stamp
             expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
-            predicted = motion.position_covariance_after_motion(covariance[parent], elapsed)
+            predicted = motion.position_covariance_after(covariance[parent], elapsed)
             return squared_mahalanobis_distance(
                 hits["position"] - expected, predicted + hits["covariance"]
             )
@@ -244,7 +244,7 @@ class MultipleModel(PathFollower):
         covariance[..., 0::2, 0::2] = detections["covariance"][:, None]
         covariance[..., 1::2, 1::2] = velocity_covariance
         elapsed = (self.stamp - detections["time"]).repeat(number)
-        state, covariance = motion.predict_motion(
+        state, covariance = motion.predict(
             state.reshape(-1, 4), covariance.reshape(-1, 4, 4), elapsed, self.options.process_noise
         )
         return MultipleModelBanks(

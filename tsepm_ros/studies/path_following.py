@@ -39,12 +39,12 @@ from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import WindowedMethod
 from tsepm_ros.numerics.arrays import (
-    ArrayRows,
     BoolArray,
     FloatArray,
     IntArray,
+    Rows,
     array_rows_of_least_cost,
-    taken_from_array,
+    taken,
 )
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import (
@@ -66,7 +66,7 @@ MAX_PAIRS = 1_000_000
 
 
 @dataclass(frozen=True)
-class Estimates(ArrayRows):
+class Estimates(Rows):
     """Tracks as estimated from their hits.
 
     Attributes
@@ -156,7 +156,7 @@ class PathHitCounter(WindowedMethod):
 
 
 @dataclass(frozen=True)
-class PathDisplacements(ArrayRows):
+class PathDisplacements(Rows):
     """Two steps that follow each other, a row each.
 
     Attributes
@@ -259,7 +259,7 @@ class PathFollower(PathHitCounter):
         pairs, cut_pairs = self.pairs(detections)
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
         row = extending.row
-        children = self.extended(extending.parent, ids[row], taken_from_array(detections, row))
+        children = self.extended(extending.parent, ids[row], taken(detections, row))
         reached = children.hit_count >= self.options.min_hits
         tracks, hits, refused = self.confirm(children[reached])
         missed = np.ones(len(self.potential), bool)
@@ -271,7 +271,7 @@ class PathFollower(PathHitCounter):
         free = np.flatnonzero(is_free)
         beyond = max(len(free) - self.max_tracks, 0)
         begun = free[: self.max_tracks]
-        started = self.started(ids[begun], taken_from_array(detections, begun))
+        started = self.started(ids[begun], taken(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
         evaluated = int(np.count_nonzero(reached))
         return Step(

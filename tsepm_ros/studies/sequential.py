@@ -53,7 +53,7 @@ from tsepm_ros.studies.assignment import (
 from tsepm_ros.studies.path_following import PathFollower
 from tsepm_ros.tracker.initial_state import Fit, fit_initial_states
 from tsepm_ros.tracker.measurement import measured_polar, measurement_range_variance_at
-from tsepm_ros.tracker.motion import predict_motion, update_motion
+from tsepm_ros.tracker.motion import predict, update
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -191,13 +191,13 @@ def sequential_kalman(
         covariance[:, [1, 3], [1, 3]] += noise * np.abs(interval[:, None]) / 3.0
     for hit in range(2, m):
         elapsed = time_after_state[:, hit] - time_after_state[:, hit - 1]
-        state, covariance = predict_motion(state, covariance, elapsed, noise)
+        state, covariance = predict(state, covariance, elapsed, noise)
         innovation_covariance = covariance[:, 0::2, 0::2] + covariances[:, hit]
         innovation = positions[:, hit] - state[:, 0::2]
-        state, covariance = update_motion(
+        state, covariance = update(
             state, covariance, np.zeros(n), innovation, innovation_covariance
         )
-    return predict_motion(state, covariance, -time_after_state[:, -1], noise)
+    return predict(state, covariance, -time_after_state[:, -1], noise)
 
 
 @dataclass(frozen=True, kw_only=True)

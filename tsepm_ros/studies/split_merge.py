@@ -75,8 +75,8 @@ from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
 from tsepm_ros.tracker.measurement import (
     MeasurementWindow,
+    major_sigma,
     measured_polar,
-    measurement_major_sigma,
     measurement_pose_covariance,
     measurement_range_variance_at,
     rotated_measurement_covariance,
@@ -123,7 +123,7 @@ def split_merge_unscented(detections: NDArray[np.void], sensor: SensorModel) -> 
     converted["covariance"] = rotated_measurement_covariance(
         along, across, cosine, sine
     ) + measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
-    converted["major_sigma"] = measurement_major_sigma(converted["covariance"])
+    converted["major_sigma"] = major_sigma(converted["covariance"])
     return converted
 
 

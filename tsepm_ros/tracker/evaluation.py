@@ -55,7 +55,7 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     array_largest_of_groups,
-    changed_arrays,
+    changed,
 )
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.tracker import motion
@@ -112,8 +112,8 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
         A squared Mahalanobis distance, without unit.
     """
     time_after_state = fit.time_after_state
-    residual = hits["position"] - motion.position_after_motion(fit.state[:, None], time_after_state)
-    covariance = motion.position_covariance_after_motion(fit.covariance[:, None], time_after_state)
+    residual = hits["position"] - motion.position_after(fit.state[:, None], time_after_state)
+    covariance = motion.position_covariance_after(fit.covariance[:, None], time_after_state)
     residual_covariance = covariance + fit.hit_covariance
     return squared_mahalanobis_distance(residual, residual_covariance).max(axis=1)
 
@@ -359,7 +359,7 @@ def miss(
         P_G.
     """
     increment = miss_increment(detection_probability, gate_probability)
-    return changed_arrays(
+    return changed(
         predicted,
         score=predicted.score + increment,
         score_given_confirmed=predicted.score_given_confirmed + increment,
@@ -378,7 +378,7 @@ def within_max_speed(hypotheses: Hypotheses, counts: BoolArray, max_speed: float
     gain[rows] = LOG_GAIN + motion.log_speed_probability(
         hypotheses.state[rows], hypotheses.covariance[rows], max_speed
     )
-    return changed_arrays(
+    return changed(
         hypotheses,
         score=hypotheses.score + gain,
         score_given_confirmed=hypotheses.score_given_confirmed + gain,

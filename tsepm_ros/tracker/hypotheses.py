@@ -21,8 +21,8 @@ from tsepm_ros.numerics.arrays import (
     array_largest_of_groups,
     array_log_sums,
     array_sums_over_hits,
-    changed_arrays,
-    taken_from_array,
+    changed,
+    taken,
 )
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
@@ -76,7 +76,7 @@ class Hypotheses(Paths):
 
     def scored_given_confirmed(self) -> Hypotheses:
         """The hypotheses with their scores given the confirmed tracks."""
-        return changed_arrays(self, score=self.score_given_confirmed)
+        return changed(self, score=self.score_given_confirmed)
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:
@@ -181,7 +181,7 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     for start in starts:
         due = array_sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
-    return changed_arrays(hypotheses, score_given_confirmed=score)
+    return changed(hypotheses, score_given_confirmed=score)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +223,8 @@ class ExpectedDetections:
         if len(detections) and len(hypotheses) and _alike(detections):
             first = detections[:1]
             after = first["time"] - stamp
-            expected = motion.position_after_motion(hypotheses.state, after)
-            spread = motion.position_covariance_after_motion(hypotheses.covariance, after)
+            expected = motion.position_after(hypotheses.state, after)
+            spread = motion.position_covariance_after(hypotheses.covariance, after)
             spread += measurement_covariance_at(first, expected, sensor)
             common = expected, spread
         return cls(hypotheses, stamp, detections, sensor, common)
@@ -236,8 +236,8 @@ class ExpectedDetections:
             innovation = self.detections["position"].take(row, axis=0)
             innovation -= expected.take(parent, axis=0)
             return innovation, spread.take(parent, axis=0)
-        detections = taken_from_array(self.detections, row)
-        return motion.motion_innovations(
+        detections = taken(self.detections, row)
+        return motion.innovations(
             self.hypotheses.state[parent],
             self.hypotheses.covariance[parent],
             detections["time"] - self.stamp,
@@ -248,9 +248,9 @@ class ExpectedDetections:
     def log_likelihood(
         self, parent: IntArray, row: IntArray, gate_probability: float
     ) -> FloatArray:
-        """Log-likelihood of each pair's detection, (p,); see `motion.motion_log_likelihood`."""
+        """Log-likelihood of each pair's detection, (p,); see `motion.log_likelihood`."""
         innovation, spread = self.innovations(parent, row)
-        return motion.motion_log_likelihood(
+        return motion.log_likelihood(
             self.hypotheses.state,
             self.hypotheses.covariance,
             parent,
@@ -271,7 +271,7 @@ class ExpectedDetections:
         innovation, spread = self.innovations(parent, row)
         time_after_state = self.detections["time"][row] - self.stamp
         if self.of_hypothesis is None:
-            moved, narrowed = motion.update_motion(
+            moved, narrowed = motion.update(
                 state[parent], covariance[parent], time_after_state, innovation, spread
             )
         else:
@@ -281,16 +281,14 @@ class ExpectedDetections:
             rows, index = np.flatnonzero(used), (np.cumsum(used) - 1)[parent]
             spread, after = self.of_hypothesis[1][rows], self.detections["time"][:1] - self.stamp
             before = covariance[rows]
-            gain = motion.motion_kalman_gain(before, after, spread)
+            gain = motion.kalman_gain(before, after, spread)
             change = gain @ spread @ np.swapaxes(gain, -1, -2)
             step = gain.take(index, axis=0) @ innovation[..., None]
             moved = state.take(parent, axis=0) + step[..., 0]
             narrowed = (before - change).take(index, axis=0)
-        if not range_rates.has_range_rates(self.detections).any():
+        if not range_rates.measured(self.detections).any():
             return moved, narrowed
-        return range_rates.update_by_range_rates(
-            moved, narrowed, time_after_state, taken_from_array(self.detections, row)
-        )
+        return range_rates.update(moved, narrowed, time_after_state, taken(self.detections, row))
 
 
 def _alike(detections: NDArray[np.void]) -> bool:

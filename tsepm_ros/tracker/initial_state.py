@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import ArrayRows, FloatArray, IntArray, changed_arrays
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import (
     MeasurementWindow,
+    major_sigma,
     measurement_covariance_at,
-    measurement_major_sigma,
 )
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -35,7 +35,7 @@ GOOD_FIT = 0.99
 
 
 @dataclass(frozen=True)
-class Paths(ArrayRows):
+class Paths(Rows):
     """Sequences of detections of possible targets, at most one per scan: a row each.
 
     Attributes
@@ -61,7 +61,7 @@ class Paths(ArrayRows):
         """Children with a further detection each: row i extends path `parent[i]`."""
         children = self[parent]
         children.hits[np.arange(len(parent)), children.hit_count] = detection
-        return changed_arrays(children, hit_count=children.hit_count + 1)
+        return changed(children, hit_count=children.hit_count + 1)
 
     def of_equal_count(self) -> Iterator[tuple[IntArray, IntArray]]:
         """Iterate over blocks of paths with the same number of hits.
@@ -143,7 +143,7 @@ def fit_initial_states(
     time_after_state, at_fit = hits["time"] - stamp, hits["covariance"]
     state, covariance = unweighted_initial_state(time_after_state, hits["position"], at_fit)
     for _ in range(WEIGHTED_PASSES if estimator == "weighted" else 0):
-        positions = motion.position_after_motion(state[:, None], time_after_state)
+        positions = motion.position_after(state[:, None], time_after_state)
         at_fit = measurement_covariance_at(hits, positions, sensor)
         state, covariance = weighted_initial_state(
             time_after_state, hits["position"], at_fit, state
@@ -214,7 +214,7 @@ def initial_state_figures(
         in_window = window[ids]
         amplitude = in_window["amplitude"][np.isfinite(in_window["amplitude"])]
         amplitude_hits[track], amplitude_total[track] = len(amplitude), amplitude.sum()
-        hit_sigma[track] = measurement_major_sigma(in_window["covariance"][-1:])[0]
+        hit_sigma[track] = major_sigma(in_window["covariance"][-1:])[0]
         freedom = 2 * len(ids) - 4
         if freedom > 0:
             elapsed = in_window["time"][:, None] - stamp[track]
@@ -280,7 +280,7 @@ def weighted_initial_state(
     covariance : (n, 4, 4) ndarray
     """
     information = inverse_covariance_or_nan(covariances)  # (n, m, 2, 2)
-    residual = positions - motion.position_after_motion(start[:, None], time_after_state)
+    residual = positions - motion.position_after(start[:, None], time_after_state)
     weighted_residual = (information @ residual[..., None])[..., 0]
     n = len(time_after_state)
     powers = np.stack(

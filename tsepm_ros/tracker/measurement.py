@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, appended_arrays, taken_from_array
+from tsepm_ros.numerics.arrays import FloatArray, appended_arrays, taken
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -189,7 +189,7 @@ def measurement_pose_covariance(offset: FloatArray, pose_covariance: FloatArray)
     return jacobian @ pose_covariance @ np.swapaxes(jacobian, -1, -2)
 
 
-def measurement_major_sigma(covariance: FloatArray) -> FloatArray:
+def major_sigma(covariance: FloatArray) -> FloatArray:
     """Standard deviation along the major axis of each (..., 2, 2) covariance, m."""
     half_sum = 0.5 * (covariance[..., 0, 0] + covariance[..., 1, 1])
     half_difference = 0.5 * (covariance[..., 0, 0] - covariance[..., 1, 1])
@@ -240,7 +240,7 @@ def convert_measurements(
         detections["sensor_pose_covariance"] = scan.sensor_pose_covariance
         covariance += measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
     detections["covariance"] = covariance
-    detections["major_sigma"] = measurement_major_sigma(covariance)
+    detections["major_sigma"] = major_sigma(covariance)
     range_rates.take_range_rates(detections, scan, sensor)
     detections["clutter_density"] = sensor.clutter_density
     intensity = scan.features.get("intensity", np.nan)
@@ -331,7 +331,7 @@ class MeasurementWindow:
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
-        return taken_from_array(self._detections, ids - self.first_id)
+        return taken(self._detections, ids - self.first_id)
 
     def note_confirmed(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
         """Note the probabilities that detections belong to confirmed tracks, (n,) each."""

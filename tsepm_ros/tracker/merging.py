@@ -36,8 +36,8 @@ from tsepm_ros.numerics.arrays import (
     IntArray,
 )
 from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances_of_discs
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor, solve_covariance
-from tsepm_ros.tracker.measurement import measurement_major_sigma
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor, solve
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MERGINGS = ("moments", "refit")
@@ -245,7 +245,7 @@ def close(
     near = np.asarray((np.square(difference) <= bound).all(axis=1))
     rows = np.flatnonzero(near)
     total = covariances[first[rows]] + covariances[second[rows]]
-    solved = solve_covariance(total, difference[rows])
+    solved = solve(total, difference[rows])
     near[rows] = (difference[rows] * solved).sum(axis=1) <= threshold
     return near
 
@@ -361,7 +361,7 @@ def continued(
         if not len(near):
             continue
         apart, spread = apart[near], covariance + lost.covariance[near]
-        square = np.einsum("ti,ti->t", apart, solve_covariance(spread, apart))
+        square = np.einsum("ti,ti->t", apart, solve(spread, apart))
         density = -0.5 * square - 0.5 * np.linalg.slogdet(2.0 * np.pi * spread)[1]
         ratio = odds[near] + density
         hits = starts.hits[row]
@@ -387,9 +387,7 @@ def located(covariance: FloatArray, detection_sigma: FloatArray) -> BoolArray:
     -------
     (n,) ndarray of bool
     """
-    return np.asarray(
-        measurement_major_sigma(covariance[:, 0::2, 0::2]) <= LOCATED * detection_sigma
-    )
+    return np.asarray(major_sigma(covariance[:, 0::2, 0::2]) <= LOCATED * detection_sigma)
 
 
 def agrees_with_older(

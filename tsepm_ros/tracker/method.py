@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, changed_arrays
+from tsepm_ros.numerics.arrays import FloatArray, changed
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -80,7 +80,7 @@ class ScanStatistics:
         mine, two = vars(self), vars(other)
         values = {name: mine[name] + two[name] for name in mine}
         values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
-        return changed_arrays(self, **values)
+        return changed(self, **values)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Step:
     def where(self, rows: NDArray[np.generic]) -> Step:
         """The step with the new tracks in the given rows only (indices or a mask)."""
         existence = None if self.existence is None else self.existence[rows]
-        return changed_arrays(self, tracks=self.tracks.where(rows), existence=existence)
+        return changed(self, tracks=self.tracks.where(rows), existence=existence)
 
 
 class Method(ABC):

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from tsepm_ros.numerics.arrays import ArrayRows, BoolArray, FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
 from tsepm_ros.numerics.discs import NODES, WEIGHTS
 from tsepm_ros.numerics.gaussian import (
     gaussian_gate_factor,
@@ -42,7 +42,7 @@ from tsepm_ros.numerics.gaussian import (
     inverse_covariance,
 )
 from tsepm_ros.tracker import range_rates
-from tsepm_ros.tracker.measurement import measurement_covariance_at, measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 _CONSTANT, _LINEAR, _SQUARE = np.zeros((3, 4, 4))
@@ -79,7 +79,7 @@ MIN_MODE_PROBABILITY = 1e-30
 """Floor of a mode's probability, which keeps its state defined."""
 
 
-def predict_motion(
+def predict(
     state: FloatArray,
     covariance: FloatArray,
     elapsed: FloatArray | float,
@@ -129,15 +129,13 @@ def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatAr
     )
 
 
-def position_after_motion(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
+def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
     """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
     after = np.asarray(time_after_state)[..., None]
     return np.asarray(state[..., 0::2] + after * state[..., 1::2])
 
 
-def position_covariance_after_motion(
-    covariance: FloatArray, time_after_state: FloatArray
-) -> FloatArray:
+def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
     """Position covariance ``H P H'`` a short time after the state's, without process noise.
 
     Parameters
@@ -162,7 +160,7 @@ def position_covariance_after_motion(
     )
 
 
-def motion_innovations(
+def innovations(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -189,12 +187,12 @@ def motion_innovations(
         S, m^2.
     """
     expected = state[:, 0::2] + time_after_state[:, None] * state[:, 1::2]
-    innovation_covariance = position_covariance_after_motion(covariance, time_after_state)
+    innovation_covariance = position_covariance_after(covariance, time_after_state)
     innovation_covariance += measurement_covariance_at(detections, expected, sensor)
     return detections["position"] - expected, innovation_covariance
 
 
-def update_motion(
+def update(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -221,22 +219,22 @@ def update_motion(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    gain = motion_kalman_gain(covariance, time_after_state, innovation_covariance)
+    gain = kalman_gain(covariance, time_after_state, innovation_covariance)
     state = state + (gain @ innovation[..., None])[..., 0]
     return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
 
 
-def motion_kalman_gain(
+def kalman_gain(
     covariance: FloatArray, time_after_state: FloatArray, innovation_covariance: FloatArray
 ) -> FloatArray:
-    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update_motion`."""
+    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update`."""
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
     return np.asarray(cross @ inverse_covariance(innovation_covariance))
 
 
-def motion_log_likelihood(
+def log_likelihood(
     state: FloatArray,
     covariance: FloatArray,
     owner: IntArray,
@@ -278,13 +276,13 @@ def motion_log_likelihood(
     """
     density, distance = gaussian_log_density(innovation, innovation_covariance)
     gate: FloatArray | float = gaussian_gate_factor(gate_probability) ** 2
-    measured = range_rates.has_range_rates(detections)
+    measured = range_rates.measured(detections)
     if measured.any():
         gate = np.where(measured[row], range_rates.range_rate_gate_square(gate_probability), gate)
         rows = (measured[row] & (distance <= gate)).nonzero()
-        rated, candidates = owner[rows], taken_from_array(detections, row[rows])
+        rated, candidates = owner[rows], taken(detections, row[rows])
         after = candidates["time"] - stamp
-        updated = update_motion(
+        updated = update(
             state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
         )
         error, variance, _ = range_rates.range_rate_innovations(*updated, after, candidates)
@@ -294,8 +292,8 @@ def motion_log_likelihood(
 
 
 def motion_gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
-    """Standard deviations of an innovation that the gate of `motion_log_likelihood` reaches."""
-    if range_rates.has_range_rates(detections).any():
+    """Standard deviations of an innovation that the gate of `log_likelihood` reaches."""
+    if range_rates.measured(detections).any():
         return math.sqrt(range_rates.range_rate_gate_square(gate_probability))
     return gaussian_gate_factor(gate_probability)
 
@@ -310,7 +308,7 @@ def motion_beyond_max_speed(
 
     ``P(|v| > v_max) <= exp(-(v_max - |m_v|)^2 / (2 s^2))`` with the larger standard deviation s.
     """
-    largest = measurement_major_sigma(covariance[:, 1::2, 1::2])
+    largest = major_sigma(covariance[:, 1::2, 1::2])
     margin = np.maximum(max_speed - np.hypot(state[:, 1], state[:, 3]), 0.0)
     return np.flatnonzero(margin < math.sqrt(-2.0 * math.log(probability)) * largest)
 
@@ -336,7 +334,7 @@ def log_speed_probability(
     return result
 
 
-def limited_motion(
+def limited(
     state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
     """States conditioned on a speed of at most v_max; see the module.
@@ -358,10 +356,10 @@ def limited_motion(
     return _conditioned_motion(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
 
 
-def slowed_motion(
+def slowed(
     state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """As `limited_motion`, but only states whose mean is faster than v_max."""
+    """As `limited`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
     return _conditioned_motion(state, covariance, rows, max_speed, math.inf)
 
@@ -509,7 +507,7 @@ def _motion_chord_moments(
 
 
 @dataclass(frozen=True, eq=False)
-class InteractingMotionModels(ArrayRows):
+class InteractingModels(Rows):
     """States of tracks in the two modes: constant velocity and turning.
 
     Attributes
@@ -525,7 +523,7 @@ class InteractingMotionModels(ArrayRows):
     covariance: FloatArray
 
     @classmethod
-    def from_states(cls, state: FloatArray, covariance: FloatArray) -> InteractingMotionModels:
+    def from_states(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
         """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
         turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
         probability = np.array([[1.0 - turning, turning]]).repeat(len(state), axis=0)
@@ -533,7 +531,7 @@ class InteractingMotionModels(ArrayRows):
             probability, np.stack([state, state], axis=1), np.stack([covariance] * 2, axis=1)
         )
 
-    def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingMotionModels:
+    def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingModels:
         """Predict the tracks to the next scan, over times (n,), s, of either sign.
 
         The states are mixed by the probabilities p_ij of a change from mode i to mode j::
@@ -553,9 +551,7 @@ class InteractingMotionModels(ArrayRows):
         before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
         mixed = gaussian_mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
         noise = np.array([PROCESS_NOISE, PROCESS_NOISE + turn_noise])
-        return InteractingMotionModels(
-            probability, *predict_motion(*mixed, elapsed[:, None], noise)
-        )
+        return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over both modes."""

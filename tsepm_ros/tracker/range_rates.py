@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, taken_from_array
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, taken
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -34,12 +34,12 @@ def take_range_rates(detections: NDArray[np.void], scan: Scan, sensor: SensorMod
     detections["range_rate_std"][usable] = sensor.range_rate_std
 
 
-def has_range_rates(detections: NDArray[np.void]) -> BoolArray:
+def measured(detections: NDArray[np.void]) -> BoolArray:
     """Which detections have a range rate that is used, (...)."""
     return np.asarray(detections["range_rate_std"] > 0.0)
 
 
-def expected_range_rates(
+def expected(
     detections: NDArray[np.void], position: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Expected range rates of targets, and their gradients.
@@ -82,14 +82,14 @@ def range_rates_over_ground(detections: NDArray[np.void]) -> FloatArray:
     return np.asarray(detections["range_rate"] + sensor_rate)
 
 
-def range_rate_clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatArray:
+def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatArray:
     """Density of the detections' range rates among false ones, (n,), s/m; 1 without a range rate.
 
     A Cauchy density of the range rate over ground, ``a / (pi (a^2 + c^2))``: half of the false
     detections are within a = `sensor.clutter_range_rate`, the width of reverberation. The heavy
     tails cover noise; they limit the score increment of any range rate.
     """
-    rated = has_range_rates(detections)
+    rated = measured(detections)
     if not rated.any():
         return np.ones(len(detections))
     width = sensor.clutter_range_rate
@@ -124,7 +124,7 @@ def range_rate_innovations(
     """
     velocity = state[:, 1::2]
     position = state[:, 0::2] + time_after_state[:, None] * velocity
-    rate, by_position, sight = expected_range_rates(detections, position, velocity)
+    rate, by_position, sight = expected(detections, position, velocity)
     gradient = _range_rate_gradients(time_after_state, by_position, sight)
     cross = (covariance @ gradient[..., None])[..., 0]
     bias, curvature = _range_rate_curvature(
@@ -186,7 +186,7 @@ def _range_rate_gradients(
     return gradient
 
 
-def update_by_range_rates(
+def update(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -202,11 +202,11 @@ def update_by_range_rates(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    rows = np.flatnonzero(has_range_rates(detections))
+    rows = np.flatnonzero(measured(detections))
     if not len(rows):
         return state, covariance
     innovation, variance, cross = range_rate_innovations(
-        state[rows], covariance[rows], time_after_state[rows], taken_from_array(detections, rows)
+        state[rows], covariance[rows], time_after_state[rows], taken(detections, rows)
     )
     state, covariance = state.copy(), covariance.copy()
     state[rows] += cross * (innovation / variance)[:, None]
@@ -214,7 +214,7 @@ def update_by_range_rates(
     return state, covariance
 
 
-def begin_by_range_rates(
+def begun(
     state: FloatArray, covariance: FloatArray, detections: NDArray[np.void], sensor: SensorModel
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Update initial states with the range rates of their first detections.
@@ -235,16 +235,16 @@ def begin_by_range_rates(
         ``ln(N(e; 0, S) / p(c))``, the score increment of each range rate; 0 without a range rate.
     """
     increment, now = np.zeros(len(detections)), np.zeros(len(detections))
-    rows = np.flatnonzero(has_range_rates(detections))
+    rows = np.flatnonzero(measured(detections))
     if not len(rows):
         return state, covariance, increment
-    rated = taken_from_array(detections, rows)
+    rated = taken(detections, rows)
     innovation, variance, _ = range_rate_innovations(
         state[rows], covariance[rows], now[rows], rated
     )
-    clutter = np.log(range_rate_clutter_density(rated, sensor))
+    clutter = np.log(clutter_density(rated, sensor))
     increment[rows] = range_rate_log_density(innovation, variance) - clutter
-    return *update_by_range_rates(state, covariance, now, detections), increment
+    return *update(state, covariance, now, detections), increment
 
 
 def range_rate_log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
@@ -290,13 +290,13 @@ def fit_range_rates(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    rated = has_range_rates(hits)
+    rated = measured(hits)
     rows = np.flatnonzero(rated.any(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
     if not len(rows):
         return state, covariance
     rated, hits, time_after_state = (
         rated[rows],
-        taken_from_array(hits, rows),
+        taken(hits, rows),
         time_after_state[rows],
     )
     prior, prior_covariance = state[rows], covariance[rows]
@@ -309,7 +309,7 @@ def fit_range_rates(
     for _ in range(2):  # linearisations
         velocity = np.broadcast_to(current[:, None, 1::2], (*time_after_state.shape, 2))
         position = current[:, None, 0::2] + time_after_state[..., None] * velocity
-        rate, by_position, sight = expected_range_rates(hits, position, velocity)
+        rate, by_position, sight = expected(hits, position, velocity)
         distance = _range_rate_sight(hits, position)[1]
         bias, curvature = _range_rate_curvature(
             current_covariance, time_after_state, sight, distance
@@ -370,4 +370,4 @@ def range_rates_agree(
     difference = displacement - 0.5 * elapsed * (rates[0] + rates[1])
     distance = np.square(rates[1] - rates[0]) / np.maximum(variance, np.finfo(float).tiny)
     distance += difference**2 / (0.25 * elapsed**2 * variance + error)
-    return (distance <= gate) | ~(has_range_rates(first) & has_range_rates(second))
+    return (distance <= gate) | ~(measured(first) & measured(second))

@@ -26,8 +26,8 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     array_rows_of_least_cost,
-    changed_arrays,
-    taken_from_array,
+    changed,
+    taken,
 )
 from tsepm_ros.numerics.discs import pairs_within_discs
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor
@@ -41,7 +41,7 @@ from tsepm_ros.tracker.evaluation import (
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import initial_paths
-from tsepm_ros.tracker.measurement import measurement_covariance_at, measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance_at
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
@@ -142,11 +142,11 @@ def splitting_gate_within(
     displacement = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
-    if math.isfinite(range_rate_gate) and range_rates.has_range_rates(detections).any():
+    if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
         near = np.flatnonzero(inside)
         inside[near] = range_rates.range_rates_agree(
-            taken_from_array(last_hits, owner[near]),
-            taken_from_array(detections, candidate[near]),
+            taken(last_hits, owner[near]),
+            taken(detections, candidate[near]),
             max_speed,
             range_rate_gate,
         )
@@ -269,15 +269,13 @@ def split_paths(
     return parent, detection, total - len(parent)
 
 
-def predict_for_splitting(
-    hypotheses: Hypotheses, interval: float, process_noise: float
-) -> Hypotheses:
+def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
     """The hypotheses after a time interval, s, with nearly constant velocity."""
-    state, covariance = motion.predict_motion(
+    state, covariance = motion.predict(
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
     faded = fading_predicted(hypotheses.faded)
-    return changed_arrays(hypotheses, state=state, covariance=covariance, faded=faded)
+    return changed(hypotheses, state=state, covariance=covariance, faded=faded)
 
 
 def split(
@@ -311,7 +309,7 @@ def split(
     reach = motion.motion_gate_reach(gate_probability, detections)
     if expected.of_hypothesis is not None:
         centres, spread = expected.of_hypothesis
-        radius = reach * measurement_major_sigma(spread) * (1.0 + ROUNDING)
+        radius = reach * major_sigma(spread) * (1.0 + ROUNDING)
     else:
         centres, radius = _widest_splitting_gate(expected, reach)
     positions = np.ascontiguousarray(detections["position"])
@@ -328,10 +326,10 @@ def _widest_splitting_gate(
     widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
     positions = np.ascontiguousarray(state[:, 0::2])
     every = np.broadcast_to(widest, len(positions))
-    error = measurement_major_sigma(measurement_covariance_at(every, positions, expected.sensor))
+    error = major_sigma(measurement_covariance_at(every, positions, expected.sensor))
     longest = np.abs(detections["time"] - expected.stamp).max()
-    position_sigma = measurement_major_sigma(covariance[:, 0::2, 0::2])
-    speed_sigma = measurement_major_sigma(covariance[:, 1::2, 1::2])
+    position_sigma = major_sigma(covariance[:, 0::2, 0::2])
+    speed_sigma = major_sigma(covariance[:, 1::2, 1::2])
     sigma = np.hypot(position_sigma + longest * speed_sigma, GATE_MARGIN * error)
     speed = np.hypot(state[:, 1], state[:, 3])
     return positions, reach * sigma + longest * speed
@@ -347,7 +345,7 @@ def splitting_penalty(observed: Observation, row: IntArray, amplitude: FloatArra
     return np.log1p(ratio[row] * np.exp(np.maximum(amplitude, 0.0)))
 
 
-def splitting_start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
+def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     """Start a hypothesis from every detection.
 
     The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
@@ -374,13 +372,13 @@ def splitting_start(observed: Observation, max_speed: float, window: int) -> Hyp
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
-    state, covariance, score = range_rates.begin_by_range_rates(
+    state, covariance, score = range_rates.begun(
         state, covariance, detections, observed.clutter_sensor
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     elapsed = observed.stamp - detections["time"]
     if elapsed.any():
-        state, covariance = motion.predict_motion(state, covariance, elapsed)
+        state, covariance = motion.predict(state, covariance, elapsed)
     row, none = np.arange(n), np.zeros(n, np.int64)
     amplitude = path_amplitudes(observed, row, none, np.zeros(n))
     score = score + amplitude.increment
@@ -398,7 +396,7 @@ def splitting_start(observed: Observation, max_speed: float, window: int) -> Hyp
     )
 
 
-def expand_splitting(
+def expand(
     expected: ExpectedDetections,
     parts: tuple[Hypotheses, FloatArray, Hypotheses],
     pairs: tuple[IntArray, IntArray],

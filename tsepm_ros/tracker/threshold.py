@@ -29,7 +29,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed_arrays, taken_from_array
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed, taken
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import AmplitudeLawTable
@@ -108,7 +108,7 @@ def draw_targets(
         detections = np.zeros(SIMULATED_TARGETS, DETECTION)
         detections["range_rate_std"] = sensor.range_rate_std
         detections["covariance"] = errors_at(truth, sensor)
-        rate, _, _ = range_rates.expected_range_rates(detections, truth[:, 0::2], truth[:, 1::2])
+        rate, _, _ = range_rates.expected(detections, truth[:, 0::2], truth[:, 1::2])
         detections["range_rate"] = rate + sensor.range_rate_std * rate_errors[scan]
         detections["position"] = truth[:, 0::2] + _drawn(rng, truth, sensor)
         scans.append(detections)
@@ -302,25 +302,23 @@ def _scores(
     rows = np.flatnonzero(targets.detected[:, first])
     n = len(rows)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = taken_from_array(targets.detections[first], rows)
+    detections = taken(targets.detections[first], rows)
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
-    state, covariance, start = range_rates.begin_by_range_rates(
-        state, covariance, detections, sensor
-    )
+    state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
     scores = np.full(targets.detected.shape, -np.inf)
     of_amplitude = targets.amplitude_increments(first)
     score = start + of_amplitude[rows, first]
     scores[rows, first] = score
     faded = np.full(n, evaluation.FADED_AT_START)
     for scan in range(first + 1, window):
-        state, covariance = motion.predict_motion(state, covariance, interval, process_noise)
+        state, covariance = motion.predict(state, covariance, interval, process_noise)
         target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
-        detections = taken_from_array(targets.detections[scan], rows)
+        detections = taken(targets.detections[scan], rows)
         innovation = detections["position"] - state[:, 0::2]
         innovation_covariance = covariance[:, 0::2, 0::2] + errors_at(state, sensor)
-        density = motion.motion_log_likelihood(
+        density = motion.log_likelihood(
             state,
             covariance,
             target,
@@ -332,9 +330,7 @@ def _scores(
             gate_probability,
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
-        clutter = sensor.clutter_density * range_rates.range_rate_clutter_density(
-            detections, sensor
-        )
+        clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
         faded = evaluation.fading_predicted(faded)
         probability = sensor.detection_probability * evaluation.visible_share(faded)
         increment = evaluation.hit_increment(density, probability, clutter)
@@ -347,15 +343,15 @@ def _scores(
         )
         score = score + np.where(hit, increment, missed)
         hit_rows = np.flatnonzero(hit)
-        updated = motion.update_motion(
+        updated = motion.update(
             state.take(hit_rows, axis=0),
             covariance.take(hit_rows, axis=0),
             at_stamp[hit_rows],
             innovation.take(hit_rows, axis=0),
             innovation_covariance.take(hit_rows, axis=0),
         )
-        state[hit_rows], covariance[hit_rows] = range_rates.update_by_range_rates(
-            *updated, at_stamp[hit_rows], taken_from_array(detections, hit_rows)
+        state[hit_rows], covariance[hit_rows] = range_rates.update(
+            *updated, at_stamp[hit_rows], taken(detections, hit_rows)
         )
         kept = np.flatnonzero(score >= deletion)
         rows, score, faded = rows[kept], score[kept], faded[kept]
@@ -478,6 +474,6 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
             "max_range": farthest,
             "min_range": min(sensor.min_range, 0.5 * farthest),
         }
-    if not range_rates.has_range_rates(detections).any():
+    if not range_rates.measured(detections).any():
         changes["range_rate_std"] = 0.0
-    return changed_arrays(sensor, **changes)
+    return changed(sensor, **changes)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed_arrays, taken_from_array
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
@@ -29,8 +29,8 @@ from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
     MeasurementWindow,
     convert_measurements,
+    major_sigma,
     measured_polar,
-    measurement_major_sigma,
 )
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
@@ -194,7 +194,7 @@ class Tracker:
         observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
         new, counts = self._hold(observed, step)
-        self.statistics = changed_arrays(counts, plots=counts.detections, **self._received)
+        self.statistics = changed(counts, plots=counts.detections, **self._received)
         self.totals = self.totals + self.statistics
         return new
 
@@ -259,7 +259,7 @@ class Tracker:
         sensor = self.sensor
         if self.common.clutter_density == "estimated":
             sensor = self.learned.clutter_range_rates.estimate(sensor)
-        return sensor, range_rates.range_rate_clutter_density(detections, sensor)
+        return sensor, range_rates.clutter_density(detections, sensor)
 
     def _carry_confirmed(
         self,
@@ -278,7 +278,7 @@ class Tracker:
             detections,
             clutter,
             self.detection_probability_at,
-            changed_arrays(self.sensor, detection_probability=self.detection_probability),
+            changed(self.sensor, detection_probability=self.detection_probability),
             self.common.max_speed,
             self.learned.scan_interval.median / swept,
             whole=swept > WHOLE_SHARE,
@@ -313,7 +313,7 @@ class Tracker:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
         track_id, row = self.maintenance.own_detections
         rows = np.isnan(detections["range_std"][row])
-        own = taken_from_array(detections, row[rows])
+        own = taken(detections, row[rows])
         variance = self.sensor.range_variance(measured_polar(own)[0])
         confirmed = self.maintenance.confirmed
         ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
@@ -417,10 +417,10 @@ class Tracker:
         released = self.maintenance.released
         if len(released):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
-            released = changed_arrays(released, scan_count=observed.scan_index + 1 - first)
+            released = changed(released, scan_count=observed.scan_index + 1 - first)
             new = TrackArrays.joined(released, new)
         self._observed = observed
-        return new, changed_arrays(
+        return new, changed(
             counts,
             merged=counts.merged + merged,
             confirmed=counts.confirmed - confirmed + len(new),
@@ -433,7 +433,7 @@ class Tracker:
         The confirmed tracks are corrected too.
         """
         maintenance, tracks = self.maintenance, self._proper(step.tracks)
-        step, revised = changed_arrays(step, tracks=tracks), self._proper(step.revised)
+        step, revised = changed(step, tracks=tracks), self._proper(step.revised)
         if not self.method.most_tracks_true:
             self.revised = maintenance.revise(revised, step.replaced)
             return step
@@ -454,12 +454,10 @@ class Tracker:
         tracks = tracks.proper()  # what follows inverts the covariances
         if self.common.limit_speed == "off" or not len(tracks):
             return tracks
-        state, covariance = motion.limited_motion(
-            tracks.state, tracks.covariance, self.common.max_speed
-        )
+        state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
         if state is tracks.state:
             return tracks
-        return changed_arrays(tracks, state=state, covariance=covariance).proper()
+        return changed(tracks, state=state, covariance=covariance).proper()
 
     def _add(self, step: Step) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
@@ -474,7 +472,7 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        sigma = measurement_major_sigma(tracks.covariance[:, 0::2, 0::2])
+        sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )

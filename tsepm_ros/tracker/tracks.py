@@ -11,11 +11,11 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import ArrayRows, FloatArray, IntArray, changed_arrays
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
 from tsepm_ros.numerics.gaussian import proper_covariance
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.motion import predict_motion
+from tsepm_ros.tracker.motion import predict
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 NEW_TRACK_EXISTENCE = 0.99
@@ -161,7 +161,7 @@ class ConfirmedTrack:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TrackArrays(ArrayRows, Sequence[ConfirmedTrack]):
+class TrackArrays(Rows, Sequence[ConfirmedTrack]):
     """Tracks as arrays, a row each: a sequence of `ConfirmedTrack` for many tracks at once.
 
     Attributes
@@ -210,9 +210,7 @@ class TrackArrays(ArrayRows, Sequence[ConfirmedTrack]):
     def proper(self) -> TrackArrays:
         """Tracks whose covariances are positive definite, see `gaussian.proper_covariance`."""
         covariance = proper_covariance(self.covariance) if len(self) else self.covariance
-        return (
-            self if covariance is self.covariance else changed_arrays(self, covariance=covariance)
-        )
+        return self if covariance is self.covariance else changed(self, covariance=covariance)
 
     def __repr__(self) -> str:
         return f"TrackArrays({list(self[:3])}{f', {len(self)} in all' if len(self) > 3 else ''})"
@@ -226,7 +224,7 @@ class TrackArrays(ArrayRows, Sequence[ConfirmedTrack]):
         if isinstance(row, np.ndarray):
             return self.where(row)
         if isinstance(row, slice):
-            return ArrayRows.__getitem__(self, row)
+            return Rows.__getitem__(self, row)
         numbers = {name: self.__dict__[name][row].item() for name in _SCALARS}
         return ConfirmedTrack(
             state=self.state[row], covariance=self.covariance[row], hits=self.hits[row], **numbers
@@ -234,11 +232,11 @@ class TrackArrays(ArrayRows, Sequence[ConfirmedTrack]):
 
     def where(self, rows: NDArray[np.generic]) -> TrackArrays:
         """The tracks in the given rows (indices or a mask)."""
-        return ArrayRows.__getitem__(self, rows)
+        return Rows.__getitem__(self, rows)
 
     def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
-        return changed_arrays(self, track_id=track_id)
+        return changed(self, track_id=track_id)
 
     def predicted(self, stamp: float) -> TrackArrays:
         """The tracks predicted to a common time at constant velocity.
@@ -255,8 +253,8 @@ class TrackArrays(ArrayRows, Sequence[ConfirmedTrack]):
             over the time elapsed.
         """
         elapsed = stamp - self.stamp
-        state, covariance = predict_motion(self.state, self.covariance, elapsed)
-        return changed_arrays(
+        state, covariance = predict(self.state, self.covariance, elapsed)
+        return changed(
             self,
             stamp=np.full(len(self), stamp),
             state=state,

@@ -15,7 +15,7 @@ from tsepm_ros.tracker.maintenance.data_association import (
     updated_existence,
     updated_states,
 )
-from tsepm_ros.tracker.motion import position_after_motion, update_motion
+from tsepm_ros.tracker.motion import position_after, update
 
 
 def plain(r, b, likelihood, row, number):
@@ -114,7 +114,7 @@ def test_the_gate_has_the_likelihoods_of_the_nearest_detections(monkeypatch, man
     for track in range(2):
         for mode in range(3):
             rows = gated.row[track, mode // 2]
-            centre = position_after_motion(mean[track, mode // 2], 4.0)
+            centre = position_after(mean[track, mode // 2], 4.0)
             distance = np.hypot(*(found["position"] - centre).T)
             assert rows.tolist() == np.argsort(distance)[: len(rows)].tolist()
             x, p = state[track, mode], covariance[track, mode]
@@ -139,11 +139,11 @@ def test_the_gate_has_the_likelihoods_of_the_nearest_detections(monkeypatch, man
     track, mode, place = gated.pairs
     row = gated.row[track, mode // 2, place]
     pairs, after = (track, mode), np.full(len(track), 4.0)
-    innovation = found["position"][row] - position_after_motion(state[pairs], after)
+    innovation = found["position"][row] - position_after(state[pairs], after)
     nearest = gated.row[track, mode // 2, 0]
     assert len(nearest)
     moved, _ = gated.updated
-    gain = update_motion(state[pairs], covariance[pairs], after, innovation, np.eye(2) * 1e9)[0]
+    gain = update(state[pairs], covariance[pairs], after, innovation, np.eye(2) * 1e9)[0]
     towards = np.einsum("qi,qi->q", moved - state[pairs], gain - state[pairs])
     assert (towards > 0.0).all(), "each goes towards its own detection"
 

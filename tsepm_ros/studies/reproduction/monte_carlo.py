@@ -31,7 +31,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.motion import position_after_motion, position_covariance_after_motion
+from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
@@ -242,8 +242,8 @@ class MonteCarloPredicted(Tsepm):
             if len(others) > 1:  # two positions at least have a velocity
                 fitted, hit = self.fit(hits[:, others]), hits[:, [column]]
                 time = hit["time"] - self.stamp
-                misfit = hit["position"] - position_after_motion(fitted.state[:, None], time)
-                covariance = position_covariance_after_motion(fitted.covariance[:, None], time)
+                misfit = hit["position"] - position_after(fitted.state[:, None], time)
+                covariance = position_covariance_after(fitted.covariance[:, None], time)
                 covariance += hit["covariance"]
                 distances.append(squared_mahalanobis_distance(misfit, covariance)[:, 0])
         largest = np.max(distances, axis=0)

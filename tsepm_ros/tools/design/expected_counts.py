@@ -50,8 +50,8 @@ from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.tracker.initial_state import fit_initial_states
 from tsepm_ros.tracker.measurement import (
     convert_measurements,
+    major_sigma,
     measurement_covariance,
-    measurement_major_sigma,
 )
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -262,7 +262,7 @@ def expected_error_radius(gating: ExpectedGating, ranges: FloatArray) -> FloatAr
     covariance = measurement_covariance(
         ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
     )
-    return gaussian_gate_factor(gating.gate_probability) * measurement_major_sigma(covariance)
+    return gaussian_gate_factor(gating.gate_probability) * major_sigma(covariance)
 
 
 def expected_gate_areas(gating: ExpectedGating, ranges: FloatArray, window: int) -> FloatArray:

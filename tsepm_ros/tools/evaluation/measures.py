@@ -558,5 +558,5 @@ def measured_closest_approach(relative: FloatArray) -> tuple[FloatArray, FloatAr
     square = np.square(velocity).sum(axis=-1)
     approach = -(position * velocity).sum(axis=-1)
     time = np.divide(approach, square, out=np.zeros_like(square), where=square > 0.0)
-    then = motion.position_after_motion(relative, time)
+    then = motion.position_after(relative, time)
     return time, np.asarray(np.hypot(then[..., 0], then[..., 1]))

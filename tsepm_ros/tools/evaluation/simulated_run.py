@@ -29,7 +29,7 @@ from tsepm_ros.own_ship.pose_history import echo_poses
 from tsepm_ros.tools.evaluation.result_files import result_code_key, result_outside_files
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import Motion
-from tsepm_ros.tracker.measurement import measurement_covariance, measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
@@ -84,7 +84,7 @@ def simulated_measurement_sigma(sensor: SensorModel, offset: FloatArray) -> floa
     covariance = measurement_covariance(
         range_, np.arctan2(offset[1], offset[0]), sensor.range_variance(range_), sensor.azimuth_std
     )
-    return float(measurement_major_sigma(covariance))
+    return float(major_sigma(covariance))
 
 
 def simulated_nees(error: FloatArray, covariance: FloatArray) -> float:

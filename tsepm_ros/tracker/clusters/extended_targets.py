@@ -50,7 +50,7 @@ from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
-from tsepm_ros.tracker.measurement import measurement_major_sigma
+from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.merging import agrees_with_older
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
@@ -596,7 +596,7 @@ class ExtendedTargets:
             apart, now = np.abs(position - position[row]), tracks.stamp[row]
             apart[row] = np.inf
             older = int(np.argmin(apart))
-            shorter = measurement_major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
+            shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
             if older < row and shorter < apart[older] <= LONGEST_WAY * extended_target_unit(
                 self.sensor
             ):

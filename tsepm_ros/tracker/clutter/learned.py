@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
@@ -47,7 +47,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
 )
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY, PolarBatch
-from tsepm_ros.tracker.range_rates import has_range_rates, range_rates_over_ground
+from tsepm_ros.tracker.range_rates import measured, range_rates_over_ground
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
 
 MIN_RATE_COUNT = 20
@@ -77,7 +77,7 @@ class LearnedRangeRates:
 
     def update(self, detections: NDArray[np.void]) -> None:
         """Update the estimate with the range rates of a scan's detections."""
-        rated = taken_from_array(detections, has_range_rates(detections))
+        rated = taken(detections, measured(detections))
         if len(rated):
             self._rates.append(np.abs(range_rates_over_ground(rated)))
 

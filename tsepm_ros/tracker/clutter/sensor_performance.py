@@ -29,7 +29,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 DATA_SHEET_SCANS = 5.0
 """Weight of the data sheet's probability, as a number of scans of a target."""
@@ -164,7 +164,7 @@ class SensorPerformanceErrors:
             last[:, new] = self._last[:, old]
             self._track_id, self._last = confirmed, last
         own, row = (track_id[:, None] == confirmed).nonzero()
-        detections = taken_from_array(detections, own)
+        detections = taken(detections, own)
         self._last[:, row, :2] = self._last[:, row, 1:]
         self._last[:, row, 2] = detections["time"], detections["position"] @ (1.0, 1j)
         time, position = self._last[:, row]

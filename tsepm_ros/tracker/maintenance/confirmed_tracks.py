@@ -14,12 +14,12 @@ from enum import IntEnum
 import numpy as np
 
 from tsepm_ros.numerics.arrays import (
-    ArrayRows,
     BoolArray,
     FloatArray,
     IntArray,
-    changed_arrays,
-    with_array_rows,
+    Rows,
+    changed,
+    with_rows,
 )
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.clutter.amplitude_law import amplitude_law_ratio_db
@@ -34,8 +34,8 @@ from tsepm_ros.tracker.maintenance.stationary import (
     MAX_CHANGE_ODDS,
     StraightFits,
 )
-from tsepm_ros.tracker.measurement import measurement_major_sigma
-from tsepm_ros.tracker.motion import InteractingMotionModels
+from tsepm_ros.tracker.measurement import major_sigma
+from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
 from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
@@ -93,14 +93,14 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class ConfirmedTracks(ArrayRows):
+class ConfirmedTracks(Rows):
     """Confirmed tracks, a row each.
 
     Attributes
     ----------
     tracks : TrackArrays
         Their states are the means over the modes of motion.
-    models : InteractingMotionModels
+    models : InteractingModels
         State and probability of each mode.
     fits : StraightFits
         Fits of constant velocity, by which it is judged whether the target stands still.
@@ -132,7 +132,7 @@ class ConfirmedTracks(ArrayRows):
 
     existence: FloatArray
     tracks: TrackArrays
-    models: InteractingMotionModels
+    models: InteractingModels
     fits: StraightFits
     proven: FloatArray
     visible: FloatArray
@@ -166,7 +166,7 @@ class ConfirmedTracks(ArrayRows):
         amplitude_hits, amplitude_total = amplitudes or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
-            models=InteractingMotionModels.from_states(tracks.state, tracks.covariance),
+            models=InteractingModels.from_states(tracks.state, tracks.covariance),
             fits=StraightFits.from_states(
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
@@ -179,7 +179,7 @@ class ConfirmedTracks(ArrayRows):
             unlisted_since=tracks.stamp,
             status=np.full(n, Status.PUBLISHED, np.int64),
             announced=np.ones(n, bool),
-            hit_sigma=measurement_major_sigma(tracks.covariance[:, 0::2, 0::2])
+            hit_sigma=major_sigma(tracks.covariance[:, 0::2, 0::2])
             if hit_sigma is None
             else hit_sigma,
             amplitude_hits=amplitude_hits,
@@ -200,9 +200,9 @@ class ConfirmedTracks(ArrayRows):
         time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
         models = self.models.predicted(time_step, max_speed)
         state, covariance = models.combined()
-        return changed_arrays(
+        return changed(
             self,
-            tracks=changed_arrays(
+            tracks=changed(
                 self.tracks,
                 stamp=np.full(len(self), stamp),
                 state=state,
@@ -224,7 +224,7 @@ class ConfirmedTracks(ArrayRows):
         stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
         stays = np.where(counts, stays, 1.0)
         still = (1.0 - 1.0 / SCANS_TO_FADE) * self.visible + (1.0 - self.visible) / SCANS_OF_FADING
-        return changed_arrays(
+        return changed(
             self,
             existence=self.existence * stays,
             proven=self.proven * stays,
@@ -258,7 +258,7 @@ class ConfirmedTracks(ArrayRows):
             Which targets could be detected at all.
         max_speed : (n,) ndarray
             v_max, m/s: a mode whose mean is faster is conditioned on it; see
-            `motion.slowed_motion`.
+            `motion.slowed`.
 
         Returns
         -------
@@ -271,12 +271,12 @@ class ConfirmedTracks(ArrayRows):
         """
         # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
         of_filter = state[:, :-1], covariance[:, :-1]
-        slow = motion.slowed_motion(
+        slow = motion.slowed(
             of_filter[0].reshape(-1, 4), of_filter[1].reshape(-1, 4, 4), max_speed.repeat(2)
         )
         weighted = self.models.probability * mode_ratios[:, :-1]
         ratio = weighted.sum(axis=1)
-        models = InteractingMotionModels(
+        models = InteractingModels(
             weighted / ratio[:, None],
             slow[0].reshape(of_filter[0].shape),
             slow[1].reshape(of_filter[1].shape),
@@ -291,11 +291,11 @@ class ConfirmedTracks(ArrayRows):
         detected = of_target * existence
         scans = self.covered_scans + covered
         mean, spread = models.combined()
-        confirmed = changed_arrays(
+        confirmed = changed(
             self,
-            tracks=changed_arrays(self.tracks, state=mean, covariance=spread),
+            tracks=changed(self.tracks, state=mean, covariance=spread),
             models=models,
-            fits=changed_arrays(
+            fits=changed(
                 self.fits, state=state[:, -1], covariance=covariance[:, -1], change_odds=odds
             ),
             existence=existence,
@@ -327,7 +327,7 @@ class ConfirmedTracks(ArrayRows):
         hits = share.sum(axis=1)
         total = (share * np.where(known, amplitude, 0.0)[row]).sum(axis=1)
         keep = 1.0 - np.minimum(hits, 1.0) / AMPLITUDE_MEMORY
-        return changed_arrays(
+        return changed(
             self,
             amplitude_hits=keep * self.amplitude_hits + hits,
             amplitude_total=keep * self.amplitude_total + total,
@@ -346,16 +346,16 @@ class ConfirmedTracks(ArrayRows):
         _, row, index = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
         new = corrected.where(index)
         if existence is not None:
-            new = changed_arrays(new, age=np.maximum(new.age, tracks.age[row]))
+            new = changed(new, age=np.maximum(new.age, tracks.age[row]))
         figures = {name: getattr(new, name) for name in _OF_START}
-        tracks = with_array_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
+        tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
         fresh = ConfirmedTracks.from_tracks(new, 0.0 if existence is None else existence[index])
         started = ["models", "fits"]
         if existence is not None:
-            fresh = changed_arrays(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
+            fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
             started += _FOUND_AGAIN
-        confirmed = with_array_rows(self, row, **{name: getattr(fresh, name) for name in started})
-        return changed_arrays(confirmed, tracks=tracks)
+        confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
+        return changed(confirmed, tracks=tracks)
 
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
@@ -366,7 +366,7 @@ class ConfirmedTracks(ArrayRows):
         new = reported.where(index)
         age = self.tracks.age[row] + new.stamp - self.tracks.stamp[row]
         fresh = ConfirmedTracks.from_tracks(new, existence)
-        confirmed = with_array_rows(
+        confirmed = with_rows(
             self,
             row,
             models=fresh.models,
@@ -379,9 +379,7 @@ class ConfirmedTracks(ArrayRows):
             announced=True,
         )
         figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
-        return changed_arrays(
-            confirmed, tracks=with_array_rows(self.tracks, row, age=age, **figures)
-        )
+        return changed(confirmed, tracks=with_rows(self.tracks, row, age=age, **figures))
 
     def judged(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows after an update, with the figures of their tracks that only maintenance knows.
@@ -395,27 +393,25 @@ class ConfirmedTracks(ArrayRows):
             fresh = StraightFits.from_states(
                 tracks.state[over], tracks.covariance[over], CHANGED_SHARE
             )
-            fits = with_array_rows(fits, over, **fresh.__dict__)
+            fits = with_rows(fits, over, **fresh.__dict__)
         probability = np.full_like(self.existence, np.nan)
         if options.min_speed:
             probability = fits.stationary_probability(options, self.existence)
-        tracks = changed_arrays(
+        tracks = changed(
             tracks,
             stationary_probability=probability,
             signal_to_clutter_db=amplitude_law_ratio_db(self.amplitude_hits, self.amplitude_total),
             existence_probability=self.existence,
             time_since_hit=tracks.stamp - self.last_detected,
         )
-        return changed_arrays(self, fits=fits, tracks=tracks)
+        return changed(self, fits=fits, tracks=tracks)
 
     def stated(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows with the probability to stand still of all."""
         if not np.isnan(self.tracks.stationary_probability).any():
             return self
         probability = self.fits.stationary_probability(options, self.existence)
-        return changed_arrays(
-            self, tracks=changed_arrays(self.tracks, stationary_probability=probability)
-        )
+        return changed(self, tracks=changed(self.tracks, stationary_probability=probability))
 
     def stands_still(self, options: CommonOptions) -> BoolArray:
         """Which tracks (n,) are fixed echoes; none without a `min_speed`.
@@ -435,7 +431,7 @@ class ConfirmedTracks(ArrayRows):
         `RECOGNISED` times that of its last detection or `target_extent` (m), and at most
         `SHARE_OF_RANGE` of `max_range` (m).
         """
-        sigma = measurement_major_sigma(self.tracks.covariance[:, 0::2, 0::2])
+        sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
         limit = np.maximum(RECOGNISED * self.hit_sigma, options.target_extent)
         located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
         exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, PROBABLE)
@@ -448,4 +444,4 @@ class ConfirmedTracks(ArrayRows):
         still = self.existence * self.tracks.stationary_probability > PROBABLE
         rows = np.flatnonzero(still & (self.status == Status.FIXED))
         state, covariance = self.fits[rows].places()
-        return changed_arrays(self.tracks.where(rows), state=state, covariance=covariance)
+        return changed(self.tracks.where(rows), state=state, covariance=covariance)

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken_from_array
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
 from tsepm_ros.numerics.discs import squared_distances_of_discs
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import measurement_covariance_at
@@ -115,23 +115,23 @@ def gate(
         none = np.zeros((0, 4)), np.zeros((0, 4, 4))
         return GatedDetections(row, likelihood, likelihood.nonzero(), none)
     after = detections["time"] - stamp
-    centre = motion.position_after_motion(mean, 0.5 * (after.min() + after.max()))
+    centre = motion.position_after(mean, 0.5 * (after.min() + after.max()))
     if centre.size * len(detections) > MANY:
         row = cKDTree(detections["position"]).query(centre, k=range(1, number + 1))[1]
     else:
         square = squared_distances_of_discs(centre.reshape(-1, 2), detections["position"])
         row = square.argsort(axis=1)[:, :number].reshape(*centre.shape[:2], number)
     of_modes = row[:, SEEKER]
-    rated = range_rates.has_range_rates(detections).any()
-    near = taken_from_array(detections, of_modes if rated else of_modes[..., :1])
+    rated = range_rates.measured(detections).any()
+    near = taken(detections, of_modes if rated else of_modes[..., :1])
     time = near["time"] - stamp
-    spread = motion.position_covariance_after_motion(covariance[:, :, None], time)
+    spread = motion.position_covariance_after(covariance[:, :, None], time)
     spread = spread + measurement_covariance_at(
-        near, motion.position_after_motion(state[:, :, None], time), sensor
+        near, motion.position_after(state[:, :, None], time), sensor
     )
-    expected = motion.position_after_motion(state[:, :, None], after[of_modes])
+    expected = motion.position_after(state[:, :, None], after[of_modes])
     innovation = detections["position"][of_modes] - expected
-    density = motion.motion_log_likelihood(
+    density = motion.log_likelihood(
         state.reshape(-1, 4),
         covariance.reshape(-1, 4, 4),
         np.broadcast_to(np.arange(3 * len(mean)).reshape(-1, 3, 1), of_modes.shape),
@@ -144,13 +144,11 @@ def gate(
     )
     pairs = (density > -np.inf).nonzero()
     own = (*pairs[:2], pairs[2] if rated else 0)
-    updated = motion.update_motion(
+    updated = motion.update(
         state[pairs[:2]], covariance[pairs[:2]], time[own], innovation[pairs], spread[own]
     )
     if rated:
-        updated = range_rates.update_by_range_rates(
-            *updated, time[own], taken_from_array(detections, of_modes[pairs])
-        )
+        updated = range_rates.update(*updated, time[own], taken(detections, of_modes[pairs]))
     number = int(pairs[2].max(initial=0)) + 1
     likelihood = np.zeros((*of_modes.shape[:2], number))
     likelihood[pairs] = np.exp(density[pairs])

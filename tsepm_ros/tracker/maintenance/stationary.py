@@ -35,7 +35,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import ArrayRows, BoolArray, FloatArray, changed_arrays
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, changed
 from tsepm_ros.numerics.discs import disc_probability
 from tsepm_ros.numerics.gaussian import gaussian_log_density, is_gaussian_significant
 from tsepm_ros.tracker import motion
@@ -127,7 +127,7 @@ def _speed_limits(min_speed: float, max_speed: float) -> tuple[FloatArray, Float
 
 
 @dataclass(frozen=True, eq=False)
-class StraightFits(ArrayRows):
+class StraightFits(Rows):
     """Fits of constant velocity to all detections of targets, a row each.
 
     Attributes
@@ -153,11 +153,9 @@ class StraightFits(ArrayRows):
 
     def predicted(self, elapsed: FloatArray) -> StraightFits:
         """The fits after times (n,), s, of either sign."""
-        state, covariance = motion.predict_motion(
-            self.state, self.covariance, elapsed, PROCESS_NOISE
-        )
+        state, covariance = motion.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
         begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
-        return changed_arrays(
+        return changed(
             self, state=state, covariance=covariance, change_odds=self.change_odds + begun
         )
 

@@ -19,9 +19,9 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     array_rows_of_least_cost,
-    changed_arrays,
-    taken_from_array,
-    with_array_rows,
+    changed,
+    taken,
+    with_rows,
 )
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.maintenance import data_association
@@ -263,10 +263,10 @@ class TrackMaintenance:
         self.own_detections, self.probable_detections = (
             (confirmed.tracks.track_id[pairs[0]], row[pairs]) for pairs in (certain, probable)
         )
-        own = taken_from_array(detections, row[probable])
+        own = taken(detections, row[probable])
         hits = np.stack([own["scan"], own["index"]], axis=1)
         self._owned.append((hits, self.probable_detections[0]))
-        self.confirmed = with_array_rows(confirmed, probable[0], hit_sigma=own["major_sigma"])
+        self.confirmed = with_rows(confirmed, probable[0], hit_sigma=own["major_sigma"])
         return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(confirmed))
 
     def _publish(self, max_range: float) -> None:
@@ -277,7 +277,7 @@ class TrackMaintenance:
         listed = self._kept_by_tracker(self.confirmed)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self.confirmed.announced
-        self.confirmed = confirmed = changed_arrays(
+        self.confirmed = confirmed = changed(
             self.confirmed,
             status=status,
             announced=self.confirmed.announced | new,
@@ -359,7 +359,7 @@ class TrackMaintenance:
         self._remember_starts(tracks)
         new = ConfirmedTracks.from_tracks(tracks, existence, misfit, amplitudes, hit_sigma)
         confirmed = ConfirmedTracks.joined(
-            self.confirmed, changed_arrays(new, announced=np.zeros(len(new), bool))
+            self.confirmed, changed(new, announced=np.zeros(len(new), bool))
         )
         confirmed = confirmed.judged(self.options).stated(self.options)
         first = len(confirmed) - len(new)
@@ -367,7 +367,7 @@ class TrackMaintenance:
         status, announced = confirmed.status.copy(), confirmed.announced.copy()
         status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
         announced[first:] = ~fixed
-        self.confirmed = changed_arrays(confirmed, status=status, announced=announced)
+        self.confirmed = changed(confirmed, status=status, announced=announced)
         return confirmed.tracks.where(first + np.flatnonzero(~fixed))
 
     def revise(
@@ -421,7 +421,7 @@ class TrackMaintenance:
         self.tracker, self._last_report = ExternalTracker.ALIVE, stamp
         over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         over &= confirmed.announced & ((confirmed.status != Status.FIXED) | (since == LISTED))
-        self.confirmed = changed_arrays(confirmed, unlisted_since=since)
+        self.confirmed = changed(confirmed, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
         self.add(tracks[~np.isin(tracks.track_id, ids)], NEW_TRACK_EXISTENCE)
         self.confirmed = self.confirmed.listed(tracks, NEW_TRACK_EXISTENCE)
@@ -471,7 +471,7 @@ class TrackMaintenance:
         known = merging.located(tracks.covariance, detection_sigma)
         agrees = merging.agrees_with_older(tracks.state, tracks.covariance, known, explained)
         scans = np.where(agrees, before + 1, np.where(known, 0, before))
-        self.confirmed = changed_arrays(self.confirmed, agreeing_scans=scans)
+        self.confirmed = changed(self.confirmed, agreeing_scans=scans)
         return scans >= merging.SAME_SCANS
 
     def end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
