@@ -76,7 +76,8 @@ def serve() -> None:
             begin = time.process_time()
             tracker.process(scan)
             spent, held = time.process_time() - begin, tracker.maintenance
-            tracks = held.held if hasattr(held, "held") else held._held
+            names = ("confirmed", "held", "_held")  # of now and of older trees
+            tracks = next(getattr(held, name) for name in names if hasattr(held, name))
             print(spent, len(tracks), file=out, flush=True)
 
 

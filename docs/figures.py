@@ -64,9 +64,9 @@ Every `diagnostics_period`, `/diagnostics` has the entry `NODE: overall` with th
 its reason, and an entry `NODE: TASK` for each task. Counts are totals since the start or the last
 `~/reset`. Levels cover the last `diagnostics.window` (60 s); that of `sensor parameters` covers
 the last 100 pings, or what was learned since the parameters changed. Thresholds are parameters.
-`sonar_detector` has the entry `overall` alone. A fault in a callback of any node is counted as
-`internal_error`, its traceback is logged, and the node takes the next message; a node without
-diagnostics publishes the entry `overall` with the level error from then on.
+`sonar_detector` and `track_bridge` have the entry `overall` alone. A fault in a callback of any
+node is counted as `internal_error`, its traceback is logged, and the node takes the next message; a
+node without diagnostics publishes the entry `overall` with the level error from then on.
 
 ## Conditions
 """

@@ -115,8 +115,8 @@ class KalmanTracker(Node):
             report.stamp, detections.position, detections.covariance, detections.time_offset
         )
         self._tracker.start(report.tracks)
-        if corrected := [track.track_id for track in report.tracks if track.revision]:
-            self.get_logger().info(f"{report.stamp:.0f} s: starts {corrected} again")
+        if continued := [track.track_id for track in report.tracks if track.revision]:
+            self.get_logger().info(f"{report.stamp:.0f} s: starts {continued} again")
         if before != set(self._tracker.targets):
             self.get_logger().info(f"{report.stamp:.0f} s: follows {sorted(self._tracker.targets)}")
         header = make_header(stamp_ns(message), report.frame_id)

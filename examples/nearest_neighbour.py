@@ -98,7 +98,7 @@ class NearestNeighbourTracker:
     def start(self, tracks: Iterable[ConfirmedTrack]) -> None:
         """Start a filter with the state and the full covariance of each new track.
 
-        A track with a `revision` above 0 is a correction: it replaces the filter of its id.
+        A track with a `revision` above 0 was lost and continued: it replaces the filter of its id.
         """
         for track in tracks:
             self.targets[track.track_id] = Target(track.state, track.covariance)

@@ -15,7 +15,7 @@ field                          datatype meaning
 ``age``                        FLOAT64  time since the first hit, s
 ``stationary_probability``     FLOAT64  that the target stands still; nan where not known
 ``signal_to_clutter_db``       FLOAT64  amplitude over that of clutter, dB; nan where not known
-``revision``                   UINT16   0 as first published, then the number of its correction
+``revision``                   UINT16   0 as first published, then how often a start continued it
 ``existence_probability``      FLOAT64  that the target exists; nan where not known
 ``time_since_hit``             FLOAT64  time since the target was last detected, s
 ============================== ======== =======================================================
@@ -414,7 +414,7 @@ def track_markers(
 
     Each track has a sphere at its position, an arrow to its predicted position, its 95 % ellipse,
     and a label with id, speed, the largest standard deviation of the position, and the revision of
-    a start that was corrected. Those of a track that coasts, without a detection in the last scan,
+    a track that was continued. Those of a track that coasts, without a detection in the last scan,
     are fainter, and its ellipse is dashed.
 
     Parameters

@@ -33,6 +33,13 @@ MAX_SHOWN = 80
 MAX_NAMES = 4
 """Most names in a question for the name that is meant."""
 
+_MANOEUVRE = (
+    "target_manoeuvre",
+    "m/s^2: the square root of the process noise divided by the time between scans; 0: learned",
+)
+REPLACED = {"score.process_noise": _MANOEUVRE, "process_noise": _MANOEUVRE}
+"""Names of earlier versions: the parameter that replaces each, and how its value follows."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -174,7 +181,10 @@ def unknown_parameter(name: str, known: Collection[str]) -> str:
 
 
 def meant_parameter(name: str, known: Collection[str]) -> str:
-    """The question for the known names that an unknown name may be meant for; may be empty."""
+    """What has replaced an unknown name, or the question for known names; may be empty."""
+    other, value = REPLACED.get(name, ("", ""))
+    if other in known:
+        return f"; it is replaced by {other}, {value}"
     return _parameter_question(
         [other for other in known if _parameter_leaf(other) == _parameter_leaf(name)]
         or _nearest_parameters(name, known)

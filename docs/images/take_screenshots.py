@@ -51,9 +51,9 @@ def live_page(browser: Browser) -> Tab:
 def live(browser: Browser) -> None:
     """The page beside the running nodes, after the scenario's last ping."""
     nodes = {
-        "tools.viewer.track_viewer": [f"port:={PORT}"],
-        "nodes.track_initiator": ["own_ship_source:=odometry", "publish_potential_tracks:=true"],
-        "tools.players.sonar_simulator": [
+        "track_viewer": [f"port:={PORT}"],
+        "track_initiator": ["own_ship_source:=odometry", "publish_potential_tracks:=true"],
+        "sonar_simulator": [
             f"scenario:={SCENARIO}",
             f"seed:={SEED}",
             f"rate_factor:={RATE_FACTOR}",
@@ -63,7 +63,7 @@ def live(browser: Browser) -> None:
     try:
         for name, parameters in nodes.items():
             given = [part for parameter in parameters for part in ("-p", parameter)]
-            command = [sys.executable, "-m", f"tsepm_ros.{name}", "--ros-args", *given]
+            command = [str(Path(sys.executable).with_name(name)), "--ros-args", *given]
             processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
         tab = live_page(browser)
         tab.until(f"scene.frames.some((frame) => frame.stamp >= {LAST_STAMP})")
@@ -100,9 +100,9 @@ def sonar(browser: Browser) -> None:
     """The page beside both nodes and a driver of images, with the image shown."""
     coverage = ["sensor.max_range:=60.0", "sensor.azimuth_min:=-1.0", "sensor.azimuth_max:=1.0"]
     nodes = {
-        "tools.viewer.track_viewer": [f"port:={PORT}"],
-        "nodes.track_initiator": [*coverage, "max_speed:=3.0"],
-        "nodes.sonar_detector": [*coverage, "false_detections_per_ping:=5.0"],
+        "track_viewer": [f"port:={PORT}"],
+        "track_initiator": [*coverage, "max_speed:=3.0"],
+        "sonar_detector": [*coverage, "false_detections_per_ping:=5.0"],
     }
     processes = []
     rclpy.init()
@@ -111,7 +111,7 @@ def sonar(browser: Browser) -> None:
     try:
         for name, parameters in nodes.items():
             given = [part for parameter in parameters for part in ("-p", parameter)]
-            command = [sys.executable, "-m", f"tsepm_ros.{name}", "--ros-args", *given]
+            command = [str(Path(sys.executable).with_name(name)), "--ros-args", *given]
             processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
         while not publisher.get_subscription_count():
             time.sleep(0.1)

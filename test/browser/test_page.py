@@ -52,7 +52,7 @@ def recording() -> str:
             "all": True,
             "frames": frames,
             "facts": facts,
-            "health": {"level": 1, "entries": [entry]},
+            "health": [{"node": "", "level": 1, "entries": [entry]}],
             "info": {"kind": "recording", "title": EVIL, "north": True},
             "truth": [[[12.0, 100.0, 40.0], [144.0, 1200.0, 40.0]]],
         }
@@ -76,7 +76,9 @@ def text(tab: Tab, selector: str) -> str:
 
 def settled(tab: Tab) -> None:
     """Wait until what was asked for is drawn."""
-    tab.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    tab.value(
+        "redraw(); new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    )
 
 
 def place(tab: Tab, x: float, y: float) -> list[float]:
@@ -124,7 +126,7 @@ def test_without_own_ship_data_it_is_said_why_and_at_the_origin_if_it_does_not_m
             const says = (source, message) => {
                 const values = [["source", source]];
                 const entry = { task: "own ship", level: 0, message, values };
-                scene.health = { level: 0, entries: [entry] };
+                scene.health = [{ node: "", level: 0, entries: [entry] }];
                 return [noOwnShip({ own_ship: null }), scene.ownShip({ own_ship: null })];
             };
             return [...says("tf", "own-ship data from tf"), ...says("none", "not needed"),
@@ -132,8 +134,8 @@ def test_without_own_ship_data_it_is_said_why_and_at_the_origin_if_it_does_not_m
         })()"""
     )
     assert said == [
-        *(" No own ship is drawn: this page does not read tf.", None),
-        *(" No own ship is drawn: not needed.", [0, 0, 0, 0, 0]),
+        *("No own ship is drawn: this page does not read tf", None),
+        *("", [0, 0, 0, 0, 0]),
         "",
     ]
 
@@ -358,40 +360,55 @@ def test_the_alarm_comes_once_per_approach(replay):
     """Track 3 passes own ship at 100 m, goes away and comes back."""
     counts = replay.value(
         """(() => {
-            const one = new Alarm(); one.limit = 150; one.horizon = 600;
-            const far = { ...scene, histories: new Map([[3, []]]), ownShip: () => [0, 0, 0, 0, 0] };
+            const one = new Alarm();
+            Object.assign(one.settings, { cpa_limit: 150, tcpa_limit: 600 });
+            const far = { histories: new Map([[3, []]]), ownShip: () => [0, 0, 0, 0, 0] };
             const begun = [];
-            const pass = (limit, side) => {
+            let number = 0;
+            const take = (tracks, more = {}) => {
+                const before = one.known.has("cpa 3");
+                one.update({ number: ++number, tracks, fixed: [], ...more }, far);
+                return !before && one.known.has("cpa 3");
+            };
+            const pass = (side) => {
                 for (let x = -1000; x <= 1000; x += 50) {
                     const jitter = x % 100 ? 60 : 0; // now and then beyond the limit
                     const row = [3, side * x, 100 + jitter, side * 5, 0];
-                    if (one.update({ tracks: x === -400 ? [] : [row] }, far)) begun.push(x);
+                    if (take(x === -400 ? [] : [row])) begun.push(x);
                 }
             };
-            pass(150, 1); pass(150, -1);
-            one.update({ tracks: [[3, -500, 300, 5, 0]] }, far);
+            pass(1); pass(-1);
+            take([[3, -500, 300, 5, 0]]);
             const calm = one.near.size;
-            one.update({ tracks: [], restart: true }, far);
-            return [begun, calm, one.approaches.size];
+            take([], { restart: true });
+            return [begun, calm, one.known.size];
         })()"""
     )
     assert counts == [[-1000, -1000], 0, 0]
 
 
+APPROACHING = (
+    "scene.frames.at(-1).tracks[0][Row.VX] = -8;"
+    "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0];"
+)
+
+
+def limit(tab: Tab, meters: float, name: str = "cpa_limit") -> None:
+    """Write a limit of the alarm into its field."""
+    tab.value(f"byId('{name}').value = {meters}; byId('{name}').dispatchEvent(new Event('change'))")
+
+
 def test_the_alarm_is_shown_until_it_is_acknowledged_and_silent_at_first(replay):
-    assert replay.value("[alarm.limit, byId('sound').checked, byId('alarm').hidden]") == [
-        *(0, False, True)
-    ]
-    replay.value(
-        "scene.frames.at(-1).tracks[0][Row.VX] = -8;"
-        "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0];"
-        "byId('limit').value = 600; byId('limit').dispatchEvent(new Event('change'))"
-    )
+    assert replay.value(
+        "[alarm.settings.cpa_limit, byId('sound').checked, byId('alarm').hidden]"
+    ) == [0, False, True]
+    replay.value(APPROACHING)
+    limit(replay, 600)
     assert text(replay, "#alarm-words") == "Closest approach: track 3, 500 m in 2.5 min"
     assert text(replay, "#tracks tr.near td") == "3"
     replay.press("#acknowledge")
     assert replay.value("byId('alarm').hidden")
-    replay.value("watchApproaches({ ...scene.frames.at(-1) }); showPanels()")
+    replay.value("watchAlarms({ ...scene.frames.at(-1) }); showPanels()")
     assert replay.value("byId('alarm').hidden"), "the same approach"
     assert replay.complaints == []
 
@@ -400,60 +417,77 @@ def test_the_page_always_says_whether_the_alarm_watches(replay):
     assert text(replay, "#alarm-chip") == "Alarm off"
     said = replay.value(
         """(() => {
-            const one = new Alarm(); one.limit = 600;
-            const frame = { tracks: [[3, 1000, 0, -8, 0]], own_ship: [0, 500, 1.57, 0, 0] };
+            const one = new Alarm(); one.settings.cpa_limit = 600;
+            const frame = { number: 1, tracks: [[3, 1000, 0, -8, 0]], fixed: [],
+                own_ship: [0, 500, 1.57, 0, 0] };
             const states = [one.state(frame, scene, true)];
             one.update(frame, scene);
             states.push(one.state(frame, scene, true), one.state(frame, scene, false));
-            const bare = { ...scene, ownShip: () => null };
-            return [...states, one.state(frame, bare, true)];
+            const bare = (ship) => ({ ...scene, ownShip: () => ship });
+            states.push(one.state(frame, bare(null), true));
+            states.push(one.state(frame, bare([0, 0, 0, null, null]), true));
+            Object.assign(one.settings, { guard_max_range: 50, guard_azimuth_max: 1 });
+            one.near.clear();
+            one.known.clear();
+            const blind = bare([0, 0, null, 0, 0]);
+            return [...states, one.state(frame, scene, true), one.state(frame, blind, true)];
         })()"""
     )
     assert said == [
-        ["Alarm on, 600 m", "ok"],
+        ["Alarm on: CPA 600 m", "ok"],
         ["Alarm: 1 track", "error"],
-        ["Alarm: no data", "error"],
-        ["Alarm: no own ship", "error"],
+        ["Cannot alarm: no data", "error"],
+        ["Cannot alarm: no own ship", "error"],
+        ["Cannot alarm: no own ship", "error"],
+        ["Alarm on: CPA 600 m, guard zone", "ok"],
+        ["Cannot alarm: no heading", "error"],
     ]
     replay.value("byId('approach').open = false")
     replay.press("#alarm-chip")
-    assert replay.value("byId('approach').open && document.activeElement.id") == "limit"
+    assert replay.value("byId('approach').open && document.activeElement.id") == "cpa_limit"
 
 
 def test_a_track_of_the_alarm_is_first_in_the_list_and_framed_on_the_plan(replay):
     error = replay.value("plan.colour.error")
     assert error not in colours(replay, 1200.0, 0.0, 14)
     replay.value(
-        "scene.frames.at(-1).tracks[0][Row.VX] = -8;"
-        "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0];"
-        "scene.frames.at(-1).tracks.push([2, -3000, 0, -1, 0, 9, 9, 0, 1, 0]);"
-        "byId('limit').value = 600; byId('limit').dispatchEvent(new Event('change'))"
+        APPROACHING + "scene.frames.at(-1).tracks.push([2, -3000, 0, 30, 0, 9, 9, 0, 1, 0]);"
     )
+    limit(replay, 600)
     settled(replay)
     ids = "[...document.querySelectorAll('#tracks tbody button')].map((one) => one.textContent)"
+    assert replay.value(ids) == ["2", "3"], "by the time to the closest approach"
+    limit(replay, 2, "tcpa_limit")
+    replay.value("showPanels()")
+    assert replay.value(ids) == ["2", "3"] and replay.value("[...alarm.near]") == [2]
+    limit(replay, 20, "tcpa_limit")
+    replay.value("scene.frames.at(-1).tracks[1][Row.VX] = -1;")
+    limit(replay, 600)
+    settled(replay)
     assert replay.value(ids) == ["3", "2"]
     assert error in colours(replay, 1200.0, 0.0, 14)
-    replay.value("byId('limit').value = 0; byId('limit').dispatchEvent(new Event('change'))")
+    limit(replay, 0)
     settled(replay)
-    assert replay.value(ids) == ["2", "3"]
     assert error not in colours(replay, 1200.0, 0.0, 14)
 
 
 def test_of_many_approaches_the_soonest_are_said(replay):
     said = replay.value(
         """(() => {
-            const one = new Alarm(); one.limit = 600;
+            const one = new Alarm(); one.settings.cpa_limit = 600;
             const tracks = [5, 4, 3, 2, 1].map((k) => [k, 100 * k, 0, -10, 0]);
-            const frame = { tracks, own_ship: [0, 0, 0, 0, 0] };
-            const known = { ...scene, histories: new Map(tracks.map(([k]) => [k, []])),
+            const frame = { number: 1, tracks, fixed: [], own_ship: [0, 0, 0, 0, 0] };
+            const known = { north: () => true, histories: new Map(tracks.map(([k]) => [k, []])),
                 ownShip: () => frame.own_ship };
             one.update(frame, known);
             const later = { ...frame, tracks: tracks.slice(4) };
-            return [...one.words(frame, known), one.words(later, known)];
+            const words = (of) => one.words(of, known).map((parts) => parts.join(""));
+            return [...words(frame), words(later)];
         })()"""
     )
-    assert said[:4] == [*(f"track {k}, 0.00 m in {10 * k} s" for k in (1, 2, 3)), "2 more"]
-    assert said[4][:2] == ["track 1, 0.00 m in 10 s", "track 5, no longer seen"]
+    lead = "Closest approach: "
+    assert said[:4] == [*(f"{lead}track {k}, 0.00 m in {10 * k} s" for k in (1, 2, 3)), "2 more"]
+    assert said[4][:2] == [*(f"{lead}track 1, 0.00 m in 10 s", f"{lead}track 5, no longer seen")]
 
 
 def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
@@ -461,7 +495,8 @@ def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
     with served(state) as server:
         tab.open(server.url)
         tab.until("scene.frames.length === 1")
-        tab.value("setPlaying(false); byId('limit').value = 100; setAlarm()")
+        tab.value("setPlaying(false)")
+        state.put_info(alarm={"cpa_limit": 100.0})
         track = confirmed_track(7, 1000.0, 50.0, -8.0, 0.0)
         state.put(numbered(2, track, own_ship=(0.0, 0.0, 0.5, 0.0, 0.0)))
         tab.until(
@@ -469,7 +504,7 @@ def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
         )
 
 
-def test_the_track_list_has_closest_approach_and_time_since_the_last_detection(replay):
+def test_the_track_list_has_range_bearing_and_closest_approach(replay):
     replay.value(
         "Object.assign(scene.frames.at(-1).tracks[0], { [Row.VX]: -8, [Row.SINCE_HIT]: 24 });"
         "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0]; select(3); showPanels()"
@@ -477,7 +512,7 @@ def test_the_track_list_has_closest_approach_and_time_since_the_last_detection(r
     cells = replay.value(
         "[...document.querySelectorAll('#tracks tbody td')].map((d) => d.textContent)"
     )
-    assert cells == ["3", "8.0", "270°", "500 m", "2.5 min", "24 s"]
+    assert cells == ["3", "1.30 km", "113°", "8.0", "270°", "500 m", "2.5 min"]
     assert "Closest approach500 m in 2.5 min" in text(replay, "#selected")
     assert "Last detection24 s ago" in text(replay, "#selected")
 
@@ -561,20 +596,20 @@ def test_the_sector_is_drawn_from_the_bow_and_live_is_that_of_the_diagnostics(re
         "scene.info.sector = [100, 2000, -0.5, 0.5]; showPanels();"
         "window.arcs = []; const { context } = plan, arc = context.arc;"
         "context.arc = function (...given) { arcs.push(given); arc.apply(this, given); };"
-        "plan.drawSector(scene.frames.at(-1)); context.arc = arc; arcs"
+        "plan.drawArea(scene.frames.at(-1), scene.sector(), '#000000'); context.arc = arc; arcs"
     )
     scale = replay.value("plan.scale")
     assert accent[0][2:5] == pytest.approx([2000 * scale, -1.57 + 0.5, -1.57 - 0.5])
     assert accent[1][2] == pytest.approx(100 * scale)
     assert not replay.value("byId('layer-sector').closest('li').hidden")
-    replay.value("delete scene.info.sector; scene.health = null")
+    replay.value("delete scene.info.sector; scene.health = []")
     assert replay.value("scene.sector()") is None
     found = replay.value(
-        """(scene.health = { entries: [
+        """(scene.health = [{ entries: [
             { task: "own ship", values: [["source", "odometry"], ["mounting_yaw", "0.5"]] },
             { task: "sensor parameters", values: [["min_range", "1"], ["max_range", "60.0"],
               ["azimuth_min", "-0.7"], ["azimuth_max", "0.7"]] },
-        ] }, scene.sector())"""
+        ] }], scene.sector())"""
     )
     assert found == pytest.approx([1.0, 60.0, -0.2, 1.2])
 
@@ -655,28 +690,12 @@ def test_a_live_page_follows_pauses_and_goes_on(tab):
         tab.press("#play")
         settled(tab)
         assert text(tab, "#clock") == "60.0 s · scan 5"
-        state.put_health(
-            {
-                "level": 2,
-                "entries": [{"task": "detections", "level": 2, "message": "no scan", "values": []}],
-            }
-        )
+        entry = {"task": "detections", "level": 2, "message": "no scan", "values": []}
+        state.put_health({"/n": {"node": "/n", "level": 2, "entries": [entry]}})
         tab.until("byId('health-chip').textContent === 'Health: Error'")
         assert tab.complaints == []
         port = urlsplit(server.url).port
         assert all(f"127.0.0.1:{port}/" in url or url.startswith("data:") for url in tab.requests)
-
-
-def test_health_without_diagnostics_is_stale(tab):
-    state = live_state(1)
-    with served(state) as server:
-        state.put_health({"level": 0, "entries": []})
-        tab.open(server.url)
-        tab.until("byId('health-chip').textContent === 'Health: OK'")
-        tab.value("page.healthHeard -= LATE + 1; showPanels()")
-        assert text(tab, "#health-chip") == "Health: Stale"
-        tab.value("page.healthPeriod = LATE; showPanels()")
-        assert text(tab, "#health-chip") == "Health: OK", "they come rarely"
 
 
 def test_a_live_page_that_was_cut_off_comes_back_with_the_present_state(tab):

@@ -83,7 +83,7 @@ def test_another_window_starts_over_and_another_rate_does_not():
     before = method.threshold
     assert method.configure(method.sensor, method.common, strict)
     assert len(method.hypotheses) == number
-    assert method.threshold - before == pytest.approx(math.log(100.0), abs=0.5)
+    assert method.threshold - before == pytest.approx(math.log(100.0), abs=1.0)
     shorter = dataclasses.replace(options, window=options.window - 1)
     assert not method.configure(method.sensor, method.common, shorter)
     assert len(method.hypotheses) == 0

@@ -1,4 +1,4 @@
-"""Starts whose hits turn out wrong, and targets that fall silent: corrected under their ids."""
+"""Starts whose hits turn out wrong, and targets that fall silent: one track, under its id."""
 
 import math
 from dataclasses import replace
@@ -20,41 +20,6 @@ X = 3000.0
 def target(k: int) -> tuple[float, float]:
     """A target at 7 m/s along y."""
     return X, 84.0 * k
-
-
-def test_a_start_on_clutter_and_one_hit_of_a_target_is_corrected_under_its_id():
-    # Two detections of clutter lead to the target's first; from there it goes another way.
-    clutter = {0: (X - 170.0, 0.0), 1: (X - 85.0, 0.0)}
-    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
-    started, revised = [], []
-    for k in range(9):
-        seen = [clutter[k]] if k in clutter else [target(k - 2)]
-        started += initiator.process(scan_at(12.0 * k, seen))
-        revised += [(k, track) for track in initiator.revised]
-    assert [len(set(track.hits) & {(0, 0), (1, 0), (2, 0)}) for track in started] == [3]
-    assert [track.revision for _, track in revised] == [1]
-    ((k, track),) = revised
-    assert track.track_id == started[0].track_id
-    assert len(track.hits) >= 3
-    assert {scan for scan, _ in track.hits} <= set(range(2, k + 1))
-    np.testing.assert_allclose(track.position, target(k - 2), atol=40.0)
-    np.testing.assert_allclose(track.velocity, (0.0, 7.0), atol=1.5)
-    (held,) = initiator.current
-    assert (held.track_id, held.revision) == (started[0].track_id, 1)
-
-
-def test_a_target_seen_beside_the_clutter_of_a_track_replaces_it():
-    # The clutter meets the target's path, of which two hits are as old as those of the track.
-    clutter = {k: (X - 85.0 * (3 - k), 0.0) for k in range(3)}
-    initiator = score(SENSOR, false_tracks_per_hour=100.0, **AS_GIVEN)
-    started = []
-    for k in range(9):
-        seen = [clutter[k]] if k in clutter else []
-        seen += [target(k - 3)] if k >= 1 else []
-        started += initiator.process(scan_at(12.0 * k, seen))
-        assert len(initiator.revised) == 0
-    assert [set(track.hits) <= {(0, 0), (1, 0), (2, 0)} for track in started] == [True, False]
-    assert initiator.current.track_id.tolist() == [started[1].track_id], "it replaces the other"
 
 
 @pytest.mark.parametrize("turn", [1, 5])
@@ -162,7 +127,7 @@ def test_a_start_that_is_recognised_revises_its_track_instead_of_a_new_one(metho
     for scan in range(24):
         if scan == 12:
             monkeypatch.setattr(
-                initiator.maintenance, "recognised", lambda starts, _: np.zeros(len(starts), int)
+                initiator.maintenance, "continued", lambda starts, *_: np.zeros(len(starts), int)
             )
         y = 2000.0 if scan < 12 else -2000.0
         place = np.array([1000.0 + 60.0 * scan, y])

@@ -8,6 +8,7 @@ from tsepm_ros import SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.parameters import parameter_table
 from tsepm_ros.settings.node_options import (
+    AlarmOptions,
     InitiatorNodeOptions,
     PlaybackOptions,
     PlayerNodeOptions,
@@ -26,6 +27,7 @@ GROUPS = [
     PlaybackOptions,
     SimulatorNodeOptions,
     PlayerNodeOptions,
+    AlarmOptions,
 ]
 
 
@@ -57,3 +59,20 @@ def test_every_group_checks_itself(group):
 def test_an_address_or_token_that_the_page_cannot_use_is_refused(values, words):
     with pytest.raises(ValueError, match=words):
         ViewerNodeOptions(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"min_range": 500.0, "max_range": 500.0}, "guard_min_range must be below"),
+        ({"azimuth_min": 0.5, "azimuth_max": 0.5}, "guard_azimuth_max must be above"),
+        ({"azimuth_min": -6.0, "azimuth_max": 6.0}, "by at most 2 pi"),
+    ],
+)
+def test_a_guard_zone_without_an_area_is_refused(values, words):
+    with pytest.raises(ValueError, match=words):
+        AlarmOptions(**{f"guard_{name}": value for name, value in values.items()})
+
+
+def test_a_guard_zone_that_is_off_has_any_near_limit():
+    assert AlarmOptions(guard_min_range=500.0).guard_max_range == 0.0

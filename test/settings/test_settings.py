@@ -76,6 +76,11 @@ def test_parameters_of_a_method_that_is_not_chosen_are_not_used_and_misspelt_one
             "false_tracks_per_hour is not a parameter; did you mean score.false_tracks_per_hour?",
         ),
         (
+            {"score.process_noise": 0.01},
+            "score.process_noise is not a parameter; it is replaced by target_manoeuvre, m/s^2: "
+            "the square root of the process noise divided by the time between scans; 0: learned",
+        ),
+        (
             {"sensor.azimuth_max": 120.0},
             "sensor.azimuth_max must be from -6.28319 to 6.28319; got 120.0 (in rad; 120 degrees "
             "are 2.094 rad)",

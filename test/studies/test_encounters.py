@@ -26,8 +26,8 @@ from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.clutter.density import ClutterMap
-from tsepm_ros.tracker.maintenance.data_association import GATE_PROBABILITY
 from tsepm_ros.tracker.motion import position_after
+from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.scan import ECHO_FEATURES
 
 BIG, SMALL = np.array([60.0, 50.0, 0.02]), np.array([20.0, 10.0, 0.01])

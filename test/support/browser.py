@@ -99,6 +99,23 @@ class Tab:
         for kind in ("mousePressed", "mouseReleased"):
             self.mouse(kind, x, y, button="left", clickCount=1)
 
+    def key(self, name: str, *, shift: bool = False) -> None:
+        """Press and release a key, such as "f" or "ArrowLeft"."""
+        sign = {"text": name} if len(name) == 1 else {}
+        for kind in ("keyDown", "keyUp"):
+            more = sign if kind == "keyDown" else {}
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=name, modifiers=8 if shift else 0, **more
+            )
+
+    def reload(self) -> None:
+        """Load the page anew."""
+        self.value("window.before = true")
+        self.call("Page.reload")
+        self.until(
+            "document.readyState === 'complete' && !window.before && typeof scene === 'object'"
+        )
+
     def press(self, selector: str) -> None:
         """Click an element."""
         self.value(f"document.querySelector({json.dumps(selector)}).click()")
@@ -138,12 +155,15 @@ class Browser:
     def __exit__(
         self, kind: type | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._socket.close()
+        self._run(self._closed)
         self._end()
 
     def tab(self, width: int = 1280, height: int = 800, theme: str = "light") -> Tab:
-        """Open an empty page."""
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        """Open an empty page, with a storage of its own, as of another user's browser."""
+        context = self.call("Target.createBrowserContext")["browserContextId"]
+        target = self.call("Target.createTarget", url="about:blank", browserContextId=context)[
+            "targetId"
+        ]
         answer = self.call("Target.attachToTarget", targetId=target, flatten=True)
         tab = self._tabs[answer["sessionId"]] = Tab(self, answer["sessionId"])
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -186,6 +206,9 @@ class Browser:
                 return found[1]
             time.sleep(0.02)
         return pytest.fail("the browser does not start")
+
+    async def _closed(self) -> None:
+        self._socket.close()
 
     def _run(self, begin: Callable[[], Any]) -> Any:
         async def within() -> Any:

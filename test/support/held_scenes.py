@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from support.plain_confirmed_tracks import Columns, PlainStep, Rule
+from support.plain_confirmed_tracks import Branch, PlainStep, PlainTrack, Rule
 from support.plain_tsepm import Parameters
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
@@ -17,11 +17,11 @@ from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
-SCENES = 120
+SCENES = 42
 
-BATCH = 10
+BATCH = 6
 
-ALWAYS = 20
+ALWAYS = 6
 
 TOLERANCE = 1e-7
 
@@ -29,9 +29,13 @@ MAX_SPEED = 10.0
 
 OPTIONS = ("sector", "moving", "offsets", "rates", "own_errors", "pose_errors")
 
-ENDS = "not_detected", "missed", "left", "duplicate"
+ENDS = "not_detected", "missed", "left"
 
 STATES = "published", "withheld", "back"
+
+MODES = "probability", "state", "covariance"
+
+FIGURES = "existence", "proven", "covered_scans", "last_detected", "hit_sigma"
 
 MOTION = np.array([3.0, -2.0, 0.002])
 
@@ -124,17 +128,27 @@ class ConfirmedScene:
         return made
 
 
-def columns(held: ConfirmedTracks) -> Columns:
-    """The table of confirmed tracks as a mapping."""
-    names = ("existence", "proven", "visible", "covered_scans", "last_detected")
-    names += ("agreeing_scans", "hit_sigma")
-    found = {name: getattr(held, name).copy() for name in names}
-    found |= {name: getattr(held.models, name) for name in ("probability", "state", "covariance")}
-    found |= {"mean": held.tracks.state, "spread": held.tracks.covariance}
-    return found | {
-        "track_id": held.tracks.track_id,
-        "published": held.status == Status.PUBLISHED,
-    }
+def plain_tracks(held: ConfirmedTracks) -> list[PlainTrack]:
+    """The rows of confirmed tracks, one by one."""
+    branches, models = held.branches, held.branches.models
+    return [
+        PlainTrack(
+            int(held.tracks.track_id[i]),
+            [
+                Branch(
+                    math.exp(branches.log_weight[i, k]),
+                    float(branches.faded[i, k]),
+                    *(getattr(models, name)[i, k].copy() for name in MODES),
+                )
+                for k in np.flatnonzero(branches.log_weight[i] > -math.inf)
+            ],
+            (held.fits.state[i], held.fits.covariance[i]),
+            float(held.fits.change_odds[i]),
+            *(float(getattr(held, name)[i]) for name in FIGURES),
+            bool(held.status[i] == Status.PUBLISHED),
+        )
+        for i in range(len(held))
+    ]
 
 
 @functools.cache
@@ -142,9 +156,8 @@ def compare(seed: int) -> Counter[str]:
     """Compare all scans of a scene; returns what was compared, and why tracks ended."""
     scene, counts = ConfirmedScene(seed), Counter()
     rng, sensor = scene.rng, scene.sensor()
-    maintenance = TrackMaintenance(
-        CommonOptions(hold_time=scene.hold_time, target_extent=scene.target_extent)
-    )
+    options = CommonOptions(hold_time=scene.hold_time, target_extent=scene.target_extent)
+    maintenance = TrackMaintenance(options)
     settings = Parameters(
         **scene.errors, clutter_density=1e-6, max_speed=MAX_SPEED, min_hits=3, window=4
     )
@@ -161,7 +174,7 @@ def compare(seed: int) -> Counter[str]:
         new = scene.new_tracks(next_id, stamp)
         next_id += len(new)
         existence = rng.uniform(0.2, 0.99, len(new))
-        existence[rng.random(len(new)) < 0.2] = 0.011  # soon ends by it
+        existence[rng.random(len(new)) < 0.2] = 1.1e-5  # soon ends by it
         maintenance.add(TrackArrays.from_tracks(new), existence)
         elapsed = float(rng.uniform(2.0, 14.0))
         stamp += elapsed
@@ -173,50 +186,63 @@ def compare(seed: int) -> Counter[str]:
             x, y = (positions - pose[:2]).T
             return 0.8 * sensor.covers(np.hypot(x, y), np.arctan2(y, x) - pose[2])
 
-        whole, plain = scene.looks_everywhere(), PlainStep(rule, columns(maintenance.confirmed))
+        whole, plain = (
+            scene.looks_everywhere(),
+            PlainStep(rule, plain_tracks(maintenance.confirmed)),
+        )
+        noise = maintenance.manoeuvre.process_noise(options, elapsed)
         found = convert_measurements(Scan(**values), sensor, index)
-        density = maintenance.step(
+        probability = maintenance.step(
             stamp, found, clutter, detectable, sensor, MAX_SPEED, whole=whole
         )
-        if len(plain.tracks["track_id"]):
-            published = plain.tracks["track_id"][plain.tracks["published"]]
-            plain.take(values, elapsed, clutter, detectable, whole)
+        if plain.tracks:
+            published = {t.track_id for t in plain.tracks if t.published}
+            plain.take(values, elapsed, clutter, detectable, whole, noise)
             assert_same(maintenance, plain)
-            np.testing.assert_array_less(
-                np.abs(density - plain.density), 1e-6 * plain.density + 1e-9 * clutter
-            )
-            shown = plain.tracks["published"]
+            np.testing.assert_allclose(probability, plain.probability, rtol=1e-6, atol=1e-8)
+            shown = {t.track_id for t in plain.tracks if t.published}
             counts.update(plain.ended.values())
-            counts["back"] += len(set(plain.tracks["track_id"][shown]) - {*published})
-            counts += Counter(published=shown.sum(), withheld=(~shown).sum(), tracks=len(shown))
-            counts += Counter(associations=len(plain.association), empty=not len(clutter))
-            counts += Counter(
-                explained=(density > 0.0).sum(), outside=(~plain.tracks["seen"]).sum()
-            )
+            counts += Counter(back=len(shown - published), published=len(shown))
+            counts += Counter(withheld=len(plain.tracks) - len(shown), tracks=len(plain.tracks))
+            counts += Counter(own=len(plain.own), empty=not len(clutter), branched=plain.branched)
+            counts += Counter(outside=sum(not t.seen for t in plain.tracks))
     return counts + Counter({name: 1 for name, has in scene.has.items() if has})
 
 
 def assert_same(maintenance: TrackMaintenance, plain: PlainStep) -> None:
-    """The table is that of the plain version, and the same tracks ended."""
-    held = columns(maintenance.confirmed)
+    """The tracks are those of the plain version, and the same ended."""
+    held = plain_tracks(maintenance.confirmed)
     assert maintenance.ended == plain.ended
-    for name in ("track_id", "published", "agreeing_scans"):
-        np.testing.assert_array_equal(held[name], plain.tracks[name], err_msg=name)
-    for name in ("probability", "state", "covariance", "mean", "spread"):
-        found, expected = held[name], plain.tracks[name]
-        within = (-1,) if found.ndim < 4 and name != "spread" else (-2, -1)
-        scale = np.linalg.norm(expected, axis=within, keepdims=True)
-        assert (np.abs(found - expected) <= TOLERANCE * scale).all(), name
-    for name in ("existence", "proven", "visible", "covered_scans", "last_detected", "hit_sigma"):
-        np.testing.assert_allclose(held[name], plain.tracks[name], rtol=1e-7, atol=1e-12)
-    for found, expected in zip(maintenance.covered, plain.covered, strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-12)
+    assert [t.track_id for t in held] == [t.track_id for t in plain.tracks]
+    for one, other in zip(held, plain.tracks, strict=True):
+        assert one.published == other.published
+        assert len(one.branches) == len(other.branches)
+        for name in (*FIGURES, "odds"):
+            np.testing.assert_allclose(
+                getattr(one, name), getattr(other, name), rtol=1e-6, atol=1e-12, err_msg=name
+            )
+        for a, b in zip(one.branches, other.branches, strict=True):
+            np.testing.assert_allclose([a.weight, a.faded], [b.weight, b.faded], rtol=1e-6)
+            np.testing.assert_allclose(a.probability, b.probability, rtol=1e-6, atol=1e-12)
+            for mode in range(2):
+                assert_close(
+                    (a.state[mode], a.covariance[mode]), (b.state[mode], b.covariance[mode])
+                )
+        assert_close(one.fit, other.fit)
+        assert_close(one.mean(), other.mean())
     tracks = maintenance.confirmed.tracks
-    np.testing.assert_array_equal(tracks.time_since_hit, tracks.stamp - held["last_detected"])
-    np.testing.assert_array_equal(tracks.existence_probability, held["existence"])
-    assert maintenance.current.track_id.tolist() == held["track_id"][held["published"]].tolist()
-    found, expected = (
-        sorted(pair for pair in pairs if pair[1] > 1e-12)
-        for pairs in (zip(*maintenance.confirmed_association, strict=True), plain.association)
-    )
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
+    for row, track in enumerate(held):
+        assert_close((tracks.state[row], tracks.covariance[row]), track.mean())
+        assert tracks.time_since_hit[row] == tracks.stamp[row] - track.last_detected
+        assert tracks.existence_probability[row] == track.existence
+    shown = [t.track_id for t in held if t.published]
+    assert maintenance.current.track_id.tolist() == shown
+    assert sorted(zip(*maintenance.probable_detections, strict=True)) == sorted(plain.own)
+    found = np.transpose(maintenance.covered)
+    np.testing.assert_allclose(found, np.reshape(plain.covered, (-1, 2)), rtol=1e-6, atol=1e-12)
+
+
+def assert_close(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> None:
+    """A state and its covariance are those of another."""
+    for found, expected in zip(one, other, strict=True):
+        assert np.abs(found - expected).max() <= TOLERANCE * np.linalg.norm(expected)

@@ -7,6 +7,7 @@ import contextlib
 import json
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import Any
 
@@ -90,6 +91,7 @@ class Watcher:
     def __init__(self, url: str) -> None:
         self._url = url.replace("http", "ws", 1).partition("?")[0] + "updates"
         self.updates: list[dict[str, Any]] = []
+        self._socket: Any = None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -101,6 +103,16 @@ class Watcher:
     def __exit__(self, *_: object) -> None:
         self._loop.call_soon_threadsafe(self._task.cancel)
         self._thread.join(WAIT)
+
+    def send(self, text: str) -> Future[Any]:
+        """Send a message, once the connection exists."""
+
+        async def sent() -> None:
+            while self._socket is None:
+                await asyncio.sleep(0.01)
+            await self._socket.write_message(text)
+
+        return asyncio.run_coroutine_threadsafe(sent(), self._loop)
 
     @property
     def frames(self) -> list[dict[str, Any]]:
@@ -118,8 +130,9 @@ class Watcher:
 
     @property
     def health(self) -> dict[str, Any] | None:
+        """The newest health of the first node."""
         found = [update["health"] for update in self.updates if update.get("health")]
-        return found[-1] if found else None
+        return found[-1][0] if found else None
 
     def _run(self) -> None:
         with contextlib.suppress(asyncio.CancelledError):
@@ -129,7 +142,7 @@ class Watcher:
     async def _read(self) -> None:
         from tornado.websocket import websocket_connect
 
-        socket = await websocket_connect(self._url)
+        socket = self._socket = await websocket_connect(self._url)
         try:
             while True:
                 self.updates.append(await message(socket))

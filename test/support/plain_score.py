@@ -3,7 +3,7 @@
 Written from the definition of the score, for small scenes: hypotheses are objects, every one is
 extended by every detection, and none is left out but by the gate, the deletion threshold, the
 window, and others with the same last detection that are ten thousand times as likely. Detections
-are converted by `plain_tsepm`.
+are converted by `plain_tsepm`. Of each it is known how probably it is a confirmed track's.
 """
 
 import itertools
@@ -39,7 +39,7 @@ class Hypothesis:
     state: np.ndarray
     covariance: np.ndarray
     score: float
-    faded: float = 0.4 * 0.6 / (0.6 + 0.4 * 0.6)
+    faded: float = 8.0 * 0.02 / (25.0 + 8.0 * 0.02)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Rule:
     settings: Parameters
     detection_probability: float
     gate_probability: float
-    process_noise: float
+    target_manoeuvre: float
     deletion: float
     window: int
     max_range: float
@@ -66,16 +66,22 @@ class Grown:
 
 @dataclass
 class Start:
-    """A track: hits, evidence, hypotheses of which its state is the mean, detections likely its."""
+    """A track: hits, evidence, hypotheses of which its state is the mean, detections likely its.
+
+    The path is that of the best hypothesis.
+    """
 
     hits: set[Key]
     evidence: float
     mixed: list[Hypothesis]
     probability: dict[Key, float]
+    path: tuple[Key, ...]
 
 
-def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Grown]:
-    """All hypotheses after each scan."""
+def plain_hypotheses(
+    scans: Sequence[Mapping[str, Any]], rule: Rule, confirmed: Mapping[Key, float]
+) -> list[Grown]:
+    """All hypotheses after each scan, given how probably detections are confirmed tracks'."""
     alive: list[Hypothesis] = []
     after = []
     way: Way = [(0.0, np.zeros(3))]
@@ -86,17 +92,23 @@ def plain_hypotheses(scans: Sequence[Mapping[str, Any]], rule: Rule) -> list[Gro
             for one in convert_scan(scan, index, rule.settings)
             if may_be_covered(float(scan["range"][one.key[1]]), one, rule)
         ]
-        elapsed = scan["stamp"] - scans[index - 1]["stamp"] if index else 0.0
+        stamps = [one["stamp"] for one in scans[: index + 1]]
+        noise = process_noise(np.diff(stamps), rule) if index else 0.0
+        elapsed = stamps[-1] - stamps[-2] if index else 0.0
         ending: list[Hypothesis] = []
         left_out: list[Hypothesis] = []
         for hypothesis in alive:
-            predicted = predict(hypothesis, elapsed, rule)
+            predicted = predict(hypothesis, elapsed, noise)
             for detection in detections if covered(predicted, way, rule) else ():
-                child = extend(predicted, detection, scan["stamp"], rule)
+                other = rule.settings.clutter_density / (1.0 - confirmed.get(detection.key, 0.0))
+                child = extend(predicted, detection, scan["stamp"], other, rule)
                 if child is not None and child.score > rule.deletion:
                     ending.append(child)
             left_out.append(missed(predicted, way, rule))
-        ending += [start(detection, scan["stamp"], rule) for detection in detections]
+        for detection in detections:
+            begun = start(detection, scan["stamp"], rule)
+            free = 1.0 - confirmed.get(detection.key, 0.0)
+            ending.append(replace(begun, score=math.log(free)))
         ending, left_out = pruned(ending, rule), pruned(left_out, rule)
         alive = [one for one in ending + left_out if index + 1 - one.keys[0][0] < rule.window]
         after.append(Grown(ending, left_out, alive))
@@ -128,45 +140,27 @@ def at_max_speed(grown: Grown, max_speed: float) -> Grown:
     )
 
 
-def plain_starts(grown: Grown, threshold: float, target_rate: float) -> list[Start]:
-    """Tracks that a scan confirms without confirmed tracks, in descending order of evidence."""
+def plain_starts(grown: Grown, threshold: float) -> list[Start]:
+    """Tracks that a scan confirms, in descending order of evidence."""
     starts: list[Start] = []
-    free: dict[Key, float] = {}
     left = grown
     for members in strong_groups(grown, threshold):
         newest = members[0].keys[-1]
-        start = None
-        if free.get(newest, 1.0) >= 0.5:
-            start = resolved(members, grown, free, 0.5)
-        if start is None:
-            ending = [one for one in left.ending if one.keys[-1] == newest]
-            if evidence(ending) >= threshold + math.log(1e3):
-                start = resolved(ending, left, free, 1.0)
-        if start is None:
-            continue
-        starts.append(start)
-        odds = 500.0 / target_rate * math.exp(start.evidence - threshold)
-        exists = min(odds / (1.0 + odds), 0.99)
-        for key, value in start.probability.items():
-            free[key] = free.get(key, 1.0) * (1.0 - value * exists)
-        left = Grown(
-            *([given_start(one, start) for one in part] for part in (left.ending, left.missed))
-        )
+        ending = [one for one in left.ending if one.keys[-1] == newest]
+        start = resolved(ending, left) if evidence(ending) >= threshold else None
+        if start is not None:
+            starts.append(start)
+            left = Grown(
+                *([given_start(one, start) for one in part] for part in (left.ending, left.missed))
+            )
     return starts
 
 
-def resolved(
-    members: Sequence[Hypothesis],
-    grown: Grown,
-    free: Mapping[Key, float],
-    max_confirmed_share: float,
-) -> Start | None:
-    """The track of a newest detection, unless another track's or its hits are unclear."""
+def resolved(members: Sequence[Hypothesis], grown: Grown) -> Start | None:
+    """The track of a newest detection, unless its hits are unclear."""
     rivals = rivals_of(members, grown)
-    if (
-        confirmed_share(rivals, free) > max_confirmed_share
-        or max(len(one.keys) for one in rivals) < 3
-    ):
+    long = [one for one in rivals if len(one.keys) >= 3]
+    if not long:
         return None
     probability = hit_probabilities(rivals)
     certain = {key for key, value in probability.items() if value >= 0.9}
@@ -177,7 +171,8 @@ def resolved(
     right = [one for one in rivals if len(certain & set(one.keys)) > len(certain) / 2]
     if sum(map(likelihood, right)) < 0.9 * sum(map(likelihood, rivals)):
         return None  # these scenes have too few scans for it to wait no longer
-    return Start(certain, evidence(members), right, probability)
+    path = max(long, key=lambda one: one.score).keys
+    return Start(certain, evidence(members), right, probability, path)
 
 
 def given_start(one: Hypothesis, start: Start) -> Hypothesis:
@@ -229,12 +224,6 @@ def rivals_of(members: Sequence[Hypothesis], grown: Grown) -> list[Hypothesis]:
     ]
 
 
-def confirmed_share(members: Sequence[Hypothesis], free: Mapping[Key, float]) -> float:
-    """Share of the hits associated with another track."""
-    hits = [(likelihood(one), 1.0 - free.get(key, 1.0)) for one in members for key in one.keys]
-    return sum(weight * taken for weight, taken in hits) / sum(weight for weight, _ in hits)
-
-
 def may_be_covered(measured: float, detection: Detection, rule: Rule) -> bool:
     """Whether a detection is at most three deviations of its range beyond the coverage."""
     variance = range_variance(measured, detection.sensing, rule.settings)
@@ -247,29 +236,40 @@ def covered(predicted: Hypothesis, way: Way, rule: Rule) -> bool:
     return math.dist(expected, pose_for(way, expected)[:2]) <= rule.max_range
 
 
-def predict(hypothesis: Hypothesis, elapsed: float, rule: Rule) -> Hypothesis:
+def process_noise(intervals: np.ndarray, rule: Rule) -> float:
+    """Density q of the acceleration: as given, or before anything is learned of it.
+
+    Then a velocity changes by a quarter of v_max in 30 intervals, and in no less than 30 s.
+    """
+    interval = float(np.median(intervals))
+    if rule.target_manoeuvre > 0.0:
+        return rule.target_manoeuvre**2 * interval
+    return (rule.settings.max_speed / 4.0) ** 2 / max(30.0 * interval, 30.0)
+
+
+def predict(hypothesis: Hypothesis, elapsed: float, process_noise: float) -> Hypothesis:
     """Nearly constant velocity over the time since the scan before."""
     transition = transition_matrix(elapsed)
     block = np.array([[elapsed**3 / 3, elapsed**2 / 2], [elapsed**2 / 2, elapsed]])
-    noise = np.kron(np.eye(2), rule.process_noise * block)
+    noise = np.kron(np.eye(2), process_noise * block)
     return replace(
         hypothesis,
         state=transition @ hypothesis.state,
         covariance=transition @ hypothesis.covariance @ transition.T + noise,
-        faded=0.4 + (hypothesis.faded - 0.4) * math.exp(-0.1),
+        faded=hypothesis.faded * (1.0 - 1.0 / 8.0) + (1.0 - hypothesis.faded) / 25.0,
     )
 
 
 def of_states(hypothesis: Hypothesis, rule: Rule) -> list[tuple[float, float]]:
     """Probability of each state of a target, seen and faded, and P_D in it."""
     p_d = rule.detection_probability
-    return [(1.0 - hypothesis.faded, p_d), (hypothesis.faded, 0.6 * p_d)]
+    return [(1.0 - hypothesis.faded, p_d), (hypothesis.faded, 0.02 * p_d)]
 
 
 def extend(
-    predicted: Hypothesis, detection: Detection, stamp: float, rule: Rule
+    predicted: Hypothesis, detection: Detection, stamp: float, other: float, rule: Rule
 ) -> Hypothesis | None:
-    """Add a detection, or None where it lies outside the gate."""
+    """Add a detection, or None where it lies outside the gate; `other` is its density otherwise."""
     h = MEASUREMENT_MATRIX @ transition_matrix(detection.time - stamp)
     expected = h @ predicted.state
     r = covariance_at(expected, detection.sensing, rule.settings)
@@ -280,7 +280,7 @@ def extend(
         return None
     density = math.exp(-distance / 2.0) / (2.0 * math.pi * math.sqrt(np.linalg.det(s)))
     in_states = [share * p_d for share, p_d in of_states(predicted, rule)]
-    increment = math.log(sum(in_states) * density / rule.settings.clutter_density)
+    increment = math.log(sum(in_states) * density / other)
     kalman_gain = predicted.covariance @ h.T @ np.linalg.inv(s)
     return Hypothesis(
         (*predicted.keys, detection.key),

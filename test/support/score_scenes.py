@@ -1,10 +1,12 @@
 """Scenes for the likelihood-ratio method: a sea of clutter with targets in it."""
 
 import math
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
-from support.plain_score import Grown, Rule, plain_hypotheses
+from support.plain_score import Grown, Key, Rule, plain_hypotheses
 from support.plain_tsepm import Parameters
 from support.scenes import Scene
 from tsepm_ros import Scan, SensorModel, make_initiator
@@ -55,7 +57,7 @@ def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, d
         Parameters(**scene.sensor, max_speed=10.0, min_hits=3, window=16, across_as_along=True),
         detection_probability=(0.6, 0.9, 0.999)[seed % 3],
         gate_probability=0.99,
-        process_noise=(0.0, 0.01)[seed % 2],
+        target_manoeuvre=(0.0, 0.03)[seed % 2],
         deletion=ScoreOptions().deletion_threshold,
         window=3 if seed % 3 == 0 else 16,
         max_range=3700.0,
@@ -63,9 +65,26 @@ def in_plain_loops(scene: Scene, seed: int) -> tuple[list[Grown], SensorModel, d
     sensor = SensorModel(
         **scene.sensor, detection_probability=rule.detection_probability, max_range=rule.max_range
     )
-    options = {
-        "window": rule.window,
-        "process_noise": rule.process_noise,
+    options = {"window": rule.window, "target_manoeuvre": rule.target_manoeuvre}
+    scans = scene.scans[: 5 if seed % 2 else 4]
+    return plain_hypotheses(scans, rule, partly_confirmed(scene)), sensor, options
+
+
+def partly_confirmed(scene: Scene) -> dict[Key, float]:
+    """How probably detections are confirmed tracks': every third of a scan, in part or surely."""
+    return {
+        (index, row): (0.5, 0.999)[index % 2]
+        for index, scan in enumerate(scene.scans)
+        for row in range(1, len(scan["range"]), 3)
     }
-    plain = plain_hypotheses(scene.scans[: 5 if seed % 2 else 4], rule)
-    return plain, sensor, options
+
+
+def given_confirmed(initiator: Tracker, scene: Scene) -> Any:
+    """Context in which the initiator's confirmed tracks claim detections as `partly_confirmed`."""
+    confirmed = partly_confirmed(scene)
+
+    def step(_: float, detections: np.ndarray, *others: Any, **more: Any) -> np.ndarray:
+        keys = zip(detections["scan"].tolist(), detections["index"].tolist(), strict=True)
+        return np.array([confirmed.get(key, 0.0) for key in keys])
+
+    return patch.object(initiator.maintenance, "step", step)

@@ -1,39 +1,44 @@
 """Which evidence starts a track, with which hits and state."""
 
 import math
-from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 import pytest
+from scipy import stats
 from support.builders import AS_GIVEN, scan_at
 from support.plain_score import at_max_speed, plain_starts, strong_groups
 from support.scenes import Scene, crowded_scene, random_scene
-from support.score_scenes import in_plain_loops, score
+from support.score_scenes import given_confirmed, in_plain_loops, score
 
-from tsepm_ros import Scan, SensorModel
+from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
-from tsepm_ros.tracker.hypotheses import Tree
+from tsepm_ros.tracker.hypotheses import Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import fit_initial_states
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, MeasurementWindow, convert_measurements
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
+from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
 EXACT = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.002)
 
 
-def rule_at(threshold_of: Callable[[Tree], float]) -> Any:
-    """The rule as built, at a threshold of its own for each tree."""
-    rule = confirmation.confirm
+def rule_at(threshold: float, detected: TrackArrays = NO_TRACKS) -> Any:
+    """The rule as built, at a threshold and beside tracks of its own; it keeps its starts."""
+    rule, starts = confirmation.confirm, []
 
     def confirm(
-        tree: Tree, window: MeasurementWindow, _: float, *others: Any, **figures: Any
+        tree: Tree, window: MeasurementWindow, _: float, rate: float, __: Any, **figures: Any
     ) -> Any:
-        return rule(tree, window, threshold_of(tree), *others, **figures)
+        found = rule(tree, window, threshold, rate, detected, **figures)
+        starts.extend(found[0])
+        return found
 
+    confirm.starts = starts
     return patch.object(confirmation, "confirm", confirm)
 
 
@@ -43,15 +48,18 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     Returns their number, and that of detections whose evidence was enough until then.
     """
     plain_scans, sensor, options = in_plain_loops(scene, seed)
-    common = CommonOptions(limit_speed="off", **AS_GIVEN)
+    manoeuvre = options.pop("target_manoeuvre")
+    common = CommonOptions(limit_speed="off", target_manoeuvre=manoeuvre, **AS_GIVEN)
     initiator = Tracker(Score(sensor, common, ScoreOptions(**options)))
     strong = 0
     for index, (scan, tree) in enumerate(zip(scene.as_scans(), plain_scans, strict=False)):
         grown = at_max_speed(tree, common.max_speed)
-        with rule_at(lambda _: threshold):
-            tracks, expected = initiator.process(scan), plain_starts(grown, threshold, 1.0)
+        with rule_at(threshold) as rule, given_confirmed(initiator, scene):
+            tracks, expected = initiator.process(scan), plain_starts(grown, threshold)
         strong += len(strong_groups(grown, threshold))
         assert [set(track.hits) for track in tracks] == [one.hits for one in expected]
+        paths = [initiator.window[start.path][["scan", "index"]].tolist() for start in rule.starts]
+        assert paths == [list(one.path) for one in expected]
         for track, start in zip(tracks, expected, strict=True):
             assert track.score == pytest.approx(start.evidence, abs=1e-6)
             state, covariance = mixed(start.mixed, scene.as_scans()[: index + 1], sensor)
@@ -108,7 +116,8 @@ def test_where_false_tracks_are_many_by_choice_a_start_need_not_be_as_pure(rate,
     started = initiator.process(scan_at(24.0, [(3000.0, 168.0), (3000.0, -190.0)]))
     if waits:  # with evidence enough
         assert initiator.potential_tracks().score.max() > initiator.method.threshold + 5.0
-    assert [set(track.hits) for track in started] == ([] if waits else [{(0, 0), (1, 0), (2, 0)}])
+    found = [set(track.hits) for track in started[:1]]
+    assert found == ([] if waits else [{(0, 0), (1, 0), (2, 0)}])
 
 
 def test_the_purity_of_a_start_falls_from_3000_false_tracks_per_hour_on():
@@ -141,18 +150,36 @@ def test_no_track_on_two_hits_however_strong():
     assert [len(initiator.process(scan)) for scan in scans] == [0, 0, 1]
 
 
-@pytest.mark.parametrize(("earlier", "starts"), [(0.45, 1), (0.8, 0)])
-def test_a_target_is_started_that_a_confirmed_track_explains_in_part(earlier, starts):
-    # 0.45 or 0.8 of the first four hits are due to the confirmed track, 0.67 of six at least.
-    probability = [earlier] * 4 + [0.4] * 2
+@pytest.mark.parametrize(("apart", "first"), [(None, 2), (900.0, 2), (40.0, 3)])
+def test_beside_a_detected_track_a_start_waits_in_the_tree_for_more_evidence(apart, first):
     initiator = Tracker(Score(EXACT, CommonOptions(**AS_GIVEN), ScoreOptions()))
+    spread, detected, starts = np.diag([900.0, 1.0, 900.0, 1.0]), NO_TRACKS, []
+    for k in range(first + 1):
+        if apart is not None:
+            state = np.array([3000.0, 0.0, 30.0 * k + apart, 2.5])
+            one = ConfirmedTrack(7, 12.0 * k, state, spread, (), 0.0)
+            detected = TrackArrays.from_tracks([one])
+        with rule_at(9.0, detected):
+            starts += [
+                (k, track) for track in initiator.process(scan_at(12.0 * k, [(3000.0, 30.0 * k)]))
+            ]
+    ((when, track),) = starts
+    assert when == first
+    assert track.hits == tuple((k, 0) for k in range(first + 1))
+    assert (track.score > 9.0 + math.log(1e3)) == (apart == 40.0)
 
-    def partly_confirmed(tree: Tree) -> float:
-        """3 below the largest evidence: not enough for a second target."""
-        confirmed = np.full(len(tree.ids), probability.pop(0))
-        initiator.window.note_confirmed(tree.ids, confirmed)
-        return tree.evidence.max() - 3.0
 
-    scans = [scan_at(12.0 * k, [(3000.0, 84.0 * k)]) for k in range(6)]
-    with rule_at(partly_confirmed):
-        assert sum(len(initiator.process(scan)) for scan in scans) == starts
+def test_scores_are_decided_by_speed_where_evidence_may_be_enough_and_of_rivals_in_those_hits():
+    paths = replace(
+        Hypotheses.none(3),
+        hits=np.array([[1, 2, -1], [3, 4, -1], [1, 2, -1], [1, 2, 7], [5, 6, 8]]),
+        hit_count=np.array([2, 2, 2, 3, 3]),
+        state=np.tile([0.0, 12.0, 0.0, 0.0], (5, 1)),
+        covariance=np.tile(np.eye(4), (5, 1, 1)),
+        score=np.array([9.0, 9.0, -12.0, 10.0, 3.0]),
+    )
+    tree = Tree(paths, 3, np.array([7, 8]))
+    decided = confirmation.decided_by_speed(tree, 8.0, 10.0).hypotheses
+    lost = paths.score - decided.score
+    assert lost[[0, 3]] == pytest.approx(-math.log(stats.norm.sf(2.0)), abs=0.5)
+    assert lost[[1, 2, 4]].tolist() == [0.0, 0.0, 0.0]

@@ -156,9 +156,11 @@ def test_increments_of_hits_and_misses_have_their_closed_forms():
 
 
 def test_fading_is_the_bayes_of_a_chain_of_two_states():
-    share, factor, keep = evaluation.FADED_SHARE, evaluation.FADED_FACTOR, np.exp(-0.1)
+    share, factor = 8.0 / 33.0, evaluation.FADED_FACTOR
     faded = np.array([0.0, 0.2, share, 1.0])
-    np.testing.assert_allclose(evaluation.fading_predicted(faded), share + keep * (faded - share))
+    found = evaluation.fading_predicted(faded)
+    np.testing.assert_allclose(found, faded * 7.0 / 8.0 + (1.0 - faded) / 25.0)
+    assert found[2] == pytest.approx(share), "stationary"
     visible = faded * factor + (1.0 - faded)
     np.testing.assert_allclose(evaluation.visible_share(faded), visible)
     np.testing.assert_allclose(evaluation.fading_after_hit(faded), faded * factor / visible)
@@ -203,13 +205,11 @@ def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
         state=np.zeros((3, 4)),
         covariance=np.broadcast_to(np.diag([1.0, 25.0, 1.0, 25.0]), (3, 4, 4)),
         score=np.array([1.0, 2.0, 3.0]),
-        score_given_confirmed=np.array([0.0, 1.0, 2.0]),
     )
     found = evaluation.within_max_speed(hypotheses, np.array([True, True, False]), 5.0)
     # |v|^2 / 25 of two normal components is exponential of mean 2.
     gain = np.log(-np.expm1(-0.5)) - np.log(-np.expm1(-2.0))
     np.testing.assert_allclose(found.score, [1.0, 2.0 + gain, 3.0], rtol=1e-6)
-    np.testing.assert_allclose(found.score_given_confirmed, [0.0, 1.0 + gain, 2.0], rtol=1e-6)
 
 
 def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():

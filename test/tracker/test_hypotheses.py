@@ -7,7 +7,7 @@ import pytest
 from support.batches import batches
 from support.builders import AS_GIVEN, FIXED_RANGE_ERROR, detections
 from support.scenes import random_scene
-from support.score_scenes import NEVER, in_plain_loops, score
+from support.score_scenes import NEVER, given_confirmed, in_plain_loops, score
 
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.hypotheses import (
@@ -27,13 +27,14 @@ def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own
         of,
         hits=np.array([[1, 2, none], [1, 3, none], [2, none, none]]),
         hit_count=np.array([2, 2, 1]),
-        score_given_confirmed=np.array([6.0, 6.0, -1.0]),
+        score=np.array([6.0, 6.0, -1.0]),
     )
+    likely = np.array([1, 2])
     start = Start(
-        np.array([1]), np.array([1, 2]), np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0
+        likely[:1], likely, likely, np.array([1.0, 0.5]), np.zeros(4), np.eye(4), evidence=8.0
     )
     given = given_starts(hypotheses, [start])
-    np.testing.assert_allclose(given.score_given_confirmed, [1.5, 3.0, -1.0])
+    np.testing.assert_allclose(given.score, [1.5, 3.0, -1.0])
 
 
 @pytest.mark.parametrize("seed", batches(24, 8))
@@ -44,7 +45,8 @@ def test_hypotheses_and_scores_are_those_of_plain_loops(seed):
     compared = 0
     for scan, grown in zip(scene.as_scans(), plain_scans, strict=False):
         expected = grown.kept
-        assert len(initiator.process(scan)) == 0
+        with given_confirmed(initiator, scene):
+            assert len(initiator.process(scan)) == 0
         assert initiator.statistics.potential_tracks == len(expected)
         plain = {one.keys: one for one in expected}
         assert len(plain) == len(expected)

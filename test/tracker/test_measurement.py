@@ -163,27 +163,6 @@ def window() -> MeasurementWindow:
     return window
 
 
-def test_what_several_tracks_claim_is_one_of_theirs(window):
-    window.note_confirmed(np.array([4, 6, 6]), np.array([0.5, 0.5, 0.2]))
-    window.note_confirmed(np.array([4]), np.array([0.5]))
-    np.testing.assert_allclose(
-        window.confirmed_probability(np.array([[3, 4], [5, 6]])), [[0.0, 0.75], [0, 0.6]]
-    )
-
-
-def test_a_certain_claim_that_is_rounded_up_is_certain(window):
-    window.note_confirmed(np.array([3]), np.array([1.0 + 1e-15]))
-    assert window.confirmed_probability(np.array([3])) == [1.0]
-
-
-def test_claims_stay_with_their_detections(window):
-    window.note_confirmed(np.array([2, 8]), np.array([0.25, 0.75]))
-    window.forget(2)
-    assert window.confirmed_probability(np.array([8])) == [0.75]
-    added = window.append(scan_of(2, 4))
-    assert window.confirmed_probability(added).tolist() == [0.0, 0.0]
-
-
 def test_detections_are_found_by_scan_and_index_while_they_are_here(window):
     assert window.find([(0, 1), (2, 1), (3, 3)]).tolist() == [1, 4, 8]
     assert window.find([]).tolist() == window.find([(1, 0), (3, 4)]).tolist() == []

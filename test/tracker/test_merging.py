@@ -1,7 +1,6 @@
 """Merging: which tracks are one target's, against a look at every pair."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from scipy.stats import multivariate_normal
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tracker import merging
+from tsepm_ros.tracker.measurement import HIT_KEYS
 from tsepm_ros.tracker.merging import groups, merging_threshold
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -54,13 +54,12 @@ def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread)
     assert partition(groups(*scene, P_TM)) == partition(every_pair(*scene))
 
 
-def agrees(*offsets: float, explained: float = 0.0) -> list[bool]:
+def agrees(*offsets: float) -> list[bool]:
     """Of tracks in a row with a deviation of 10 m and 1 m/s, the first the oldest."""
     state = np.zeros((len(offsets), 4))
     state[:, 0] = offsets
     covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
-    every, each = np.ones(len(offsets), bool), np.full(len(offsets), explained)
-    return merging.agrees_with_older(state, covariance, every, each).tolist()
+    return merging.agrees_with_older(state, covariance).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -71,61 +70,70 @@ def test_the_younger_of_two_tracks_agrees_within_the_gate():
     assert agrees(0.0) == [False]
 
 
-def test_tracks_that_explain_more_than_one_detection_and_a_half_are_two_targets():
-    assert agrees(0.0, 10.0, explained=0.76) == [False, False]
-    assert agrees(0.0, 10.0, explained=0.75) == [False, True]
-
-
-def starts_at(*rows: tuple[float, float], hits=((5, 0), (6, 0), (7, 0))) -> TrackArrays:
-    """Starts at positions, at rest, with errors of 2 m and 1 m/s."""
+def starts_at(*rows: tuple[float, float], missed: float = 0.0) -> TrackArrays:
+    """Starts at positions, at rest, with errors of 2 m and 1 m/s; tracks after a time missed."""
     covariance = np.diag([4.0, 1.0, 4.0, 1.0])
     return TrackArrays.from_tracks(
         [
-            ConfirmedTrack(place, 7.0, np.array([x, 0.0, y, 0.0]), covariance, hits, 0.0)
+            ConfirmedTrack(
+                place,
+                7.0,
+                np.array([x, 0.0, y, 0.0]),
+                covariance,
+                ((5, 0), (6, 0), (7, 0)),
+                0.0,
+                time_since_hit=missed,
+            )
             for place, (x, y) in enumerate(rows)
         ]
     )
 
 
-def test_a_start_by_two_of_a_track_s_own_detections_is_that_track():
-    starts = starts_at((0.0, 0.0))
-    two, one = {(5, 0): 9, (6, 0): 9}, {(5, 0): 9}
-    assert merging.own_starts(starts, two, frozenset()).tolist() == [9]
-    assert merging.own_starts(starts, one, frozenset()).tolist() == [-1]
-    assert merging.own_starts(starts, two, frozenset({9})).tolist() == [-1], "has another"
-    twice = TrackArrays.joined(starts, starts)
-    assert merging.own_starts(twice, two, frozenset()).tolist() == [9, -1]
+def continued(starts, lost, existence, hits, births) -> list[int]:
+    """Of starts by their hits, with hits of tracks by (scan, row); no speed but that of errors."""
+    paths = [np.array([HIT_KEYS * scan + row for scan, row in one]) for one in starts.hits]
+    keys = np.array([HIT_KEYS * scan + row for scan, row in hits], np.int64)
+    owners, places = np.array(list(hits.values()), np.int64), lost.state[:, 0::2]
+    found = merging.continued(starts, paths, lost, existence, places, (keys, owners), 1e-3, births)
+    return found.tolist()
 
 
-def test_a_start_with_most_of_a_track_s_published_hits_is_that_track():
-    starts = starts_at((0.0, 0.0))
-    others = tuple((k, 9) for k in range(len(starts.hits[0]) - 1))
-    of_most, of_few = (*starts.hits[0][:-1], (99, 0)), (starts.hits[0][0], *others)
-    most, few = (
-        replace(starts, hits=np.fromiter([hits], object), track_id=np.array([track_id]))
-        for hits, track_id in ((of_most, 4), (of_few, 5))
-    )
-    assert merging.published_owners(starts, TrackArrays.joined(few, most)).tolist() == [4]
-    assert merging.published_owners(starts, few).tolist() == [-1]
+def two_lost(missed: float) -> TrackArrays:
+    return starts_at((0.0, 0.0), (50.0, 0.0), missed=missed).numbered(np.array([4, 6]))
 
 
-def test_a_track_that_has_other_detections_since_is_not_lost_and_each_is_continued_once():
-    starts = starts_at((1.0, 0.0), (0.0, 0.0))
-    lost = starts_at((0.0, 0.0), (50.0, 0.0)).numbered(np.array([4, 6]))
-    existence = np.array([0.9, 0.9])
-    found = merging.continued(starts, lost, existence, {(4, 3): 4}, 1e-9)
-    assert found.tolist() == [4, -1]
-    found = merging.continued(starts, lost, existence, {(6, 3): 4}, 1e-9)
-    assert found.tolist() == [-1, -1]
-    found = merging.continued(starts, lost, existence, {(6, 0): 4}, 1e-9)
-    assert found.tolist() == [4, -1], "its own hits do not count"
+def test_a_track_that_has_another_detection_since_the_start_began_is_not_lost():
+    starts, existence, lost = starts_at((1.0, 0.0), (0.0, 0.0)), np.array([0.9, 0.9]), two_lost(2.0)
+    assert continued(starts, lost, existence, {(4, 3): 4}, 1e-9) == [4, -1], "each once"
+    assert continued(starts, lost, existence, {(7, 3): 4}, 1e-9) == [-1, -1]
+    assert continued(starts, lost, existence, {(7, 0): 4}, 1e-9) == [4, -1], "its own hit"
+    assert continued(starts, lost, existence, {(7, 3): 6}, 1e-9) == [4, -1], "another track's"
 
 
-def test_continuations_by_a_bound_are_those_of_all_pairs():
-    # And each pair that cannot be is left out before anything is solved: 0.7 s at 1000 x 1000.
+def test_a_track_that_was_detected_in_this_scan_goes_on_only_by_a_start_of_its_hits():
+    starts, existence, hit = starts_at((1.0, 0.0)), np.array([0.9, 0.9]), two_lost(0.0)
+    assert continued(starts, hit, existence, {}, 1e-9) == [-1]
+    assert continued(starts, hit, existence, {(4, 3): 4}, 1e-9) == [-1], "long ago"
+    assert continued(starts, hit, existence, {(7, 0): 6}, 1e-9) == [-1], "another track's"
+    assert continued(starts, hit, existence, {(6, 0): 4}, 1e-9) == [4]
+    assert continued(starts, hit, existence, {(5, 0): 4, (7, 3): 4}, 1e-9) == [-1], "and others"
+
+
+@pytest.mark.parametrize(("metres", "found"), [(29.0, [4]), (31.0, [-1])])
+def test_a_lost_track_may_be_anywhere_in_reach(metres, found):
+    """10 m/s for 3 s, from where it was last detected, however well its place seems known."""
+    starts, lost = starts_at((metres, 0.0)), two_lost(3.0)[np.array([0])]
+    arguments = starts, [np.arange(3)], lost, np.array([0.9]), lost.state[:, 0::2]
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    density = 1.0 / (np.pi * 30.0**2 * np.pi * 10.0**2)
+    assert merging.continued(*arguments, none, 10.0, 0.89 * density).tolist() == found
+    assert merging.continued(*arguments, none, 10.0, 0.91 * density).tolist() == [-1]
+
+
+def test_continuations_are_those_of_all_pairs():
     rng = np.random.default_rng(4)
     places = rng.uniform(-300.0, 300.0, (40, 2))
-    lost = starts_at(*map(tuple, places)).numbered(np.arange(40))
+    lost = starts_at(*map(tuple, places), missed=2.0).numbered(np.arange(40))
     starts = starts_at(*map(tuple, places[:20] + rng.normal(0.0, 6.0, (20, 2))))
     existence, births = rng.uniform(0.05, 0.9, 40), 1e-5
     free, expected = set(range(40)), []
@@ -139,4 +147,4 @@ def test_continuations_by_a_bound_are_those_of_all_pairs():
         expected.append(best if ratios[best] > births else -1)
         free.discard(expected[-1])
     assert 3 < expected.count(-1) < 20
-    assert merging.continued(starts, lost, existence, {}, births).tolist() == expected
+    assert continued(starts, lost, existence, {}, births) == expected

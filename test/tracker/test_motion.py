@@ -123,9 +123,9 @@ def first_score(speed: float, **options) -> float:
 
 def test_what_is_faster_than_the_maximum_does_not_start():
     # The filter's Gaussian prior, of 5 m/s, allows 13 m/s with 3 % of its mass.
-    assert first_score(8.0) > 0.0
-    assert first_score(13.0) == 0.0
-    assert first_score(13.0, max_speed=15.0) > 0.0
+    assert first_score(8.0, target_manoeuvre=0.01) > 0.0
+    assert first_score(13.0, target_manoeuvre=0.01) == 0.0
+    assert first_score(13.0, target_manoeuvre=0.01, max_speed=15.0) > 0.0
 
 
 def states(seed: int, n: int = 7) -> tuple[np.ndarray, np.ndarray]:
@@ -240,7 +240,7 @@ def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
         np.array([[0.7, 0.3]]), np.stack([state, state + 1.0], axis=1), begun.covariance
     )
     for elapsed, longest in [(2.0, motion.TURN_TIME), (-8.0, 8.0)]:
-        found = models.predicted(np.array([elapsed]), 10.0)
+        found = models.predicted(np.array([elapsed]), 10.0, 0.02)
         np.testing.assert_allclose(found.probability, models.probability @ chain)
         step = np.kron(np.eye(2), [[1.0, elapsed], [0.0, 1.0]])
         for mode in range(2):
@@ -251,7 +251,7 @@ def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
                 w * np.outer(d, d) for w, d in zip(weight, apart, strict=True)
             )
             np.testing.assert_allclose(found.state[0, mode], step @ mean)
-            noise = motion.PROCESS_NOISE + (25.0 / longest if mode else 0.0)
+            noise = 0.02 + (25.0 / longest if mode else 0.0)
             t = elapsed
             each = abs(t) * noise * np.array([[t * t / 3.0, t / 2.0], [t / 2.0, 1.0]])
             np.testing.assert_allclose(

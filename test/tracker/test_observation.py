@@ -17,4 +17,5 @@ def test_an_observation_has_the_scan_s_detections_and_their_ids_in_the_window():
     np.testing.assert_allclose(again.detections["position"], [[3000, 0], [0, 4000]], atol=1.0)
     covered = again.detection_probability(np.array([[3000.0, 0.0], [2e4, 0.0]]))
     assert covered.tolist() == [0.9, 0.0]
-    assert again.confirmed_density.tolist() == [0.0, 0.0]
+    assert again.confirmed_probability.tolist() == [0.0, 0.0]
+    assert len(again.detected) == 0

@@ -107,7 +107,6 @@ def hypotheses_at(places, speed=0.0):
         state=state,
         covariance=np.broadcast_to(np.diag([400.0, 4.0, 900.0, 4.0]), (n, 4, 4)).copy(),
         score=np.zeros(n),
-        score_given_confirmed=np.zeros(n),
         faded=np.zeros(n),
     )
 
@@ -135,14 +134,14 @@ def test_a_hypothesis_is_predicted_with_its_fading():
     after = splitting.predict(before, 10.0, 0.5)
     assert after.state[0].tolist() == [20.0, 2.0, 0.0, 0.0]
     assert after.covariance[0, 1, 1] == pytest.approx(4.0 + 5.0)
-    np.testing.assert_allclose(after.faded, 0.4 - 0.1 * np.exp(-0.1))
+    np.testing.assert_allclose(after.faded, 0.3 * 7.0 / 8.0 + 0.7 / 25.0)
 
 
 def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
     observed = made.observe(scan)
-    observed = replace(observed, confirmed_density=np.array([0.0, 3.0]) * observed.clutter_density)
+    observed = replace(observed, confirmed_probability=np.array([0.0, 0.75]))
     started = splitting.start(observed, 10.0, 4)
     assert started.hits[:, 0].tolist() == observed.ids.tolist()
     assert started.hit_count.tolist() == [1, 1]
@@ -152,8 +151,4 @@ def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     np.testing.assert_allclose(started.covariance[0, 0::2, 0::2], own[0])
     grown = own[1] + 4.0 * 25.0 * np.eye(2)
     np.testing.assert_allclose(started.covariance[1, 0::2, 0::2], grown, err_msg="2 s before")
-    np.testing.assert_allclose(started.score - started.score_given_confirmed, [0.0, np.log(4.0)])
-    np.testing.assert_allclose(
-        splitting.splitting_penalty(observed, np.array([1, 1]), np.array([-2.0, 1.0])),
-        np.log1p(3.0 * np.exp([0.0, 1.0])),
-    )
+    np.testing.assert_allclose(started.score, [0.0, np.log(0.25)])

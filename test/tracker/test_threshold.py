@@ -11,7 +11,7 @@ from support.score_scenes import NEVER, SONAR, score, sea
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker import threshold as threshold_plan
 from tsepm_ros.tracker.options import ScoreOptions
-from tsepm_ros.tracker.threshold import Threshold, coarse_sensor
+from tsepm_ros.tracker.threshold import Threshold, coarse_noise, coarse_sensor
 from tsepm_ros.tracker.tracker import Tracker
 
 
@@ -59,6 +59,8 @@ def test_estimates_are_rounded_and_what_is_given_is_not():
     assert coarse.clutter_density == pytest.approx(10.0**-5.5)
     given = coarse_sensor(SONAR, seen, score(**AS_GIVEN).common)
     assert given == replace(SONAR, range_rate_std=0.0)
+    noise = np.array([coarse_noise(value) for value in (0.0, 0.012, 0.014, 0.017, 0.02, 3.0)])
+    np.testing.assert_allclose(noise, [0.0, *[2.0**-6] * 4, 4.0])
 
 
 RULE = {

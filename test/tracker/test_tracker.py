@@ -153,9 +153,7 @@ def test_associated_are_detections_with_the_confirmed_tracks_which_follow_them()
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(3)])
     made.process(scan_at(36.0, [(0.0, 5000.0), (3150.0, 20.0)]))
     maintenance = made.maintenance
-    row, probability = maintenance.confirmed_association
-    assert row.tolist() == [1]
-    assert 0.9 < probability[0] < 1.0
+    assert [some.tolist() for some in maintenance.own_detections] == [[0], [1]]
     assert maintenance.confirmed.last_detected.tolist() == [36.0]
     x, y = made.current[0].position
     assert (3100.0 < x < 3200.0, 0.0 < y < 20.0) == (True, True), "between prediction and detection"
@@ -228,19 +226,23 @@ def test_merged_are_the_tracks_of_one_target_in_a_scan():
     assert (counts.merged, counts.confirmed) == (0, 2)
 
 
-def test_held_is_a_track_until_its_target_has_been_missed_for_long():
+def test_held_is_a_track_while_it_probably_exists_and_then_remembered_for_some_scans():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(6)])
     (track,) = made.current
     assert track.existence_probability > 0.9
+    published, remembered = [], []
     for k in range(6, 60):
         made.process(scan_at(12.0 * k, []))
+        published += made.current.existence_probability.tolist()
+        remembered += made.maintenance.confirmed.existence.tolist()
         if not len(made.maintenance.confirmed):
             break
-        ended = made.maintenance.confirmed.existence[0]
-    assert 10 < k < 40
-    assert ended < 0.05
-    assert made.maintenance.ended == {track.track_id: "missed"}
+    assert (2 < len(published) < 10, len(remembered)) == (True, 50)
+    assert published == remembered[: len(published)]
+    assert remembered == sorted(remembered, reverse=True)
+    assert min(published) >= 0.5 > remembered[len(published)] > remembered[-1]
+    assert made.maintenance.ended == {track.track_id: "not_detected"}
 
 
 def test_a_scan_that_is_not_later_changes_nothing():

@@ -8,24 +8,24 @@ of hypothesis i, a scan goes through::
 
     split         every hypothesis by the detections in its gate; every detection starts one
       predict     x_i <- F x_i,  P_i <- F P_i F' + Q
-    evaluate      hit: s_i += ln(P_D N(z; H x, S) / lambda)      Sittler 1964; Bar-Shalom, Blackman,
+    evaluate      hit: s_i += ln(P_D N(z; H x, S) / lambda')     Sittler 1964; Bar-Shalom, Blackman,
                                                                  Fitzgerald 2007
+                  lambda' = lambda / (1 - p), p the probability that z is a confirmed track's
                   miss: s_i += ln(1 - P_D P_G); 0 outside the coverage; P_D by a chain of seen and
-                  faded;  start: s = 0
+                  faded;  start: s = ln(1 - p)
     prune         s_i < ln(miss_probability), 1e-4 of the best with the same newest detection; then
                   the weakest beyond a limit; those that are `window` scans old, after the scan
       evidence    E = ln sum_i exp(s_i), over i with the same newest detection, with
                   s_i + ln P(|v| <= v_max | x_i, P_i) - ln P_0 near the threshold
       threshold   A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
-    confirm       E >= A, by at least 3 hits, at most half of them due to confirmed tracks, more
-                  than half of them the target's with a probability of at least 0.9, or by 8
-                  hits (a lower probability at target rates above 3000 per hour); of a second target
-                  E >= A + ln 1000, with the density due to confirmed tracks added to lambda
+    confirm       E >= A, by at least 3 hits, more than half of them the target's with a
+                  probability of at least 0.9, or by 8 hits (a lower probability at target rates
+                  above 3000 per hour); E >= A + ln 1000 beside a confirmed track that was detected
+                  in the scan
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
-      correct     a confirmed track whose majority of hits turns out wrong is corrected under its id
-    merge         a start of a target that has one, or that is held, becomes one with it
+    merge         a start of a target that has one, or of a lost track, becomes one with it
 
 Each has its module of this name in `tracker`, with the references; the jump is simulated in
 `threshold`, and starts are merged with confirmed tracks by the tracker.
@@ -52,7 +52,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
-from tsepm_ros.tracker.confirmation import confirmed_hits, spans_time
+from tsepm_ros.tracker.confirmation import spans_time
 from tsepm_ros.tracker.hypotheses import (
     ExpectedDetections,
     Hypotheses,
@@ -61,6 +61,7 @@ from tsepm_ros.tracker.hypotheses import (
     given_starts,
 )
 from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states_of_paths
+from tsepm_ros.tracker.measurement import hit_keys
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions, ScoreOptions
@@ -70,8 +71,6 @@ from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tra
 
 MIN_TIME_SPAN = 0.1
 """Time from the first hit to the last that a velocity needs, in scan intervals."""
-Corrections = Sequence[tuple[int, Start]]
-_Starts = tuple[Sequence[Start], Corrections, Corrections, int]
 
 
 class Score(Method):
@@ -109,18 +108,14 @@ class Score(Method):
 
         See `Method.step`.
         """
-        row, probability = observed.confirmed_association
-        observed.window.note_confirmed(observed.ids[row], probability)
         self._threshold.observe(observed)
         tree, counts = self._tree(observed)  # split, evaluate, prune
-        starts, corrected, replaced, merged = self._starts(tree, observed)  # confirm
-        new = [*starts, *(start for _, start in replaced)]
-        given = given_starts(tree.hypotheses, [*new, *(start for _, start in corrected)])  # merge
+        starts, merged = self._starts(tree, observed)  # confirm
+        given = given_starts(tree.hypotheses, starts)  # merge
         ended = observed.scan_index + 1 - given.first_scan >= self.options.window
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
         self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
-        tracks = self._confirmed(observed, new)
-        ids = np.array([track_id for track_id, _ in corrected], np.int64)
+        tracks = self._confirmed(observed, starts)
         target_hits = None
         if observed.amplitudes is not None:
             target_hits = evaluation.target_hits(self.hypotheses, observed.window)
@@ -137,15 +132,14 @@ class Score(Method):
             ),
             confirmation.existence(tracks.evaluation, self.options.false_tracks_per_hour),
             tree.target_probability,
-            self._confirmed(observed, [start for _, start in corrected]).numbered(ids),
-            tuple(track_id for track_id, _ in replaced),
+            tuple(hit_keys(observed.window[start.path]) for start in starts),
             target_hits,
         )
 
     def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
         """The tree after a scan: split, evaluated and pruned; and the counts of these."""
         options = self.options
-        predicted = splitting.predict(self.hypotheses, observed.interval, options.process_noise)
+        predicted = splitting.predict(self.hypotheses, observed.interval, observed.process_noise)
         expected = ExpectedDetections.from_hypotheses(
             predicted, observed.stamp, observed.detections, self.sensor
         )
@@ -173,25 +167,24 @@ class Score(Method):
             cut_potential_tracks=cut + beyond,
         )
 
-    def _starts(self, tree: Tree, observed: Observation) -> _Starts:
-        """Starts of the scan, corrections, replacements, and how many starts were merged."""
-        window, max_speed = observed.window, self.common.max_speed
-        attainable = confirmation.attainable(tree, window)
-        wrong = confirmation.doubtful(tree, observed, max_speed)
-        for _, row, _ in wrong:
-            attainable[row] = max(attainable[row], tree.evidence[row] + evaluation.LOG_GAIN)
+    def _starts(self, tree: Tree, observed: Observation) -> tuple[list[Start], int]:
+        """Starts of the scan, and how many starts were merged."""
         self._tested = self._threshold.value(
-            self.sensor, self.common, self.options, attainable.max(initial=-np.inf)
+            self.sensor,
+            self.common,
+            self.options,
+            confirmation.attainable(tree).max(initial=-np.inf),
         )
-        rule = {"min_time": MIN_TIME_SPAN * observed.median_interval, "max_speed": max_speed}
-        fit = partial(self._fit, observed)
-        starts, merged = confirmation.confirm(
-            tree, window, self._tested, self.options.false_tracks_per_hour, fit=fit, **rule
+        return confirmation.confirm(
+            tree,
+            observed.window,
+            self._tested,
+            self.options.false_tracks_per_hour,
+            observed.detected,
+            min_time=MIN_TIME_SPAN * observed.median_interval,
+            max_speed=self.common.max_speed,
+            fit=partial(self._fit, observed),
         )
-        corrected, replaced = confirmation.corrections(
-            tree, observed, wrong, self._tested, starts, fit=fit, **rule
-        )
-        return starts, corrected, replaced, merged
 
     @property
     def threshold(self) -> float:
@@ -221,10 +214,6 @@ class Score(Method):
         min_time = MIN_TIME_SPAN * observed.median_interval
         hypotheses = hypotheses[
             (hypotheses.score > -np.inf) & spans_time(hypotheses, 2, window, min_time)
-        ]
-        confirmed = confirmed_hits(hypotheses, window)
-        hypotheses = hypotheses[
-            confirmed <= confirmation.MAX_CONFIRMED_SHARE * hypotheses.hit_count
         ]
         if not len(hypotheses):
             return TrackArrays.from_tracks([])

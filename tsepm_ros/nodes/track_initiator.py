@@ -46,7 +46,7 @@ OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
 TOPICS = (
     *("detections", "own_ship/odometry", "tracks", "tracks/current"),
-    *("detections/placed", "potential_tracks", "fixed_echoes"),
+    *("detections/placed", "potential_tracks", "fixed_echoes", "land"),
 )
 """Topics whose full names are published, for programs that show the node."""
 MAX_SIZE = 2**24

@@ -149,7 +149,7 @@ class ScanResult:
     new : TrackArrays
         Newly confirmed tracks.
     revised : TrackArrays
-        Confirmed tracks whose starts were corrected, under their ids.
+        Confirmed tracks that starts continued, under their ids.
     current : TrackArrays
         All published confirmed tracks, at `stamp`.
     fixed_echoes : TrackArrays
@@ -180,7 +180,7 @@ class ScanResult:
 
     @property
     def starts(self) -> TrackArrays:
-        """New tracks and corrected ones, as they go out on the topic `tracks`."""
+        """New tracks and continued ones, as they go out on the topic `tracks`."""
         return TrackArrays.joined(self.new, self.revised) if len(self.revised) else self.new
 
     def in_frame(self) -> ScanResult:

@@ -399,6 +399,70 @@ class ViewerNodeOptions(ParameterGroup):
 
 
 @dataclass(frozen=True, kw_only=True)
+class AlarmOptions(ParameterGroup):
+    """Alarms on the page of `track_viewer`, the same in every browser.
+
+    Raises
+    ------
+    ValueError
+        Naming the option whose value is not allowed.
+    """
+
+    cpa_limit: float = parameter(
+        0.0,
+        "Alarm on tracks whose closest approach to own ship (CPA) is nearer; 0: none",
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    tcpa_limit: float = parameter(
+        1200.0,
+        "Time to the closest approach (TCPA) from which on there is no alarm",
+        unit="s",
+        minimum=0.0,
+        maximum=86_400.0,
+    )
+    lost_targets: bool = parameter(True, "Alarm on tracks that are no longer held")
+    guard_min_range: float = parameter(
+        0.0, "Near limit of the guard zone about own ship", unit="m", minimum=0.0, maximum=1e6
+    )
+    guard_max_range: float = parameter(
+        0.0,
+        "Far limit of the guard zone: alarm on tracks that are new in it; 0: no guard zone",
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    guard_azimuth_min: float = parameter(
+        -math.pi,
+        "Start of the guard zone's sector, counter-clockwise from the bow",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+    guard_azimuth_max: float = parameter(
+        math.pi,
+        "End of the sector, counter-clockwise from its start",
+        unit="rad",
+        minimum=-2 * math.pi,
+        maximum=2 * math.pi,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if 0.0 < self.guard_max_range <= self.guard_min_range:
+            raise ValueError(
+                f"guard_min_range must be below guard_max_range; got {self.guard_min_range} and "
+                f"{self.guard_max_range}"
+            )
+        if not 0.0 < self.guard_azimuth_max - self.guard_azimuth_min <= 2 * math.pi:
+            raise ValueError(
+                "guard_azimuth_max must be above guard_azimuth_min by at most 2 pi; got "
+                f"{self.guard_azimuth_max} and {self.guard_azimuth_min}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class BridgeNodeOptions(ParameterGroup):
     """Options of the node `track_bridge`."""
 

@@ -23,6 +23,7 @@ from tsepm_ros.parameters import (
     unknown_parameter,
 )
 from tsepm_ros.settings.node_options import (
+    AlarmOptions,
     BridgeNodeOptions,
     DiagnosticsOptions,
     ImageLayout,
@@ -59,7 +60,7 @@ NODES: dict[str, Groups] = {
     "sonar_detector": SONAR_DETECTOR,
     "sonar_simulator": (("", SimulatorNodeOptions), ("", PlaybackOptions)),
     "scan_player": (("", PlayerNodeOptions), ("", PlaybackOptions)),
-    "track_viewer": (("", ViewerNodeOptions),),
+    "track_viewer": (("", ViewerNodeOptions), ("alarm.", AlarmOptions)),
     "track_bridge": (("", BridgeNodeOptions),),
 }
 """Every node's groups of parameters."""

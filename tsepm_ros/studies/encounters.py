@@ -46,17 +46,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import chdtri, fdtrc
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.studies.assignment import AssignmentPairs, exclusive_assignment
 from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.maintenance.branches import Gated
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
-from tsepm_ros.tracker.maintenance.data_association import (
-    SEEKER,
-    GatedDetections,
-    over_modes,
-)
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.method import Method
@@ -64,7 +60,7 @@ from tsepm_ros.tracker.options import GATE_PROBABILITY, MAX_WINDOW, CommonOption
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
 DETECTION_COUNT = 30
 """Latest detections of a track that are averaged, K of Eq. 10: the aspect changes."""
@@ -293,13 +289,13 @@ class EncounterMaintenance(TrackMaintenance):
         **options: Any,
     ) -> FloatArray:
         """See `TrackMaintenance.step`."""
-        density = super().step(stamp, detections, clutter, *more, **options)
+        confirmed = super().step(stamp, detections, clutter, *more, **options)
         features, _ = self.of_scan(detections)
         for track_id, row in zip(*self.probable_detections, strict=True):
             self.latest[int(track_id)].append(features[row])
-        is_clutter = (density < clutter) & np.isfinite(features).any(axis=1)
+        is_clutter = (confirmed < PROBABLE) & np.isfinite(features).any(axis=1)
         self.clutter = np.concatenate([self.clutter, features[is_clutter]])[-CLUTTER_COUNT:]
-        return density
+        return confirmed
 
     def of_scan(self, detections: NDArray[np.void]) -> tuple[FloatArray, BoolArray]:
         """Features (d, 3) of the last scan's detections, and which are in a clutter zone, (d,)."""
@@ -321,19 +317,20 @@ class EncounterMaintenance(TrackMaintenance):
     def gate(
         self,
         confirmed: ConfirmedTracks,
-        state: FloatArray,
-        covariance: FloatArray,
         stamp: float,
         detections: NDArray[np.void],
         sensor: SensorModel,
-    ) -> GatedDetections:
+    ) -> Gated:
         """The detections in the gates, with likelihoods times `EncounterEnvironment.factors`."""
-        gated = super().gate(confirmed, state, covariance, stamp, detections, sensor)
+        gated = super().gate(confirmed, stamp, detections, sensor)
         environment = EncounterEnvironment(*self.of_scan(detections), self.clutter)
         histories = self.histories(confirmed.tracks)
-        if not gated.row.size:
+        if not len(gated.row):
             return gated
-        error = detections["major_sigma"][gated.row[:, 0, 0]]
+        nearest = np.zeros(len(confirmed), np.int64)
+        order = np.argsort(gated.likelihood)
+        nearest[gated.track_of_pair[order]] = gated.row[order]
+        error = detections["major_sigma"][nearest]
         first, second = encounter_pairs(
             confirmed.tracks.state,
             confirmed.tracks.covariance,
@@ -343,14 +340,20 @@ class EncounterMaintenance(TrackMaintenance):
         )
         meets = np.zeros((len(confirmed), len(confirmed)), bool)
         meets[first, second] = meets[second, first] = True
-        mean = over_modes(confirmed.models.probability, gated.likelihood)
-        factors = np.ones(mean.shape)
-        for seeker in (0, 1):
-            track, column = inside = mean[:, seeker].nonzero()
-            cost = -2.0 * np.log(mean[:, seeker][inside])
-            pairs = AssignmentPairs(track, gated.row[track, seeker, column], cost)
-            factors[track, seeker, column] = environment.factors(histories, meets, pairs)
-        return changed(gated, likelihood=gated.likelihood * factors[:, SEEKER])
+        # Of the filter, over its branches and modes, and of the straight fit.
+        weight = gated.weights(confirmed.branches)
+        likelihood = gated.likelihood.copy()
+        for rows in (np.flatnonzero(~gated.of_fits), np.flatnonzero(gated.of_fits)):
+            key = gated.track_of_pair[rows] * len(detections) + gated.row[rows]
+            key, index = np.unique(key, return_inverse=True)
+            mean = np.bincount(index, (weight * gated.likelihood)[rows], minlength=len(key))
+            cost = -2.0 * np.log(np.maximum(mean, np.finfo(float).tiny))
+            pairs = AssignmentPairs(*np.divmod(key, len(detections)), cost)
+            likelihood[rows] *= environment.factors(histories, meets, pairs)[index]
+        inside = np.flatnonzero(likelihood > 0.0)
+        return gated._replace(
+            parent=gated.parent[inside], row=gated.row[inside], likelihood=likelihood[inside]
+        )
 
 
 class FeatureTracker(Tracker):

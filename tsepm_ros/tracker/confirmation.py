@@ -1,12 +1,11 @@
-"""Confirmation: which hypotheses become tracks, with which hits, and which confirmed ones err.
+"""Confirmation: which hypotheses become tracks, and with which hits.
 
-With the evidence E of the hypotheses that end in one detection, under the velocity prior that ends
-at v_max (`evaluation.within_max_speed`), and the threshold A::
+With the evidence E of the hypotheses that end in one detection, given the confirmed tracks and
+under the velocity prior that ends at v_max (`evaluation.within_max_speed`), and the threshold A::
 
-    confirmed     E >= A, by at least 3 hits, at most half of them due to confirmed tracks, more
-                  than half of them the target's with a probability of at least 0.9, or by 8
-                  hits (a lower probability at target rates above 3000 per hour); of a second target
-                  E >= A + ln 1000, with the density due to confirmed tracks added to lambda
+    confirmed     E >= A, by at least 3 hits, more than half of them the target's with a probability
+                  of at least 0.9, or by 8 hits (a lower probability at target rates above 3000 per
+                  hour); E >= A + ln 1000 beside a confirmed track that was detected in this scan
 
 With i over the hypotheses that end in one detection and their rivals, which are of the same target
 and end in another detection, or in none::
@@ -20,41 +19,26 @@ and end in another detection, or in none::
     state         x = sum_i w_i x_i over these i,  P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
 x_i and P_i are fitted to the hits of hypothesis i alone.
-
-Track correction: the tree goes on after a start, and later hits decide between the hypotheses that
-were rivals at the start, and others. With i over the rivals of the hypotheses that end in a
-confirmed track's probable detection, and the n hits that the track was published with::
-
-    right         P = sum of w_i over i with more than n / 2 of these hits,  w_i ~ exp(s_i)
-    wrong         P <= 0.1, as soon as other hits are resolved with a probability of 0.9
-
-Where the right hits are partly those that were published, the start is corrected. Where none is,
-the track was of no target or of another, and the target is a new one, which replaces it. Hits that
-are all later than the published ones contradict none: the target may have turned since. That is
-decided while all published hits are in the window of the hypotheses. Tracks within the reach
-``v_max a`` of another, of age a, are left as they are: of two targets side by side the hits are
-exchanged by turns, and the targets are held.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import softmax
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_sums_over_hits
-from tsepm_ros.numerics.gaussian import gaussian_mixture
+from tsepm_ros.numerics.gaussian import gaussian_mixture, is_gaussian_significant
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
-from tsepm_ros.tracker.tracks import MIN_EXISTENCE, NEW_TRACK_EXISTENCE, PROBABLE
+from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, TrackArrays
 
 MIN_HIT_PROBABILITY = 0.5
 """Posterior probability that every hit of a confirmed track exceeds, but of those by 8 hits."""
@@ -84,19 +68,13 @@ HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
 MAX_RATE_OF_PURE_STARTS = 3000.0
 """Target false-track rate, per hour, above which a start need not be as pure: a choice."""
-MAX_CONFIRMED_SHARE = 0.5
-"""Share of the hits due to confirmed tracks above which a hypothesis is of a confirmed target: a
-choice.
-
-A false confirmed track takes part of the detections of a target that comes near it. A smaller share
-lets it hide the target; a larger share makes redundant tracks. docs/score.md compares values.
-"""
 SECOND_TARGET_MARGIN = math.log(1e3)
-"""Evidence above the threshold, given confirmed tracks, that a second target needs: a choice.
+"""Evidence above the threshold that a target beside a confirmed one needs: a choice.
 
-A second track competes for the confirmed track's detections, and a start with wrong hits briefly
-looks like two targets.
+A start with wrong hits briefly looks like a second target.
 """
+MIN_NEW_EXISTENCE = 0.02
+"""Least existence probability of new tracks."""
 TARGET_BIRTH_RATE = 500.0
 """Assumed target births per hour; sets the existence probability of new tracks: a choice.
 
@@ -110,6 +88,7 @@ def confirm(
     window: MeasurementWindow,
     threshold: float,
     false_tracks_per_hour: float,
+    detected: TrackArrays,
     *,
     min_time: float,
     max_speed: float,
@@ -118,21 +97,21 @@ def confirm(
     """Start a track where the evidence of a detection reaches the threshold, ``E >= A``.
 
     The strongest detection comes first; the others are tested given its start, so that one target
-    has one. A start waits until its target's hits are resolved. Where more than
-    `MAX_CONFIRMED_SHARE` of these are due to confirmed tracks, or the detection probably is, the
-    evidence given the confirmed tracks must exceed the threshold by `SECOND_TARGET_MARGIN`.
+    has one. A start waits until its target's hits are resolved, and beside a confirmed track that
+    was detected in this scan until the evidence exceeds the threshold by `SECOND_TARGET_MARGIN`.
 
     Parameters
     ----------
     tree : Tree
         After the scan.
-    window : MeasurementWindow
-        The detections, with the probability that confirmed tracks caused each; new tracks are
-        added.
+    window : DetectionWindow
+        The detections.
     threshold : float
         A; infinite where no evidence can reach it.
     false_tracks_per_hour : float
         The target rate.
+    detected : TrackArrays
+        Confirmed tracks that were detected in the scan.
     min_time : float
         Time from the first hit to the last that a velocity needs, s.
     max_speed : float
@@ -146,48 +125,33 @@ def confirm(
     merged : int
         Detections of enough evidence that are of a target which has a start already.
     """
-    if math.isinf(threshold) or attainable(tree, window).max(initial=-math.inf) < threshold:
+    if math.isinf(threshold) or attainable(tree).max(initial=-math.inf) < threshold:
         return [], 0
-    decided = decided_by_speed(tree, threshold, max_speed)
-    new = _strong(decided, window, threshold)
-    if not new:
-        return [], 0
-    rivals = with_rivals(tree, decided, threshold, max_speed)
+    tested = decided_by_speed(tree, threshold, max_speed)
     purity = min_purity_probability(false_tracks_per_hour)
     starts: list[Start] = []
     merged = 0
-    for end in sorted(new, key=lambda end: -decided.evidence[end]):
-        members, start = decided.ending_in(end), None
-        is_confirmed = window.confirmed_probability(tree.ids[[end]])[0] > PROBABLE
-        if new[end] and not is_confirmed:
-            start = resolved(members, rivals, window, MAX_CONFIRMED_SHARE, min_time, fit, purity)
-        if start is None:
-            members = given_starts(members, starts).scored_given_confirmed()
-            if np.logaddexp.reduce(members.score) >= threshold + SECOND_TARGET_MARGIN:
-                left = given_starts(rivals.hypotheses, starts).scored_given_confirmed()
-                rest = replace(rivals, hypotheses=left)
-                start = resolved(members, rest, window, 1.0, min_time, fit, purity)
-        if start is None:
-            merged += bool(new[end] and is_confirmed)
+    strong = np.flatnonzero((tested.evidence >= threshold) & _has_hits(tree))
+    for end in strong[np.argsort(-tested.evidence[strong], kind="stable")].tolist():
+        members = tested.ending_in(end)
+        if np.logaddexp.reduce(members.score) < threshold:
+            merged += 1
+            continue
+        start = resolved(members, tested, window, min_time, fit, purity)
+        if start is None or (
+            start.evidence < threshold + SECOND_TARGET_MARGIN and _is_beside(start, detected)
+        ):
             continue
         starts.append(start)
-        exists = existence(np.array([start.evidence - threshold]), false_tracks_per_hour)
-        window.note_confirmed(start.detections, start.probability * exists)
+        tested = replace(tested, hypotheses=given_starts(tested.hypotheses, [start]))
     return starts, merged
 
 
-def _strong(tree: Tree, window: MeasurementWindow, threshold: float) -> dict[int, bool]:
-    """Detections whose evidence may start a track, and whether that may be without a margin."""
-    strong = (tree.evidence >= threshold) & _has_hits(tree)
-    confirmed = window.confirmed_probability(tree.ids) > PROBABLE
-    strong_ends = {}
-    for end in np.flatnonzero(strong).tolist():
-        members = tree.ending_in(end)
-        new = not confirmed[end] and confirmed_share(members, window) <= MAX_CONFIRMED_SHARE
-        second = np.logaddexp.reduce(members.score_given_confirmed)
-        if new or second >= threshold + SECOND_TARGET_MARGIN:
-            strong_ends[end] = new
-    return strong_ends
+def _is_beside(start: Start, tracks: TrackArrays) -> bool:
+    """Whether the place of a start does not differ from that of some track."""
+    apart = tracks.state[:, 0::2] - start.state[0::2]
+    spread = (tracks.covariance + start.covariance)[:, 0::2, 0::2]
+    return not is_gaussian_significant(apart, spread).all()
 
 
 def _has_hits(tree: Tree) -> BoolArray:
@@ -195,64 +159,40 @@ def _has_hits(tree: Tree) -> BoolArray:
     return tree.largest(tree.hypotheses.hit_count.astype(float)) >= MIN_HITS
 
 
-def attainable(tree: Tree, window: MeasurementWindow) -> FloatArray:
+def attainable(tree: Tree) -> FloatArray:
     """Upper bound of the evidence by which each detection may start a track, (d,).
 
-    Less than its evidence where it is a confirmed track's: what is left given these, without the
-    margin that a second target needs. -inf where every hypothesis has too few hits.
+    -inf where every hypothesis has too few hits.
     """
-    evidence, enough = tree.evidence + LOG_GAIN, _has_hits(tree)
-    confirmed = enough & (window.confirmed_probability(tree.ids) > PROBABLE)
-    if confirmed.any():
-        second = (
-            tree.summed(tree.hypotheses.score_given_confirmed) + LOG_GAIN - SECOND_TARGET_MARGIN
-        )
-        evidence = np.where(confirmed, np.minimum(evidence, second), evidence)
-    return np.where(enough, evidence, -np.inf)
+    return np.where(_has_hits(tree), tree.evidence + LOG_GAIN, -np.inf)
 
 
 def decided_by_speed(tree: Tree, threshold: float, max_speed: float) -> Tree:
-    """The tree with the evidence under the prior that ends at v_max, where it may be enough.
+    """The tree under the prior that ends at v_max, where the evidence may be enough.
 
-    Rivals in other detections are as they were.
+    So are the rivals of starts in other detections: those that share a hit with a start.
     """
-    counts = _may_pass(tree, threshold)
-    return replace(tree, hypotheses=within_max_speed(tree.hypotheses, counts, max_speed))
-
-
-def with_rivals(tree: Tree, decided: Tree, threshold: float, max_speed: float) -> Tree:
-    """As `decided_by_speed`, of the tree and what that made of it, and of the rivals of starts."""
-    passed = decided.evidence >= threshold
-    # Of other detections, those that may be rivals of a start: they share a hit with it.
     hypotheses = tree.hypotheses
-    hits = np.unique(hypotheses.hits[tree.missed :][passed[tree.newest]])
-    hits = hits[hits != NO_HIT]
+    strong = (attainable(tree) >= threshold)[tree.newest]
+    hits = np.unique(hypotheses.hits[tree.missed :][strong])
     rival = hypotheses.score >= threshold + RELATIVE_PRUNING - LOG_GAIN
-    rival[rival] = np.isin(hypotheses.hits[rival], hits).any(axis=1)
-    counts = _may_pass(tree, threshold) | rival
-    return replace(tree, hypotheses=within_max_speed(hypotheses, counts, max_speed))
-
-
-def _may_pass(tree: Tree, threshold: float) -> BoolArray:
-    """Which hypotheses (n,) end in a detection whose evidence may reach the threshold."""
-    strong = (tree.evidence + LOG_GAIN >= threshold) & _has_hits(tree)
-    return np.append(np.zeros(tree.missed, bool), strong[tree.newest])
+    rival[rival] = np.isin(hypotheses.hits[rival], hits[hits != NO_HIT]).any(axis=1)
+    rival[tree.missed :] |= strong
+    return replace(tree, hypotheses=within_max_speed(hypotheses, rival, max_speed))
 
 
 def resolved(
     members: Hypotheses,
     tree: Tree,
     window: MeasurementWindow,
-    max_confirmed_share: float,
     min_time: float,
     fit: HitFit,
     min_purity: float = MIN_PURITY_PROBABILITY,
 ) -> Start | None:
     """The track of hypotheses with one newest detection.
 
-    None while the target's hits are not resolved, up to `MAX_UNRESOLVED_HITS` hits, and
-    where more than `max_confirmed_share` of them are due to confirmed tracks. They are resolved
-    where more than half of the hits are right with a probability of `min_purity`.
+    None while the target's hits are not resolved, up to `MAX_UNRESOLVED_HITS` hits. They are
+    resolved where more than half of the hits are right with a probability of `min_purity`.
 
     The newest detection is as uncertain as the others: hypotheses of the same target that end in
     another detection, or miss the scan, are rivals.
@@ -263,8 +203,6 @@ def resolved(
     rivals = rivals[spans_time(rivals, 2, window, min_time)]
     long = spans_time(rivals, MIN_HITS, window, min_time)
     if not long.any():
-        return None
-    if confirmed_share(rivals, window) > max_confirmed_share:
         return None
     detections, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
@@ -280,25 +218,8 @@ def resolved(
     if share[right].sum() < least:
         return None
     state, covariance = mixed(rivals[right], fit)
-    return Start(hits, detections, probability, state, covariance, evidence)
-
-
-def confirmed_share(hypotheses: Hypotheses, window: MeasurementWindow) -> float:
-    """Share of the hits of hypotheses that are a confirmed track's.
-
-    ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i due to confirmed
-    tracks.
-    """
-    weight = np.exp(hypotheses.score - hypotheses.score.max())
-    return float(weight @ confirmed_hits(hypotheses, window) / (weight @ hypotheses.hit_count))
-
-
-def confirmed_hits(hypotheses: Hypotheses, window: MeasurementWindow) -> FloatArray:
-    """Mean number of the hits of each hypothesis that are a confirmed track's, (n,)."""
-    hit = hypotheses.hits != NO_HIT
-    confirmed = np.zeros(hypotheses.hits.shape)
-    confirmed[hit] = window.confirmed_probability(hypotheses.hits[hit])
-    return np.asarray(confirmed.sum(axis=1))
+    path = rivals.hits[best][: rivals.hit_count[best]]
+    return Start(hits, path, detections, probability, state, covariance, evidence)
 
 
 def rivals_of(members: Hypotheses, tree: Tree, evidence: float) -> Hypotheses:
@@ -370,7 +291,7 @@ def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArra
     """
     false = false_tracks_per_hour * np.exp(-evaluation)
     return np.clip(
-        TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), 2.0 * MIN_EXISTENCE, NEW_TRACK_EXISTENCE
+        TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), MIN_NEW_EXISTENCE, NEW_TRACK_EXISTENCE
     )
 
 
@@ -383,122 +304,3 @@ def min_purity_probability(false_tracks_per_hour: float) -> float:
     """
     excess = max(false_tracks_per_hour / MAX_RATE_OF_PURE_STARTS, 1.0)
     return max(MIN_PURITY_PROBABILITY / excess, MIN_HIT_PROBABILITY)
-
-
-Doubtful = tuple[int, int, IntArray]
-"""A confirmed track whose start may be wrong: its id, the row of its detection in the scan, and its
-published hits, (h,)."""
-
-
-def corrections(
-    tree: Tree,
-    observed: Observation,
-    wrong: Sequence[Doubtful],
-    threshold: float,
-    starts: Sequence[Start],
-    *,
-    min_time: float,
-    max_speed: float,
-    fit: HitFit,
-) -> tuple[list[tuple[int, Start]], list[tuple[int, Start]]]:
-    """Corrections of the confirmed tracks' starts, while their hits are in the window.
-
-    Parameters
-    ----------
-    tree : Tree
-        After the scan.
-    observed : Observation
-        With the confirmed tracks and their detections.
-    wrong : sequence of Doubtful
-        See `doubtful`, before the starts.
-    threshold : float
-        Of the evidence.
-    starts : sequence of Start
-        Those of the scan.
-    min_time, max_speed, fit
-        See `confirm`.
-
-    Returns
-    -------
-    corrected : list of (int, Start)
-        Id of a track, and its start as it should have been.
-    replaced : list of (int, Start)
-        Id of a track of which no hit was the target's, and the target's start.
-    """
-    corrected: list[tuple[int, Start]] = []
-    replaced: list[tuple[int, Start]] = []
-    tested, window = None, observed.window
-    for track_id, row, hits in wrong:
-        if tree.evidence[row] + LOG_GAIN < threshold:
-            continue
-        if any(tree.ids[row] in start.detections for start in starts):
-            continue
-        if tested is None:
-            decided = decided_by_speed(tree, threshold, max_speed)
-            tested = with_rivals(tree, decided, threshold, max_speed)
-        start = _instead(hits, tested, row, window, threshold, min_time, fit)
-        if start is None:
-            continue
-        if np.isin(start.detections[start.probability > MIN_HIT_PROBABILITY], hits).any():
-            corrected.append((track_id, start))
-        elif window[start.hits]["scan"].min() <= window[hits]["scan"].max():
-            replaced.append((track_id, start))
-    return corrected, replaced
-
-
-def doubtful(tree: Tree, observed: Observation, max_speed: float) -> list[Doubtful]:
-    """Confirmed tracks whose best hypothesis lacks half of their published hits or more.
-
-    They have no other confirmed track in reach, and all their hits in the window: hypotheses with
-    older hits have been deleted, whether they were right or not. A track from a downstream tracker
-    has no hits to doubt.
-    """
-    doubts: list[Doubtful] = []
-    confirmed = observed.confirmed
-    ids, rows = observed.probable_detections
-    # A track that has ended in this scan is in no row.
-    which, row_of_track = np.nonzero(ids[:, None] == confirmed.track_id)
-    apart = confirmed.state[row_of_track, None, 0::2] - confirmed.state[:, 0::2]
-    near = np.hypot(apart[..., 0], apart[..., 1]) <= max_speed * confirmed.age[row_of_track, None]
-    alone = np.count_nonzero(near, axis=1) <= 1
-    for track_id, row, track in zip(
-        ids[which[alone]], rows[which[alone]], row_of_track[alone], strict=True
-    ):
-        published = confirmed.hits[track]
-        hits = observed.window.find(published)
-        if 0 < len(hits) == len(published) and not _best_has_most_of(hits, tree, row):
-            doubts.append((int(track_id), int(row), hits))
-    return doubts
-
-
-def _best_has_most_of(hits: IntArray, tree: Tree, row: int) -> bool:
-    """Whether the best hypothesis that ends in a detection has more than half of the hits."""
-    members = tree.ending_in(row)
-    if not len(members):
-        return True  # all were deleted: there is no other
-    best = np.argmax(members.score)
-    return bool(2 * np.isin(hits, members.hits[best]).sum() > len(hits))
-
-
-def _instead(
-    hits: IntArray,
-    tree: Tree,
-    row: int,
-    window: MeasurementWindow,
-    threshold: float,
-    min_time: float,
-    fit: HitFit,
-) -> Start | None:
-    """The start instead of one with these hits; None where these may be right."""
-    members = tree.ending_in(row)
-    evidence = float(np.logaddexp.reduce(members.score))
-    if evidence < threshold:
-        return None
-    rivals = rivals_of(members, tree, evidence)
-    most = 2 * np.isin(rivals.hits, hits).sum(axis=1) > len(hits)
-    if softmax(rivals.score)[most].sum() > 1.0 - MIN_PURITY_PROBABILITY:
-        return None
-    start = resolved(members, tree, window, 1.0, min_time, fit)
-    if start is None or 2 * np.isin(start.hits, hits).sum() > len(hits):
-        return None
-    return start

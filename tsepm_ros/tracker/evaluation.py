@@ -22,7 +22,7 @@ chain of Musicki, Evans, Stankovic, IEEE Trans. Autom. Control 39(6), 1994, with
 both), so that a miss makes further misses cheaper. With f the probability that it has faded, from
 scan to scan::
 
-    predicted     f <- F + (f - F) exp(-1 / FADING_SCANS),   F = FADED_SHARE
+    predicted     f <- (1 - 1 / SCANS_FADED) f + (1 - f) / SCANS_SEEN
     P_D           P_D v,   v = 1 - (1 - b) f,   b = FADED_FACTOR
     hit           f <- b f / v
     miss          f <- f (1 - b P_D P_G) / (1 - P_D v P_G)
@@ -68,17 +68,14 @@ from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 EVALUATIONS = ("normalized_distance", "clutter_statistic")
 MAX_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: targets fade, also where P_D is given as 1."""
-FADED_SHARE = 0.4
-"""Share of the time for which a target has faded: a choice.
-
-Data sheets overstate: a target far away, or seen from ahead, is detected less often. Where P_D is
-smaller than assumed, misses speak too much against the target, and targets are lost; where it is as
-told, starts are slightly later. docs/score.md has the figures.
-"""
-FADED_FACTOR = 0.6
+SCANS_SEEN = 25.0
+"""Mean number of scans for which a target is seen before it fades: a choice."""
+SCANS_FADED = 8.0
+"""Mean number of scans for which it then is faded: a choice."""
+FADED_FACTOR = 0.02
 """Detection probability of a faded target, in that of a seen one: a choice."""
-FADING_SCANS = 10.0
-"""Time constant of the chain, in scans: a choice."""
+FADED_SHARE = SCANS_FADED / (SCANS_SEEN + SCANS_FADED)
+"""Share of the time for which a target has faded."""
 FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_FACTOR))
 """Probability that a target has faded, given its first detection."""
 PATH_ODDS = 0.2
@@ -186,7 +183,7 @@ def miss_increment(detection_probability: FloatArray, gate_probability: float) -
 
 def fading_predicted(faded: FloatArray) -> FloatArray:
     """Probability that targets have faded (n,) at the next scan."""
-    return np.asarray(FADED_SHARE + math.exp(-1.0 / FADING_SCANS) * (faded - FADED_SHARE))
+    return np.asarray((1.0 - 1.0 / SCANS_FADED) * faded + (1.0 - faded) / SCANS_SEEN)
 
 
 def visible_share(faded: FloatArray) -> FloatArray:
@@ -334,7 +331,8 @@ def child_score(
         -inf outside the gate, or where P_D is 0.
     """
     density = expected.log_likelihood(parent, row, gate_probability)
-    increment = hit_increment(density, detection_probability[parent], observed.clutter_density[row])
+    other = observed.clutter_density / (1.0 - observed.confirmed_probability)
+    increment = hit_increment(density, detection_probability[parent], other[row])
     hypotheses = expected.hypotheses
     score: FloatArray = hypotheses.score[parent] + increment
     if observed.predictive is not None:
@@ -362,7 +360,6 @@ def miss(
     return changed(
         predicted,
         score=predicted.score + increment,
-        score_given_confirmed=predicted.score_given_confirmed + increment,
         faded=fading_after_miss(predicted.faded, detection_probability, gate_probability),
     )
 
@@ -378,8 +375,4 @@ def within_max_speed(hypotheses: Hypotheses, counts: BoolArray, max_speed: float
     gain[rows] = LOG_GAIN + motion.log_speed_probability(
         hypotheses.state[rows], hypotheses.covariance[rows], max_speed
     )
-    return changed(
-        hypotheses,
-        score=hypotheses.score + gain,
-        score_given_confirmed=hypotheses.score_given_confirmed + gain,
-    )
+    return changed(hypotheses, score=hypotheses.score + gain)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from scipy.special import expit
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
+    Rows,
     array_largest_of_groups,
     array_log_sums,
     array_sums_over_hits,
@@ -42,6 +44,14 @@ _ERRORS = (
 """What the innovation covariance of a hypothesis and a detection depends on."""
 
 
+@dataclass(frozen=True, eq=False)
+class States(Rows):
+    """States (n, 4) and covariances (n, 4, 4) that expect detections."""
+
+    state: FloatArray
+    covariance: FloatArray
+
+
 @dataclass(frozen=True)
 class Hypotheses(Paths):
     """Hypotheses as arrays, a row each.
@@ -53,9 +63,7 @@ class Hypotheses(Paths):
     state, covariance : (n, 4), (n, 4, 4) ndarray
         At the last scan's stamp.
     score : (n,) ndarray
-        Log-likelihood ratio.
-    score_given_confirmed : (n,) ndarray
-        The same for one more target, where the density due to confirmed tracks counts as clutter.
+        Log-likelihood ratio of one more target, given the confirmed tracks.
     faded : (n,) ndarray
         Probability that the target has faded, see `fading`.
     amplitude_count, amplitude_total : (n,) ndarray
@@ -68,15 +76,10 @@ class Hypotheses(Paths):
     state: FloatArray
     covariance: FloatArray
     score: FloatArray
-    score_given_confirmed: FloatArray
     faded: FloatArray
     amplitude_count: IntArray
     amplitude_total: FloatArray
     amplitude_score: FloatArray
-
-    def scored_given_confirmed(self) -> Hypotheses:
-        """The hypotheses with their scores given the confirmed tracks."""
-        return changed(self, score=self.score_given_confirmed)
 
     @classmethod
     def none(cls, window: int) -> Hypotheses:
@@ -88,7 +91,6 @@ class Hypotheses(Paths):
             count,
             np.zeros((0, 4)),
             np.zeros((0, 4, 4)),
-            np.zeros(0),
             np.zeros(0),
             np.zeros(0),
             count,
@@ -156,6 +158,8 @@ class Start:
     ----------
     hits : (h,) ndarray of int
         Detections that are credible hits of the target, ascending.
+    path : (p,) ndarray of int
+        Detections of the best hypothesis, ascending.
     detections, probability : (c,) ndarray
         All detections that may be the target's, ascending, and the probability of each.
     state, covariance : (4,), (4, 4) ndarray
@@ -164,6 +168,7 @@ class Start:
     """
 
     hits: IntArray
+    path: IntArray
     detections: IntArray
     probability: FloatArray
     state: FloatArray
@@ -172,20 +177,23 @@ class Start:
 
 
 def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
-    """The hypotheses given new tracks.
+    """The hypotheses given new tracks too.
 
-    ``s' <- s' - max(s', 0) sum_k p_k / n`` with s' the score given confirmed tracks, and p_k the
-    probability that hit k of n is a new track's: as if each hit had the same increment.
+    ``s <- s - max(s, 0) sum_k p_k / n`` with p_k the probability that hit k of n is a new track's:
+    as if each hit had the same increment.
     """
-    score = hypotheses.score_given_confirmed
+    score = hypotheses.score
     for start in starts:
         due = array_sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
-    return changed(hypotheses, score_given_confirmed=score)
+    return changed(hypotheses, score=score)
+
+
+H = TypeVar("H", States, Hypotheses)
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedDetections:
+class ExpectedDetections(Generic[H]):
     """What hypotheses expect of a scan's detections.
 
     Where the detections have one time and one error model, as without times and poses of their own,
@@ -193,7 +201,7 @@ class ExpectedDetections:
 
     Attributes
     ----------
-    hypotheses : Hypotheses
+    hypotheses : States or Hypotheses
         Predicted to the scan.
     stamp : float
         The scan's, s.
@@ -204,7 +212,7 @@ class ExpectedDetections:
         differ from detection to detection.
     """
 
-    hypotheses: Hypotheses
+    hypotheses: H
     stamp: float
     detections: NDArray[np.void]
     sensor: SensorModel
@@ -213,11 +221,11 @@ class ExpectedDetections:
     @classmethod
     def from_hypotheses(
         cls,
-        hypotheses: Hypotheses,
+        hypotheses: H,
         stamp: float,
         detections: NDArray[np.void],
         sensor: SensorModel,
-    ) -> ExpectedDetections:
+    ) -> ExpectedDetections[H]:
         """What hypotheses that are predicted to a scan expect of its detections."""
         common = None
         if len(detections) and len(hypotheses) and _alike(detections):
@@ -248,7 +256,7 @@ class ExpectedDetections:
     def log_likelihood(
         self, parent: IntArray, row: IntArray, gate_probability: float
     ) -> FloatArray:
-        """Log-likelihood of each pair's detection, (p,); see `motion.log_likelihood`."""
+        """Log of the likelihood of each pair's detection, (p,); see `motion.log_likelihood`."""
         innovation, spread = self.innovations(parent, row)
         return motion.log_likelihood(
             self.hypotheses.state,

@@ -43,6 +43,8 @@ DETECTION = np.dtype(
 """A converted detection, with the fields for re-evaluating its covariance elsewhere."""
 
 
+HIT_KEYS = 2**32
+"""Detections of a scan that a number of a hit tells apart."""
 LEAST_ACROSS = 1.0
 """Variance across the line of sight, at least, over that along it: of detections without an azimuth
 error of their own, for confirmed tracks and methods whose likelihoods take errors as they are.
@@ -104,7 +106,7 @@ def measurement_covariance(
     azimuth_std: ArrayLike,
     least_across: ArrayLike = 0.0,
 ) -> FloatArray:
-    """Covariance of `unbiased_measured_position`, exact for a target at that range and azimuth.
+    """Covariance of `unbiased_measured_position`, exact for a target at this range and azimuth.
 
     With ``b = exp(-s^2/2)``, along and across the line of sight::
 
@@ -298,6 +300,11 @@ def measurement_range_variance_at(
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
 
 
+def hit_keys(detections: NDArray[np.void]) -> NDArray[np.int64]:
+    """A number of each detection, of its scan and its index there, (...)."""
+    return np.asarray(detections["scan"] * HIT_KEYS + detections["index"], np.int64)
+
+
 class MeasurementWindow:
     """Detections of the recent scans, addressed by ids that never change.
 
@@ -312,37 +319,23 @@ class MeasurementWindow:
 
     def __init__(self) -> None:
         self._detections = np.zeros(0, DETECTION)
-        self._not_confirmed = np.zeros(0)
         self.first_id = 0
 
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
         first = self.first_id + len(self._detections)
         self._detections = appended_arrays(self._detections, detections)
-        self._not_confirmed = np.concatenate([self._not_confirmed, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 
     def forget(self, before_scan: int) -> None:
         """Remove the detections of the scans before the given scan index."""
         old = int(np.searchsorted(self._detections["scan"], before_scan))
         self._detections = self._detections[old:]
-        self._not_confirmed = self._not_confirmed[old:]
         self.first_id += old
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
         return taken(self._detections, ids - self.first_id)
-
-    def note_confirmed(self, ids: NDArray[np.int64], probability: NDArray[np.float64]) -> None:
-        """Note the probabilities that detections belong to confirmed tracks, (n,) each."""
-        np.multiply.at(self._not_confirmed, ids - self.first_id, 1.0 - np.minimum(probability, 1.0))
-
-    def confirmed_probability(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Probability that the detections with the given ids belong to a confirmed track, (...).
-
-        The probabilities of different tracks count as independent.
-        """
-        return np.asarray(1.0 - self._not_confirmed[ids - self.first_id])
 
     def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
         """Ids of the detections with the given scan and detection indices, those still here.

@@ -7,22 +7,18 @@ Of the likelihood-ratio method, by the hits and the states::
 
     starts of a scan      the strongest first; of the others the score given the tracks that started
                           is reduced by the share of hits due to these (`hypotheses.given_starts`)
-    with a confirmed one  a start with more than half of its published hits (`published_owners`),
-                          or 2 of its own detections (`own_starts`), is that track
     with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
 
-Confirmed tracks that agree for some scans are one (`agrees_with_older`), and at once where it turns
-out that targets have several detections (`extended_targets.may_be_older_extended_target`).
+Where it turns out that targets have several detections, confirmed tracks that agree are one
+(`agrees_with_older`, `extended_targets.may_be_older_extended_target`).
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +31,7 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
 )
-from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances_of_discs
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor, solve
-from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MERGINGS = ("moments", "refit")
@@ -48,23 +42,10 @@ PAIR_BLOCK = 200_000
 """Pairs processed together: bounds the memory of the search, not its result."""
 MAX_SUBSETS = 70
 """Largest number of subsets of a track's hits in the search for overlapping tracks."""
-SAME_SCANS = 5
-"""Scans in a row for which a track must agree with an older one to be the same target's."""
 SAME_DISTANCE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
-LOCATED = 2.0
-"""Position error, in those of a detection, up to which a track is located.
-
-That states agree says little where a state is vague: a track that has been missed for some scans
-agrees with every track near it, and is as likely another target's.
-"""
 NEAREST = 8
 """Nearest tracks among which older tracks are sought, the track itself included."""
-MAX_EXPLAINED = 1.5
-"""Detections that two tracks together explain, above which they are of two targets."""
-ROUNDING = 1e-6
-MIN_OWN_HITS = 2
-"""Hits of a start that were probably a confirmed track's own, from which on it is that track."""
 
 
 def merging_threshold(probability: float) -> float:
@@ -275,73 +256,41 @@ def moments(
     return weights @ states, np.tensordot(weights, covariances, axes=1)
 
 
-def published_owners(starts: TrackArrays, confirmed: TrackArrays) -> IntArray:
-    """Ids of the confirmed tracks of which starts (n,) have most published hits; or -1.
-
-    Such a track has lost its target, and is corrected.
-    """
-    ids = np.full(len(starts), -1)
-    for row, hits in enumerate(map(set, starts.hits)):
-        common = np.array(
-            [len(hits.intersection(published)) for published in confirmed.hits], np.int64
-        )
-        owners = confirmed.track_id[2 * common > confirmed.hit_count]
-        if len(owners):
-            ids[row] = owners[0]
-    return ids
-
-
-def own_starts(
-    starts: TrackArrays, owned: dict[tuple[int, int], int], busy: frozenset[int]
+def continued(
+    starts: TrackArrays,
+    paths: Sequence[IntArray],
+    lost: TrackArrays,
+    existence: FloatArray,
+    last_place: FloatArray,
+    hits: tuple[IntArray, IntArray],
+    max_speed: float,
+    births: float,
 ) -> IntArray:
-    """Rows' ids of the confirmed tracks that starts (n,) are of by their hits; -1 for none.
+    """Ids of the confirmed tracks that starts (n,) continue; -1 for none.
+
+    A start may be of a track that has no other hit in this scan, and since the start's first hit
+    few others. Of these the largest ratio above 1, to new targets, goes on; each track once::
+
+        r_i max(N(x_new - x_i; 0, P_new + P_i), U_i) / births
+
+    U_i is uniform over the places in reach since the last hit, after a time t, and over the
+    velocities: ``1 / (pi (v_max t)^2 pi v_max^2)``.
 
     Parameters
     ----------
     starts : TrackArrays
-    owned : dict
-        Id of the track whose own a detection probably was, by its scan and index.
-    busy : frozenset of int
-        Ids of the tracks that have another detection in this scan.
-
-    Returns
-    -------
-    (n,) ndarray of int
-        `MIN_OWN_HITS` at least are the track's; each track once.
-    """
-    ids, taken = np.full(len(starts), -1), set(busy)
-    for row, hits in enumerate(starts.hits):
-        number = Counter(owned[hit] for hit in hits if hit in owned)
-        for track_id, own in number.most_common(1):
-            if own >= MIN_OWN_HITS and track_id not in taken:
-                ids[row] = track_id
-                taken.add(track_id)
-    return ids
-
-
-def continued(
-    starts: TrackArrays,
-    lost: TrackArrays,
-    existence: FloatArray,
-    owned: dict[tuple[int, int], int],
-    births: float,
-) -> IntArray:
-    """Ids of the lost tracks that starts (n,) continue; -1 for none.
-
-    A track whose target has not been detected since before the start's first hit, but for the
-    start's own hits, goes on with the largest ratio above 1 of its density to that of new targets;
-    each track once::
-
-        r_i N(x_new - x_i; 0, P_new + P_i) / births
-
-    Parameters
-    ----------
-    starts, lost : TrackArrays
-        At the same time.
+    paths : sequence of (h,) ndarray of int
+        Hits of the best hypothesis of each start, as `hit_keys`, ascending.
+    lost : TrackArrays
+        m, at the same time.
     existence : (m,) ndarray
         r_i.
-    owned : dict
-        As in `own_starts`.
+    last_place : (m, 2) ndarray
+        Where each was last detected, m.
+    hits : tuple of (h,) ndarray of int
+        Hits of confirmed tracks, and the ids of these.
+    max_speed : float
+        v_max, m/s.
     births : float
         Density of new targets within the mean length of fading, 1/(m^2 (m/s)^2).
 
@@ -350,96 +299,53 @@ def continued(
     (n,) ndarray of int
     """
     ids, free = np.full(len(starts), -1), np.ones(len(lost), bool)
-    odds = np.log(existence) - math.log(births)
-    variances = np.diagonal(lost.covariance, axis1=1, axis2=2)
-    for row in range(len(starts) if len(lost) else 0):
-        apart, covariance = starts.state[row] - lost.state, starts.covariance[row]
-        # The ratio is at most that of the distance of a single component and of P_new alone.
-        most = 2.0 * odds - np.linalg.slogdet(2.0 * np.pi * covariance)[1] + ROUNDING
-        squares = apart**2 / (variances + np.diagonal(covariance))
-        near = np.flatnonzero(free & (squares.max(axis=1) < most))
-        if not len(near):
-            continue
-        apart, spread = apart[near], covariance + lost.covariance[near]
-        square = np.einsum("ti,ti->t", apart, solve(spread, apart))
-        density = -0.5 * square - 0.5 * np.linalg.slogdet(2.0 * np.pi * spread)[1]
-        ratio = odds[near] + density
-        hits = starts.hits[row]
-        first, own = hits[0][0], set(hits)
-        others = {track for hit, track in owned.items() if hit[0] >= first and hit not in own}
-        ratio[np.isin(lost.track_id[near], list(others))] = -np.inf
+    keys, owners = hits
+    reach = max_speed * lost.time_since_hit
+    with np.errstate(divide="ignore"):
+        anywhere = -2.0 * np.log(np.pi * max_speed * reach)
+    for start, path in enumerate(paths):
+        since, own = keys >= path[0], np.isin(keys, path)
+        late, shared = (
+            (owners[rows, None] == lost.track_id).sum(axis=0) for rows in (since & ~own, own)
+        )
+        busy = (lost.time_since_hit <= 0.0) & (shared == 0)
+        apart = starts.state[start] - lost.state
+        spread = starts.covariance[start] + lost.covariance
+        square = (apart * solve(spread, apart)).sum(axis=1)
+        density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * spread)[1])
+        in_reach = np.hypot(*(starts.state[start, 0::2] - last_place).T) <= reach
+        density = np.where(in_reach, np.maximum(density, anywhere), density)
+        ratio = np.log(existence) + density - math.log(births)
+        ratio[~free | busy | (late > 0.5 * len(path) - 1.0)] = -np.inf
         best = int(np.argmax(ratio))
         if ratio[best] > 0.0:
-            ids[row], free[near[best]] = lost.track_id[near[best]], False
+            ids[start], free[best] = lost.track_id[best], False
     return ids
 
 
-def located(covariance: FloatArray, detection_sigma: FloatArray) -> BoolArray:
-    """Which tracks are located: those of a position error of at most `LOCATED` detection errors.
+def agrees_with_older(state: FloatArray, covariance: FloatArray) -> BoolArray:
+    """Which tracks agree with an older track near them, (n,).
 
-    Parameters
-    ----------
-    covariance : (n, 4, 4) ndarray
-    detection_sigma : (n,) ndarray
-        Standard deviation of a detection's position there, along its major axis, m.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-    """
-    return np.asarray(major_sigma(covariance[:, 0::2, 0::2]) <= LOCATED * detection_sigma)
-
-
-def agrees_with_older(
-    state: FloatArray,
-    covariance: FloatArray,
-    known: BoolArray,
-    explained: FloatArray,
-) -> BoolArray:
-    """Which tracks agree with an older track.
-
-    Two tracks agree where both are located, ``d' (P_i + P_j)^-1 d`` of their states is within the
-    gate for four dimensions, and together they explain at most `MAX_EXPLAINED` detections.
+    ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four dimensions.
 
     Parameters
     ----------
     state, covariance : (n, 4), (n, 4, 4) ndarray
         Oldest track first.
-    known : (n,) ndarray of bool
-        Which tracks are located.
-    explained : (n,) ndarray
-        Sum of each track's association probabilities in this scan.
-
-    Returns
-    -------
-    (n,) ndarray of bool
     """
     agrees = np.zeros(len(state), bool)
-    if np.count_nonzero(known) < 2:
-        return agrees
-    track, older = _pairs_with_older(state[:, 0::2], known)
-    may = known[track] & known[older] & (explained[track] + explained[older] <= MAX_EXPLAINED)
-    track, older = track[may], older[may]
-    agrees[track[close(state, covariance, track, older, SAME_DISTANCE)]] = True
+    if len(state) >= 2:
+        track, older = _pairs_with_older(state[:, 0::2])
+        agrees[track[close(state, covariance, track, older, SAME_DISTANCE)]] = True
     return agrees
 
 
-@cache
-def _all_pairs(n: int) -> tuple[IntArray, IntArray]:
-    return np.tril_indices(n, -1)
-
-
-def _pairs_with_older(positions: FloatArray, known: BoolArray) -> tuple[IntArray, IntArray]:
-    """Rows of each known track and of an older track near it, (p,) and (p,), or of more tracks."""
+def _pairs_with_older(positions: FloatArray) -> tuple[IntArray, IntArray]:
+    """Rows of each track and of an older track near it, (p,) and (p,)."""
     n = len(positions)
     if n <= NEAREST:  # all are
-        return _all_pairs(n)
-    rows = np.flatnonzero(known)
-    if len(rows) * n <= ALL_PAIRS:
-        distances = squared_distances_of_discs(positions[rows], positions)
-        nearest = np.argpartition(distances, NEAREST - 1, axis=1)[:, :NEAREST]
-    else:
-        _, nearest = cKDTree(positions).query(positions[rows], k=NEAREST)
-    track, older = np.repeat(rows, NEAREST), nearest.ravel()
+        return np.tril_indices(n, -1)
+    _, nearest = cKDTree(positions).query(positions, k=NEAREST)
+    track, older = np.repeat(np.arange(n), NEAREST), nearest.ravel()
     is_older = older < track
     return track[is_older], older[is_older]

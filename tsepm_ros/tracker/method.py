@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -97,10 +97,9 @@ class Step:
     target_probability : (d,) ndarray, optional
         Probability that each detection is of a target that is not confirmed yet; this part of it
         does not count as clutter.
-    revised : TrackArrays
-        Confirmed tracks, by their ids, whose starts are corrected.
-    replaced : tuple of int
-        Ids of confirmed tracks in whose place new ones are held: they end.
+    paths : tuple of (h,) ndarray of int
+        Hits of the best hypothesis of each new track, as `hit_keys`; none of a method that starts a
+        target's track anew.
     target_hits : TargetHits, optional
         Detections that are probably targets', by their positions alone.
     """
@@ -109,8 +108,7 @@ class Step:
     statistics: ScanStatistics = field(default_factory=lambda: ScanStatistics(scans=1))
     existence: FloatArray | None = None
     target_probability: FloatArray | None = None
-    revised: TrackArrays = NO_TRACKS
-    replaced: tuple[int, ...] = ()
+    paths: tuple[IntArray, ...] = ()
     target_hits: TargetHits | None = None
 
     @property
@@ -123,7 +121,8 @@ class Step:
     def where(self, rows: NDArray[np.generic]) -> Step:
         """The step with the new tracks in the given rows only (indices or a mask)."""
         existence = None if self.existence is None else self.existence[rows]
-        return changed(self, tracks=self.tracks.where(rows), existence=existence)
+        paths = tuple(np.array(self.paths, object)[rows]) if self.paths else ()
+        return changed(self, tracks=self.tracks.where(rows), existence=existence, paths=paths)
 
 
 class Method(ABC):

@@ -67,8 +67,6 @@ PASSES = 3
 """Times that the grid is narrowed to where the density is."""
 LOG_DROP = 30.0
 """Logarithm of the factor below its maximum from which on the density does not count."""
-PROCESS_NOISE = 0.01
-"""Spectral density of the acceleration between turns, m^2/s^3: 1 m/s per 100 s."""
 SCANS_TO_TURN = 30.0
 """Mean number of scans between turns or changes of speed: a choice."""
 GOES_ON = 0.5
@@ -292,7 +290,7 @@ def log_likelihood(
 
 
 def motion_gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
-    """Standard deviations of an innovation that the gate of `log_likelihood` reaches."""
+    """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
     if range_rates.measured(detections).any():
         return math.sqrt(range_rates.range_rate_gate_square(gate_probability))
     return gaussian_gate_factor(gate_probability)
@@ -531,8 +529,12 @@ class InteractingModels(Rows):
             probability, np.stack([state, state], axis=1), np.stack([covariance] * 2, axis=1)
         )
 
-    def predicted(self, elapsed: FloatArray, max_speed: float) -> InteractingModels:
+    def predicted(
+        self, elapsed: FloatArray, max_speed: float, process_noise: float
+    ) -> InteractingModels:
         """Predict the tracks to the next scan, over times (n,), s, of either sign.
+
+        Between turns the acceleration has the spectral density `process_noise`, m^2/s^3.
 
         The states are mixed by the probabilities p_ij of a change from mode i to mode j::
 
@@ -546,11 +548,10 @@ class InteractingModels(Rows):
         change = np.array([[1.0 - begun, begun], [1.0 - GOES_ON, GOES_ON]])[:, None]
         joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY).T[..., None]
         probability = joint.sum(axis=0)
-        longest = max(float(np.abs(elapsed).max(initial=0.0)), TURN_TIME)
-        turn_noise = (0.5 * max_speed) ** 2 / longest
+        turn_noise = (0.5 * max_speed) ** 2 / np.maximum(np.abs(elapsed), TURN_TIME)
         before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
         mixed = gaussian_mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
-        noise = np.array([PROCESS_NOISE, PROCESS_NOISE + turn_noise])
+        noise = process_noise + turn_noise[:, None] * np.array([0.0, 1.0])
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
 
     def combined(self) -> tuple[FloatArray, FloatArray]:

@@ -40,16 +40,10 @@ class Observation:
     clutter_density : (d,) ndarray
         Clutter density at each detection after this scan was learned from, 1/m^2, times the
         density of its range rate, s/m, where it has one.
-    confirmed_density : (d,) ndarray
-        Density at each detection due to confirmed tracks, to be added to the clutter density.
-    confirmed_association : tuple of (p,) ndarray
-        Rows of detections that may be a confirmed track's, and the probability of each that the
-        track's target exists and caused the detection.
-    confirmed : TrackArrays
-        The confirmed tracks, with the hits of their starts.
-    probable_detections : tuple of (k,) ndarray of int
-        Ids of confirmed tracks, and the detection of each that is more probably the track's than
-        not.
+    confirmed_probability : (d,) ndarray
+        Probability that each detection is a confirmed track's, below 1.
+    detected : TrackArrays
+        The confirmed tracks that were detected in this scan.
     clutter_sensor : SensorModel
         The sensor with the range rates of its clutter as given or learned.
     seen_extent : ClutterExtent
@@ -60,6 +54,8 @@ class Observation:
         P_D in this scan of targets at positions (n, 2); 0 outside the coverage.
     detection_probability_in_use : float
         P_D in the coverage, given or estimated.
+    process_noise : float
+        Spectral density q of the acceleration of targets, m^2/s^3.
     most_pairs : float
         Pairs of potential tracks and detections that the scan may have.
     amplitudes : ScanAmplitudes or None
@@ -76,15 +72,14 @@ class Observation:
     window: MeasurementWindow
     ids: IntArray
     clutter_density: FloatArray
-    confirmed_density: FloatArray
-    confirmed_association: tuple[IntArray, FloatArray]
-    confirmed: TrackArrays
-    probable_detections: tuple[IntArray, IntArray]
+    confirmed_probability: FloatArray
+    detected: TrackArrays
     clutter_sensor: SensorModel
     seen_extent: ClutterExtent
     sensor_position: FloatArray
     detection_probability: Callable[[FloatArray], FloatArray]
     detection_probability_in_use: float
+    process_noise: float
     most_pairs: float
     amplitudes: ScanAmplitudes | None = None
     predictive: ExcessPrediction | None = None

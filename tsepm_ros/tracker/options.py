@@ -40,6 +40,14 @@ class CommonOptions(ParameterGroup):
         minimum=0.0,
         maximum=1e4,
     )
+    target_manoeuvre: float = parameter(
+        0.0,
+        "Acceleration of targets between turns, a standard deviation on each axis. 0: learned from "
+        "confirmed tracks",
+        unit="m/s^2",
+        minimum=0.0,
+        maximum=100.0,
+    )
     limit_speed: str = parameter(
         "auto",
         "Limit the speed of new tracks. on: the state of a track that probably exceeds max_speed "
@@ -186,7 +194,7 @@ class ScoreOptions(ParameterGroup):
         maximum=1e6,
     )
     miss_probability: float = parameter(
-        0.02,
+        0.025,
         "Probability that the correct hypothesis of a target is deleted; sets the "
         "deletion threshold",
         positive=True,
@@ -194,14 +202,6 @@ class ScoreOptions(ParameterGroup):
     )
     window: int = parameter(
         16, "Scans after which an unconfirmed hypothesis ends", minimum=3, maximum=64
-    )
-    process_noise: float = parameter(
-        0.001,
-        "Spectral density of a target's acceleration: the variance of each velocity component "
-        "grows by this per second",
-        unit="m^2/s^3",
-        minimum=0.0,
-        maximum=100.0,
     )
 
     @property

@@ -43,7 +43,6 @@ from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import initial_paths
 from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance_at
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 MAX_GATED = 5_000_000
 """Largest number of detections in all gates of a scan; above, only the nearest are used."""
@@ -108,7 +107,7 @@ def splitting_gate(
 
     Returns
     -------
-    SplittingGates
+    Gated
         A row per last hit.
     """
     margin = gaussian_gate_factor(probability) * last_hits["major_sigma"]
@@ -206,7 +205,7 @@ def split_children(gate_of_track: IntArray, gated: SplittingGates) -> tuple[IntA
     ----------
     gate_of_track : (n,) ndarray of int
         The gate (row of `gated`) that each potential track uses.
-    gated : SplittingGates
+    gated : Gated
         Detections in each gate.
 
     Returns
@@ -335,22 +334,12 @@ def _widest_splitting_gate(
     return positions, reach * sigma + longest * speed
 
 
-def splitting_penalty(observed: Observation, row: IntArray, amplitude: FloatArray) -> FloatArray:
-    """``ln((lambda + confirmed density) / lambda)``, (p,): a hit's loss by confirmed tracks.
-
-    Where the amplitude speaks for a target, by `amplitude` (p,), it speaks for the confirmed one as
-    well.
-    """
-    ratio = observed.confirmed_density / np.maximum(observed.clutter_density, MIN_CLUTTER_DENSITY)
-    return np.log1p(ratio[row] * np.exp(np.maximum(amplitude, 0.0)))
-
-
 def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
-    """Start a hypothesis from every detection.
+    """Start a hypothesis from every detection, of the score ``ln(1 - p)``.
 
-    The velocity is unknown up to v_max: uniform over the disc, of variance v_max^2 / 4 on each
-    axis. The first range rate, if measured, updates it along the line of sight and contributes to
-    the score.
+    With p the probability that the detection is a confirmed track's. The velocity is unknown up to
+    v_max: uniform over the disc, of variance v_max^2 / 4 on each axis. The first range rate, if
+    measured, updates it along the line of sight and contributes to the score.
 
     Parameters
     ----------
@@ -381,8 +370,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         state, covariance = motion.predict(state, covariance, elapsed)
     row, none = np.arange(n), np.zeros(n, np.int64)
     amplitude = path_amplitudes(observed, row, none, np.zeros(n))
-    score = score + amplitude.increment
-    given_confirmed = score - splitting_penalty(observed, row, amplitude.increment)
+    score = score + amplitude.increment + np.log1p(-observed.confirmed_probability)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -390,7 +378,6 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         state,
         covariance,
         score,
-        given_confirmed,
         np.full(n, FADED_AT_START),
         *amplitude,
     )
@@ -404,8 +391,6 @@ def expand(
     observed: Observation,
 ) -> Tree:
     """The tree of the branches that are kept.
-
-    Given the confirmed tracks, a hit adds less by `splitting_penalty`.
 
     Parameters
     ----------
@@ -448,8 +433,6 @@ def _splitting_children(
     amplitude = path_amplitudes(
         observed, row, hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
     )
-    given_confirmed = hypotheses.score_given_confirmed[parent] + score - hypotheses.score[parent]
-    given_confirmed -= splitting_penalty(observed, row, amplitude.increment)
     state, covariance = expected.updated(parent, row)
     return Hypotheses(
         hits,
@@ -458,7 +441,6 @@ def _splitting_children(
         state,
         covariance,
         score,
-        given_confirmed,
         fading_after_hit(hypotheses.faded[parent]),
         amplitude.hits,
         amplitude.total,

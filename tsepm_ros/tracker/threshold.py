@@ -170,6 +170,11 @@ def rounded(value: float) -> float:
     return math.exp(ROUNDING_STEP * round(math.log(value) / ROUNDING_STEP))
 
 
+def coarse_noise(process_noise: float) -> float:
+    """A process noise in steps of a factor of 2, so that estimates share a plan."""
+    return 2.0 ** round(math.log2(process_noise)) if process_noise else 0.0
+
+
 def ville_threshold(false_share: float) -> float:
     """Threshold that at most this share of the starts from clutter passes, for any clutter.
 
@@ -434,7 +439,7 @@ class Threshold:
             windows=(options.window,),
             scans=options.window,
             gate_probability=GATE_PROBABILITY,
-            process_noise=options.process_noise,
+            process_noise=coarse_noise(self._last.process_noise),
             deletion=options.deletion_threshold,
             min_hits=MIN_HITS,
             ratio=None if self._last.amplitudes is None else ANY_RATIO,

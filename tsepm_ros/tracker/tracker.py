@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
-from tsepm_ros.tracker import initial_state, merging, motion, range_rates
+from tsepm_ros.tracker import initial_state, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
     extended_target_density,
     may_be_older_extended_target,
 )
 from tsepm_ros.tracker.clusters.grouping import Clusters
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, LearnedScanClutter
+from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
@@ -44,14 +46,14 @@ from tsepm_ros.tracker.sensor import (
     sensor_echo_poses,
     sensor_looked_at,
 )
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
 PAIRS_PER_SECOND = 100_000.0
 """Pairs of potential tracks and detections that a slow computer processes, 1/s: a choice."""
 HELD_PER_PAIR = 0.05
-"""Confirmed confirmed tracks, per pair that a scan may have, at most: each costs as much."""
+"""Confirmed tracks, per pair that a scan may have, at most: each costs as much."""
 LEAST_ROOM = 10
 """Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
@@ -82,11 +84,11 @@ class Tracker:
         Makes clusters of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
-    window : MeasurementWindow
+    window : DetectionWindow
         Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
-        Confirmed tracks whose starts the last scan corrected, as they are now: each with the hits
-        that are its own after all, and its number of revisions.
+        Confirmed tracks that a start of the last scan continued, as they are now: each with the
+        hits of this, and its number of revisions.
     statistics, totals : ScanStatistics
         Counts of the last scan, and sums since the start or the last reset.
     stamp : float or None
@@ -211,15 +213,16 @@ class Tracker:
         )
         clutter_sensor, of_rates = self._clutter_rates(detections)
         before = self._clutter.before(self._confirmed_targets) * of_rates
-        confirmed_density, confirmed_association = self._carry_confirmed(scan, detections, before)
+        confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
             self._learn_errors(detections)
-        detections["clutter_density"] = self._learn_clutter(before, confirmed_density)
+        detections["clutter_density"] = self._learn_clutter(confirmed)
         self._learn_extended_targets(active)
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
+        tracks = self.maintenance.confirmed.tracks
         return Observation(
             stamp=scan.stamp,
             scan_index=self.scan_index,
@@ -229,15 +232,18 @@ class Tracker:
             window=self.window,
             ids=ids,
             clutter_density=detections["clutter_density"] * of_rates,
-            confirmed_density=confirmed_density,
-            confirmed_association=confirmed_association,
-            confirmed=self.maintenance.confirmed.tracks,
-            probable_detections=self.maintenance.probable_detections,
+            confirmed_probability=confirmed,
+            detected=tracks.where(
+                np.isin(tracks.track_id, self.maintenance.probable_detections[0])
+            ),
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.clutter_map.seen.region.extent,
             sensor_position=self._poses.middle[:2],
             detection_probability=self.detection_probability_at,
             detection_probability_in_use=self.detection_probability,
+            process_noise=self.maintenance.manoeuvre.process_noise(
+                self.common, self.learned.scan_interval.median
+            ),
             most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
             amplitudes=amplitudes,
             predictive=self._clutter.predictive,
@@ -266,38 +272,40 @@ class Tracker:
         scan: Scan,
         detections: NDArray[np.void],
         clutter: FloatArray,
-    ) -> tuple[FloatArray, tuple[IntArray, FloatArray]]:
-        """Carry confirmed tracks to a scan; returns the density of their detections, and whose.
+        amplitudes: ScanAmplitudes | None,
+    ) -> FloatArray:
+        """Carry confirmed tracks to a scan; returns p that each detection is one's, (d,).
 
         With clusters, a target may have others beside its own.
         """
         width = self.sensor.sector_width
         swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
-        density = self.maintenance.step(
+        whole = swept > WHOLE_SHARE
+        probability = self.maintenance.step(
             scan.stamp,
             detections,
             clutter,
             self.detection_probability_at,
             changed(self.sensor, detection_probability=self.detection_probability),
             self.common.max_speed,
-            self.learned.scan_interval.median / swept,
-            whole=swept > WHOLE_SHARE,
+            self.learned.scan_interval.median / (1.0 if whole else swept),
+            amplitudes,
+            whole=whole,
         )
-        association = self.maintenance.confirmed_association
-        if self.extended_targets.active:
-            position, origin = detections["position"], self._poses.middle[:2]
-            further = extended_target_density(
-                self.maintenance.confirmed, position, self.extended_targets.extent, origin
-            )
-            density = density + further
-            rows = np.flatnonzero(further)
-            probability = further[rows] / (further[rows] + clutter[rows])
-            association = np.append(association[0], rows), np.append(association[1], probability)
-        return density, association
+        if not self.extended_targets.active:
+            return probability
+        further = extended_target_density(
+            self.maintenance.confirmed,
+            detections["position"],
+            self.extended_targets.extent,
+            self._poses.middle[:2],
+        )
+        other = (1.0 - probability) * clutter / (clutter + further)
+        return 1.0 - np.maximum(other, math.exp(-MAX_LOG_FACTOR))
 
     def _learn_extended_targets(self, active: bool) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        own, confirmed = self.maintenance.nearest_detections, self.maintenance.confirmed
+        own, confirmed = self.maintenance.probable_detections, self.maintenance.confirmed
         if self.method.most_tracks_true:
             self.extended_targets.learn(own, confirmed, self.clutter_density)
         if self.extended_targets.seen:
@@ -319,13 +327,9 @@ class Tracker:
         ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
         self.learned.errors.update(track_id[rows], own, variance, ids, moves)
 
-    def _learn_clutter(self, clutter: FloatArray, confirmed: FloatArray) -> FloatArray:
+    def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
-        weight = (
-            clutter / (clutter + confirmed)
-            if self.method.most_tracks_true
-            else np.ones(len(clutter))
-        )
+        weight = 1.0 - confirmed if self.method.most_tracks_true else np.ones(len(confirmed))
         # In an area within the reach of one target while a hypothesis of it lives.
         reach = self._reach * RECENT
         area = math.pi * reach**2
@@ -400,9 +404,9 @@ class Tracker:
 
     def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
-        self.revised, counts = step.revised, step.statistics
+        self.revised, counts = NO_TRACKS, step.statistics
         confirmed, merged, cut = len(step.tracks), 0, 0
-        if confirmed or len(step.revised) or step.replaced:
+        if confirmed:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
             if self.method.most_tracks_true:
@@ -428,25 +432,14 @@ class Tracker:
         )
 
     def _merged(self, step: Step) -> Step:
-        """The step without the starts that are of confirmed tracks, which go on from them.
-
-        The confirmed tracks are corrected too.
-        """
-        maintenance, tracks = self.maintenance, self._proper(step.tracks)
-        step, revised = changed(step, tracks=tracks), self._proper(step.revised)
-        if not self.method.most_tracks_true:
-            self.revised = maintenance.revise(revised, step.replaced)
+        """The step without the starts that continue confirmed tracks, which go on from them."""
+        step = changed(step, tracks=self._proper(step.tracks))
+        if not step.paths:
             return step
-        ids = merging.published_owners(tracks, maintenance.confirmed.tracks)
-        owned = ids >= 0
-        continued = tracks.where(owned).numbered(ids[owned])
-        revised, step = TrackArrays.joined(revised, continued), step.where(~owned)
-        self.revised = maintenance.revise(revised, step.replaced)
-        ids = maintenance.recognised(step.tracks, self.covered_area)
+        ids = self.maintenance.continued(step.tracks, step.paths, self.covered_area)
         again = step.where(ids >= 0)
-        recovered = again.tracks.numbered(ids[ids >= 0])
-        recovered = maintenance.revise(recovered, (), again.existences)
-        self.revised = TrackArrays.joined(self.revised, recovered)
+        starts = again.tracks.numbered(ids[ids >= 0])
+        self.revised = self.maintenance.find_again(starts, again.existences, again.paths)
         return step.where(ids < 0)
 
     def _proper(self, tracks: TrackArrays) -> TrackArrays:
@@ -476,7 +469,7 @@ class Tracker:
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
-        return self.maintenance.add(tracks, step.existences, *figures)
+        return self.maintenance.add(tracks, step.existences, *figures, step.paths)
 
     def _take_track_ids(self, number: int) -> IntArray:
         """The next ids, (number,); passing over those in use, which a tracker may have given."""

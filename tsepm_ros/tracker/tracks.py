@@ -22,7 +22,7 @@ NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, where the method estimates none: a choice."""
 PROBABLE = 0.5
 """Probability above which something is more probable than not."""
-MIN_EXISTENCE = 0.01
+MIN_EXISTENCE = 1e-5
 """Probability of existence below which a track ends."""
 
 
@@ -208,7 +208,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
-        """Tracks whose covariances are positive definite, see `gaussian.proper_covariance`."""
+        """The tracks with positive definite covariances, see `gaussian.proper_covariance`."""
         covariance = proper_covariance(self.covariance) if len(self) else self.covariance
         return self if covariance is self.covariance else changed(self, covariance=covariance)
 
@@ -288,7 +288,7 @@ def tracks_from_hits(
 
     Parameters
     ----------
-    window : MeasurementWindow
+    window : DetectionWindow
         With their hits.
     hits : (n, most) ndarray of int
         Detection ids of the hits of each, oldest first, then NO_HIT; at least one hit.

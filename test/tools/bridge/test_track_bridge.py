@@ -440,3 +440,23 @@ def test_a_report_that_cannot_be_sent_is_counted_with_its_address(world, plotter
     bench.bridge._socket = Full()
     bench.hold([track(k, 50.0, 1.0, 0.0, 0.0) for k in range(3)])
     assert bench.dropped == {"not_sent": 3}
+
+
+def test_the_bridge_says_on_diagnostics_whether_it_hands_tracks_on(world):
+    world.make(TrackBridge)
+
+    def states():
+        return [
+            (status.level[0], status.message)
+            for message in world.diagnostics
+            for status in message.status
+            if status.name == "/track_bridge: overall"
+        ]
+
+    world.until(lambda: (1, "nothing publishes /tracks/current") in states(), "a warning")
+    publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
+    world.until(lambda: (0, "tracks are handed on") in states(), "that there is a publisher")
+    header = make_header(START_NS, "odom")
+    publisher.publish(track_cloud(header, [track(1, 100.0, 1.0, 200.0, 0.0)]))
+    dropped = (1, "not everything is handed on; the log says why")
+    world.until(lambda: dropped in states(), "that there is no own ship")

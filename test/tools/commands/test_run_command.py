@@ -514,7 +514,7 @@ def test_the_page_of_a_run_says_what_was_dropped_and_has_the_places_of_its_origi
     with open(f"{titled}/detections.csv", "a") as file:
         file.write("\n90.0,-1.0,0.0\n")
     assert main(["run", titled, "--html", str(path)]) == 0
-    health = held_by(path.read_text())["health"]
+    (health,) = held_by(path.read_text())["health"]
     assert health["level"] == 1
     assert any(entry["message"].startswith("1 detection dropped") for entry in health["entries"])
 

@@ -18,6 +18,7 @@ from msg_adapters import (
     track_cloud,
 )
 from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.tools.viewer import live_frames
 from tsepm_ros.tools.viewer.live_frames import (
     CLOUDS,
     DETECTIONS,
@@ -78,9 +79,54 @@ def test_a_track_stays_known_while_the_confirmed_tracks_of_a_scan_are_on_their_w
     live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0)))
     assert live.take_frames()[0][1]["1"]["confirmed"] == 100.0
     live.take(DETECTIONS, detections(112.0, [1.0, 2.0]))
-    live.take_frames()
+    assert live.take_frames() == [] and live.waits
     live.take(TRACKS, tracks(112.0, confirmed_track(1, 0.0, 0.0)))
-    assert live.take_frames()[0][1] == {}
+    assert live.take_frames()[0][1] == {} and not live.waits
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_frame_is_without_the_tracks_in_whatever_order_the_messages_of_topics_come(seed):
+    """Messages of a topic keep their order; a part of a scan may come after parts of the next."""
+    live, rng = Live(), np.random.default_rng(seed)
+    held = confirmed_track(1, 10.0, 20.0)
+    live.take(TRACKS, tracks(99.0, held))
+    due = [
+        (100.0 + 0.1 * number + rng.uniform(0.0, 0.15), number, topic)
+        for number in range(30)
+        for topic in (DETECTIONS, NEW, TRACKS)
+    ]
+    last = dict.fromkeys((DETECTIONS, NEW, TRACKS), 0.0)
+    frames = []
+    for _, number, topic in sorted(due):
+        stamp = 100.0 + 0.1 * number
+        if stamp <= last[topic]:  # of one topic in order
+            continue
+        last[topic] = stamp
+        message = detections(stamp, [1.0, 2.0]) if topic == DETECTIONS else tracks(stamp, held)
+        live.take(topic, message)
+        if rng.random() < 0.5:
+            frames += live.frames()
+    frames += live.frames()
+    assert len(frames) > 15 and not live.errors
+    assert all([row[0] for row in frame["tracks"]] == [1] for frame in frames)
+    numbers = [frame["number"] for frame in frames]
+    assert numbers == sorted(numbers)
+
+
+def test_a_scan_whose_tracks_do_not_come_is_shown_with_the_last_after_a_while(monkeypatch):
+    live = Live()
+    live.take(DETECTIONS, detections(88.0, [1.0, 2.0]))
+    assert live.frames()[0]["tracks"] == [], "without a source of tracks nothing waits"
+    live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0)))
+    live.frames()
+    live.take(DETECTIONS, detections(112.0, [1.0, 2.0]))
+    assert live.frames() == []
+    monkeypatch.setattr(live_frames, "TRACKS_WAIT", 0.0)
+    (frame,) = live.frames()
+    assert (frame["stamp"], [row[0] for row in frame["tracks"]]) == (112.0, [1])
+    live.take(TRACKS, tracks(112.0))
+    (frame,) = live.frames()
+    assert (frame["number"], frame["tracks"]) == (3, [])
 
 
 def test_what_arrives_after_the_next_scan_is_left_out():
@@ -114,6 +160,7 @@ def test_fixed_echoes_stay_until_the_next_message_of_them():
     live.take(TRACKS, tracks(112.0))
     assert [row[:3] for row in live.frames()[0]["fixed"]] == [[9, 500, 600]]
     live.take(FIXED, tracks(124.0))
+    live.take(TRACKS, tracks(124.0))
     assert live.frames()[0]["fixed"] == []
 
 
@@ -162,12 +209,12 @@ def test_own_ship_s_velocity_is_of_its_odometry_if_recent_and_unknown_after_a_re
     live = Live()
     live.take_own_ship(moving(100.0, 1.0, (3.0, -1.0, 0.0)))
     live.take(TRACKS, tracks(100.0))
-    assert live.frames()[0]["own_ship"][3:] == [3000, -1000]
+    assert live.frames()[0]["own_ship"][3:] == [3000, -1000, 0]
     live.take(TRACKS, tracks(105.1))
-    assert live.frames()[0]["own_ship"][2:] == [500, None, None]
+    assert live.frames()[0]["own_ship"][2:] == [500, None, None, 5100], "its age, ms"
     live.take(TRACKS, tracks(1.0))
     live.take_own_ship(moving(1.0, 1.0))
-    assert live.frames()[0]["own_ship"][3:] == [None, None]
+    assert live.frames()[0]["own_ship"][3:] == [None, None, 0]
 
 
 @pytest.mark.parametrize("interval", [0.1, 1.0, 12.0])
@@ -180,5 +227,5 @@ def test_without_a_velocity_that_of_own_ship_is_the_change_of_its_position(inter
         for later in (0.02, 0.04, 0.06):
             live.take_own_ship(moving(stamp + later, 2.0 * (stamp + later)))
         (frame,) = live.frames()
-    assert frame["own_ship"][3:] == [2000, 0]
+    assert frame["own_ship"][3:5] == [2000, 0]
     assert frame["own_ship"][0] == pytest.approx(200.0 * stamp, abs=1), "at the scan's stamp"

@@ -26,8 +26,10 @@ from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.offline import offline_recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tools.viewer import page_content
 from tsepm_ros.tools.viewer.page_content import (
     LIVE,
+    MAX_LAND,
     MAX_POTENTIAL,
     SCRIPTS,
     SHELL,
@@ -35,6 +37,7 @@ from tsepm_ros.tools.viewer.page_content import (
     PageRecordedScene,
     PageState,
     encode_page_content,
+    land_frame,
     make_page_frame,
     page_file,
     page_geographic_terms,
@@ -260,7 +263,7 @@ def test_every_change_is_announced():
     state, heard = live_state(), []
     state.changed = lambda: heard.append(state.since()[1])
     state.put(numbered(1))
-    state.put_health({"level": 0, "entries": []})
+    state.put_health({"/n": {"level": 0, "entries": []}})
     state.put_info(title="")
     assert len(set(heard)) == 3
     state.put_info(title="")
@@ -269,7 +272,8 @@ def test_every_change_is_announced():
 
 def status(name: str, level, message: str = "fine", **values: str):
     pairs = [SimpleNamespace(key=key, value=value) for key, value in values.items()]
-    return SimpleNamespace(name=name, level=level, message=message, values=pairs)
+    node = name.rpartition(": ")[0]
+    return SimpleNamespace(name=name, level=level, message=message, values=pairs, hardware_id=node)
 
 
 def array(*statuses):
@@ -281,17 +285,77 @@ def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_st
         array(
             status("boat: track initiation", b"\x00", "3 scans", scans="3", empty=""),
             status("boat: own ship", b"\x01", "no data yet"),
+            status("boat: overall", b"\x01", "own ship: no data yet"),
+            status("detector: overall", b"\x02", "no image"),
             status("battery: charge", b"\x02", "empty"),
         )
     )
-    assert health["level"] == 1
-    assert health["entries"] == [
+    assert [(node, found["node"], found["level"]) for node, found in health.items()] == [
+        *(("boat", "boat", 1), ("detector", "detector", 2))
+    ]
+    assert health["detector"]["entries"][0]["message"] == "no image"
+    assert health["boat"]["entries"] == [
         {"task": "track initiation", "level": 0, "message": "3 scans", "values": [["scans", "3"]]},
         {"task": "own ship", "level": 1, "message": "no data yet", "values": []},
     ]
     levels = [("detections", 3), ("latency", 2), ("clutter", 0)]
     health = page_health_of_message(array(*(status(f"n: {task}", level) for task, level in levels)))
-    assert health["level"] == 2
+    assert health["n"]["level"] == 2
+
+
+def test_of_each_node_the_newest_health_is_kept_with_when_it_was_heard(monkeypatch):
+    state = live_state()
+    for seconds, node in ((10.0, "/a"), (11.0, "/b"), (12.5, "/a")):
+        monkeypatch.setattr(page_content.time, "monotonic", lambda seconds=seconds: seconds)
+        state.put_health({node: {"node": node, "level": 0, "entries": []}})
+    assert [[one["node"], one["heard"], one["period"]] for one in since(state)[0]["health"]] == [
+        *(["/a", 12_500, 2500], ["/b", 11_000, 0])
+    ]
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast of two colours of the form #rrggbb, as WCAG 2 has it."""
+    bright, dark = sorted(map(luminance, (one, other)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def luminance(colour: str) -> float:
+    parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+@pytest.mark.parametrize("colours", re.findall(r":root[^{]*\{([^}]*)\}", page_file("watch.css")))
+def test_text_and_signs_stand_out_from_their_ground_in_every_set_of_colours(colours):
+    named = dict(re.findall(r"--([\w-]+): (#\w{6});", colours))
+    for name in ("text", "muted", "accent", "ok", "warn", "error", "stale", "track", "strong"):
+        assert min(contrast(named[name], named[on]) for on in ("plot", "panel")) >= 4.5, name
+    for name in ("ring", "detection", "weak", "fixed", "truth", "ship", "new"):
+        assert contrast(named[name], named["plot"]) >= 3.0, name
+
+
+def test_land_is_made_coarse_without_losing_a_cell_and_is_of_the_axes_of_its_frame():
+    rows, columns = 3, 2 * MAX_LAND + 2
+    cells = np.zeros((rows, columns), np.int8)
+    cells[2, 0], cells[0, columns - 1] = 100, 100
+    origin = SimpleNamespace(
+        position=SimpleNamespace(x=1.0, y=2.0),
+        orientation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    info = SimpleNamespace(width=columns, height=rows, resolution=2.0, origin=origin)
+
+    def shown(frame_id):
+        header = SimpleNamespace(frame_id=frame_id)
+        land = land_frame(SimpleNamespace(header=header, info=info, data=cells.ravel()))
+        bits = np.unpackbits(np.frombuffer(base64.b64decode(land["bits"]), np.uint8))
+        places = np.flatnonzero(bits).tolist()
+        return land, [(place % land["width"], place // land["width"]) for place in places]
+
+    land, places = shown("odom")
+    assert (land["cell"], land["origin"]) == (6.0, (1.0, 2.0, 0.0))
+    assert places == [(0, 0), ((columns - 1) // 3, 0)]
+    land, places = shown("odom_ned")
+    assert land["origin"][:2] == (2.0, 1.0) and places == [(0, 0), (0, (columns - 1) // 3)]
 
 
 def test_a_run_says_what_it_dropped_and_what_helps_and_without_scans_it_is_a_warning():

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import array
+import base64
 import itertools
+import json
 import math
 import re
 import threading
+import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nav_msgs.msg import OccupancyGrid, Odometry
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 from support.boat import Boat, named
@@ -23,6 +27,7 @@ pytest.importorskip("tornado")
 from msg_adapters import diagnostics, make_header, odometry_message, track_cloud
 from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.base_node import ParameterError
+from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.viewer import track_viewer
@@ -243,6 +248,123 @@ def test_a_grid_that_is_no_plan_is_counted_and_the_next_is_shown(world):
     viewer._take_image(grid(1.5, 2, 2, 4))
     assert '"cell":1.5' in viewer._state.image
     world.until_logged("a message on image/plan cannot be shown", "2 x 2, 4 cells, nan m")
+
+
+def ask(world, watcher, **asked):
+    """Ask for something as a page does."""
+    world.until(watcher.send(json.dumps(asked)).done, "the message to be sent")
+
+
+def alarm_of(watcher, name):
+    said = [update["info"]["alarm"] for update in watcher.updates if "info" in update]
+    return said[-1][name] if said else None
+
+
+def test_limits_of_the_alarms_are_parameters_that_a_page_sets_for_every_page(world):
+    viewer = world.make(TrackViewer, {"port": 0, "alarm.cpa_limit": 200.0})
+    with Watcher(viewer.url) as one, Watcher(viewer.url) as other:
+        for page in (one, other):
+            world.until(lambda page=page: alarm_of(page, "cpa_limit") == 200.0, "the parameter")
+        ask(world, one, alarm={"cpa_limit": 500, "lost_targets": False})
+        for page in (one, other):
+            world.until(lambda page=page: alarm_of(page, "cpa_limit") == 500.0, "the new limit")
+        assert viewer.get_parameter("alarm.cpa_limit").value == 500.0
+        assert alarm_of(other, "lost_targets") is False
+        viewer.set_parameters([Parameter("alarm.tcpa_limit", value=60.0)])
+        world.until(lambda: alarm_of(one, "tcpa_limit") == 60.0, "what ros2 param has set")
+
+
+def test_what_a_page_may_not_ask_for_is_refused_or_nothing_and_the_node_goes_on(world):
+    viewer, page = live(world)
+    with page as watcher:
+        world.until(lambda: watcher.updates, "the page")
+        for asked in (
+            {"alarm": {"cpa_limit": [1]}},
+            {"alarm": {"port": 1, "../token": 3}},
+            {"alarm": 7},
+            {"acknowledge": {"cpa 1": "x"}},
+            {"acknowledge": [1]},
+            [],
+            "text",
+        ):
+            world.until(watcher.send(json.dumps(asked)).done, "the message to be sent")
+        ask(world, watcher, alarm={"cpa_limit": math.nan})
+        ask(world, watcher, alarm={"guard_max_range": 10.0, "guard_min_range": 20.0})
+        world.until(
+            lambda: any("below" in u.get("info", {}).get("refused", "") for u in watcher.updates),
+            "the sentence on the page",
+        )
+        ask(world, watcher, alarm={"cpa_limit": 30.0})
+        world.until(lambda: alarm_of(watcher, "cpa_limit") == 30.0, "a good limit")
+    world.until_logged("a browser asked for alarms that are refused: ")
+    assert viewer.get_parameter("alarm.guard_max_range").value == 0.0
+    assert not viewer.dropped
+
+
+def test_acknowledgements_are_those_of_every_page_and_none_is_of_the_future(world):
+    viewer, page = live(world)
+    with page as watcher:
+        world.until(lambda: watcher.updates, "the page")
+        viewer._take("tracks/current", tracks(100.0, confirmed_track(7, 10.0, 20.0)))
+        world.until(lambda: watcher.frames, "the scan")
+        ask(world, watcher, acknowledge={"cpa 7": 1, "data": 1e9})
+        world.until(
+            lambda: (
+                {"cpa 7": 1.0, "data": 2.0}
+                in [update.get("info", {}).get("acknowledged") for update in watcher.updates]
+            ),
+            "the acknowledgement",
+        )
+
+
+def test_a_viewer_that_joins_after_the_source_has_stopped_knows_how_old_the_tracks_are(world):
+    publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
+    publisher.publish(tracks(100.0, confirmed_track(3, 1.0, 2.0)))
+    end = time.monotonic() + 1.2
+    world.until(lambda: time.monotonic() > end, "some time")
+    _, page = live(world)
+    with page as watcher:
+        world.until(lambda: watcher.frames, "the tracks that are held")
+        arrived = watcher.frames[0]["arrived"]
+        assert 1e3 * time.monotonic() - arrived > 1200.0
+        publisher.publish(tracks(101.0, confirmed_track(3, 1.0, 2.0)))
+        world.until(lambda: len(watcher.frames) == 2, "the next scan")
+        assert watcher.frames[1]["arrived"] - arrived > 1000.0
+
+
+def test_land_and_the_health_of_the_other_nodes_are_shown_beside_the_track_initiator_s(world):
+    pytest.importorskip("pyproj")
+    from tsepm_ros.tools.bridge.track_bridge import TrackBridge
+
+    chart = OccupancyGrid(data=array.array("b", [100, 0, 0, 100, 0, 0]))
+    chart.header.frame_id = "odom"
+    chart.info.resolution, chart.info.width, chart.info.height = 5.0, 3, 2
+    chart.info.origin.position.x, chart.info.origin.orientation.w = 7.0, 1.0
+    publisher = world.observer.create_publisher(OccupancyGrid, "land", LATCHED)
+    publisher.publish(chart)
+    world.make(TrackInitiator, named({}))
+    world.make(SonarDetector)
+    world.make(TrackBridge, {"nmea_address": ""})
+    viewer, page = live(world)
+    with page as watcher:
+        world.until(
+            lambda: (
+                {"/track_initiator", "/sonar_detector", "/track_bridge"}
+                <= {one["node"] for update in watcher.updates for one in update.get("health", [])}
+            ),
+            "the health of the three",
+        )
+        world.until(lambda: any("land" in update for update in watcher.updates), "the land")
+        chart.data = chart.data[:5]
+        publisher.publish(chart)
+        world.until(lambda: viewer.dropped["land"], "the chart that cannot be read")
+    [land] = [update["land"] for update in watcher.updates if "land" in update]
+    assert (land["cell"], land["width"], land["origin"]) == (5.0, 3, [7.0, 0.0, 0.0])
+    assert base64.b64decode(land["bits"]) == bytes([0b10010000])
+    newest = [update["health"] for update in watcher.updates if "health" in update][-1]
+    entries = {one["node"]: one["entries"] for one in newest}
+    assert [entry["task"] for entry in entries["/track_bridge"]] == ["overall"]
+    assert len(entries["/track_initiator"]) > 5
 
 
 def health(level, *, node="/n", task="own ship", **topics):

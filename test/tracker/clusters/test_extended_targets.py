@@ -11,8 +11,9 @@ from support.confirmed import tracks
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters.extended_targets import (
     LOG_RATIO,
+    LONGEST_WAY,
     MARGIN,
-    SUSPICION,
+    ONE_EXTENT,
     Beside,
     ExtendedTargetDispersion,
     ExtendedTargets,
@@ -104,11 +105,7 @@ def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
             range_ = np.append(np.full(len(rows), 50.0), 50.0 + 3.0 * side[rows])
             scan = Scan(float(ping), range_, np.tile(azimuth[rows], 2))
             test.update_tracks(scan, DENSITY, ids[rows], np.arange(len(rows)), ids)
-    assert together.waits(ids).tolist() == [
-        bool(one.waits(track_id) or together.log_ratio >= SUSPICION)
-        for one, track_id in zip(alone, ids, strict=True)
-    ]
-    assert together._tracks["looks"].sum() > 100
+    assert together._tracks["pings"].max(axis=1).sum() > 60
     for row, track_id in enumerate(ids):
         (mine,), (its,) = (
             test._tracks[test._tracks["track_id"] == track_id] for test in (together, alone[row])
@@ -123,35 +120,6 @@ def test_a_seam_of_a_sweep_parts_no_neighbours():
     scan = Scan(0.0, [1000.0] * 3, azimuth, sensor_pose=pose, time_offset=[12.0, 0.0, 0.01])
     beside = Beside(scan, np.arange(3), extended_target_boxes(SensorModel(max_range=2000.0)))
     assert beside.number[-1].tolist() == [2.0, 2.0, 2.0]
-
-
-def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():
-    excess, own = ExtendedTargetTest(TANK), np.array([0])
-    assert excess.waits(7), "nothing is known of it"
-    alone = Scan(0.0, [50.0], [0.0])
-    excess.update_tracks(alone, DENSITY, np.array([7]), own, np.array([7]))
-    assert not excess.waits(7)
-    excess.update_tracks(alone, DENSITY, np.array([8]), own, np.array([8]))
-    assert excess.waits(7), "it ended"
-
-
-@pytest.mark.parametrize(("density", "waits"), [(1e-4, True), (1e-2, False)])
-def test_starts_do_not_wait_for_what_clutter_explains_beside_a_track(density, waits):
-    excess, own = ExtendedTargetTest(TANK), np.array([0])
-    for ping, side in enumerate((3.0, -3.0)):
-        scan = Scan(float(ping), [50.0, 50.0 + side], [0.0, 0.0])
-        excess.update_tracks(scan, density, np.array([7]), own, np.array([7]))
-    assert excess.waits(7) == waits
-
-
-@pytest.mark.parametrize("pings", [(3.0, 3.0), (3.0, -3.0, None, None, None), (None, None)])
-def test_starts_do_not_wait_beside_what_is_one_sided_or_seldom_or_absent(pings):
-    excess, own = ExtendedTargetTest(TANK), np.array([0])
-    for ping, side in enumerate(pings):
-        range_ = [50.0] if side is None else [50.0, 50.0 + side]
-        scan = Scan(float(ping), range_, np.zeros(len(range_)))
-        excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([7]))
-    assert not excess.waits(7)
 
 
 @pytest.mark.parametrize(
@@ -171,46 +139,75 @@ def test_clusters_are_made_where_asked_for_and_learned_without_an_extent(
     targets = ExtendedTargets(TANK, CommonOptions(plots=plots, target_extent=target_extent))
     targets.seen = seen
     assert targets.active is active
-    start, confirmed = tracks(1, x=50.0), tracks(0, x=50.0)
-    start.state[:], targets.seen = confirmed.state, False
-    waits = targets.waits(start, confirmed, np.zeros(2))
-    assert waits.tolist() == [learns], "nothing is known beside a confirmed track"
+    assert targets._learns is learns
     targets.seen = True
     same = targets.under(TANK, targets.common)
     assert same.seen and same.test is not targets.test
     assert not targets.under(replace(TANK, max_range=90.0), targets.common).seen
 
 
-def suspicious_of(echoes: int) -> ExtendedTargets:
-    """After two pings of some echoes beside each other: three make a group suspicious."""
-    targets = ExtendedTargets(TANK, CommonOptions())
-    for ping in range(2):
-        scan = Scan(float(ping), np.full(echoes, 50.0), 0.01 * np.arange(echoes))
-        targets.clusters_of(scan, DENSITY, np.zeros(echoes, bool))
-    assert not targets.seen
+def nearly_shown(least: float, **options) -> ExtendedTargets:
+    """After as few pings of three echoes beside each other as make L at least a number."""
+    targets = ExtendedTargets(TANK, CommonOptions(**options))
+    for ping in range(100):
+        if targets.test.log_ratio >= least:
+            break
+        scan = Scan(float(ping), np.full(3, 50.0), 0.01 * np.arange(3))
+        targets.clusters_of(scan, DENSITY, np.zeros(3, bool))
     return targets
 
 
-@pytest.mark.parametrize("echoes", [1, 3])
-def test_of_starts_in_one_ping_the_second_waits_only_beside_groups(echoes):
-    starts = tracks(0, 1, x=50.0)
-    starts.state[:, 2] *= 0.01
-    waits = suspicious_of(echoes).waits(starts, tracks(), np.zeros(2))
-    assert waits.tolist() == [False, echoes == 3]
+def beside(*metres: float) -> TrackArrays:
+    """Starts at distances from a track at 50 m, along x."""
+    starts = tracks(*range(1, len(metres) + 1), x=50.0)
+    starts.state[:, 2] = 0.0
+    starts.state[:, 0] += metres
+    return starts
 
 
-@pytest.mark.parametrize(
-    ("hits", "speed", "waits"), [(3, 5.0, True), (8, 5.0, False), (8, 0.5, True)]
-)
-def test_a_start_beside_echoes_that_stand_still_waits_until_it_moves(hits, speed, waits):
-    targets = suspicious_of(3)
-    alone = Scan(1.0, [50.0], [0.0])
-    targets.test.update_tracks(alone, DENSITY, np.array([0]), np.array([0]), np.array([0]))
-    start, confirmed = tracks(1, x=50.0), tracks(0, x=50.0)
-    start.state[:, 1:3] = speed, 10.0
+@pytest.mark.parametrize(("least", "waits"), [(0.0, False), (0.5, False), (1.0, True)])
+def test_starts_beside_a_track_wait_while_several_detections_a_target_are_nearly_shown(
+    least, waits
+):
+    """From L of a thousand to one on, until extents are seen."""
+    targets = nearly_shown(least * ONE_EXTENT)
+    assert (targets.test.log_ratio >= ONE_EXTENT) == waits
+    assert not targets.seen
+    starts = beside(LONGEST_WAY - 1.0, LONGEST_WAY + 1.0)[np.array([0])]
+    assert targets.waits(starts, tracks(0, x=50.0), np.zeros(2)).tolist() == [waits]
+
+
+def test_starts_wait_within_the_longest_way_of_any_older_track_or_start():
+    targets = nearly_shown(ONE_EXTENT)
+    apart = LONGEST_WAY * np.array([0.9, 1.1, 1.9, -1.1, -2.2])
+    waits = targets.waits(beside(*apart), tracks(0, x=50.0), np.zeros(2))
+    assert waits.tolist() == [True, True, True, False, False]
+    alone = targets.waits(beside(*apart), tracks(), np.zeros(2))
+    assert alone.tolist() == [False, True, True, False, False], "of each other, the later"
+    assert targets.waits(beside(), tracks(0, x=50.0), np.zeros(2)).tolist() == []
+
+
+def test_in_a_shorter_range_starts_wait_within_as_much_a_shorter_way():
+    targets = nearly_shown(ONE_EXTENT)
+    targets.sensor = replace(TANK, max_range=50.0)
+    apart = LONGEST_WAY * np.array([0.45, -0.55])
+    assert targets.waits(beside(*apart), tracks(0, x=50.0), np.zeros(2)).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("options", [{"plots": "off"}, {"target_extent": 4.0}])
+def test_starts_do_not_wait_where_nothing_is_learned(options):
+    targets = nearly_shown(ONE_EXTENT)
+    targets.common = CommonOptions(**options)
+    assert targets.waits(beside(3.0), tracks(0, x=50.0), np.zeros(2)).tolist() == [False]
+
+
+def test_once_extents_are_seen_a_later_start_with_nothing_on_the_way_to_a_track_waits_no_more():
+    targets = nearly_shown(LOG_RATIO)
+    assert targets.seen
+    targets.since = -1.0  # before the start
+    start = beside(30.0)
     start.covariance[:] = np.eye(4)
-    start.hit_count[:], confirmed.stationary_probability[:] = hits, 1.0
-    assert targets.waits(start, confirmed, np.zeros(2)).tolist() == [waits]
+    assert targets.waits(start, tracks(0, x=50.0), np.zeros(2)).tolist() == [False]
 
 
 def test_counts_are_those_of_a_loop():

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -10,26 +9,25 @@ import pytest
 from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.confirmed import MAX_SPEED, NOTHING, P_D, UNSEEN, holding, ids, published, step, tracks
-from support.held_scenes import compare
 
 from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.evaluation import FADED_AT_START, FADED_FACTOR, SCANS_FADED, SCANS_SEEN
 from tsepm_ros.tracker.maintenance import track_maintenance
-from tsepm_ros.tracker.maintenance.confirmed_tracks import UNPROVEN, ConfirmedTracks, Status
-from tsepm_ros.tracker.maintenance.data_association import (
-    GATE_PROBABILITY,
-    SCANS_OF_FADING,
-    SCANS_TO_FADE,
+from tsepm_ros.tracker.maintenance.confirmed_tracks import (
     SCANS_TO_VANISH,
+    UNPROVEN,
+    ConfirmedTracks,
+    Status,
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import (
-    MIN_EXISTENCE,
     ExternalTracker,
     TrackMaintenance,
     best_confirmed,
 )
-from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.measurement import HIT_KEYS
+from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
+from tsepm_ros.tracker.tracks import MIN_EXISTENCE, TrackArrays
 
 
 @pytest.mark.parametrize("interval", [0.1, 12.0])
@@ -53,45 +51,32 @@ def test_without_a_hold_time_the_longest_coast_is_fifty_scans(interval):
 def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monkeypatch, interval):
     # A target is seen, faded or gone: a hidden Markov chain, followed in plain matrices.
     monkeypatch.setattr(motion, "SCANS_TO_TURN", math.inf)
-    fade, appear, vanish = 1.0 / SCANS_TO_FADE, 1.0 / SCANS_OF_FADING, 1.0 / SCANS_TO_VANISH
+    fade, appear, vanish = 1.0 / SCANS_SEEN, 1.0 / SCANS_FADED, 1.0 / SCANS_TO_VANISH
     fading = np.array([[1.0 - fade, fade, 0.0], [appear, 1.0 - appear, 0.0], [0.0, 0.0, 1.0]])
     leaving = np.array([[1.0 - vanish, 0.0, vanish], [0.0, 1.0 - vanish, vanish], [0.0, 0.0, 1.0]])
-    hold, chain = holding(1), np.array([0.9, 0.0, 0.1])
+    hold, seen = holding(1), 1.0 - FADED_AT_START
+    chain, missed = np.array([0.9 * seen, 0.9 * FADED_AT_START, 0.1]), 1.0 - P_D * GATE_PROBABILITY
     for scan in itertools.count(1):
         step(hold, interval * scan, detectable=P_D)
-        chain = chain @ fading @ leaving * [1.0 - P_D * GATE_PROBABILITY, 1.0, 1.0]
+        faded = 1.0 - FADED_FACTOR * P_D * GATE_PROBABILITY
+        chain = chain @ fading @ leaving * [missed, faded, 1.0]
         chain /= chain.sum()
         if chain[:2].sum() < MIN_EXISTENCE:
             break
         np.testing.assert_allclose(hold.confirmed.existence, [chain[:2].sum()], rtol=1e-9)
-        np.testing.assert_allclose(hold.confirmed.visible, [chain[0] / chain[:2].sum()], rtol=1e-9)
+        faded_share = chain[1] / chain[:2].sum()
+        np.testing.assert_allclose(hold.confirmed.branches.faded[0, 0], faded_share, rtol=1e-9)
     assert hold.ended == {1: "missed"}
-    assert 10 < scan < 60, "independent misses would end it after 4"
+    assert 30 < scan < 120, "independent misses would end it after 6"
 
 
-def replaced() -> TrackMaintenance:
-    hold = holding(1, 2)
-    hold.revise(tracks(), [1])
-    return hold
-
-
-def cleared() -> TrackMaintenance:
+def test_clearing_ends_tracks_with_the_reason_and_once():
     hold = holding(1)
     hold.clear()
     step(hold, 1.0)
-    return hold
-
-
-ENDED = replaced, cleared
-
-
-@pytest.mark.parametrize("ended", ENDED)
-def test_a_track_ends_with_its_reason_and_once(ended):
-    hold = ended()
-    assert hold.ended == {1: ended.__name__}
-    assert 1 not in ids(hold)
-    step(hold, hold.confirmed.tracks.stamp.max(initial=0.0) + 100.0, detectable=P_D)
-    assert 1 not in hold.ended
+    assert (hold.ended, ids(hold)) == ({1: "cleared"}, [])
+    step(hold, 2.0)
+    assert hold.ended == {}
 
 
 def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatch):
@@ -113,6 +98,11 @@ def start(hold: TrackMaintenance, aside: float, *hits: tuple[int, int]) -> Track
     state = hold.confirmed.tracks.state[:1] + np.array([0.0, 0.0, aside, 0.0])
     new = tracks(90, stamp=hold.confirmed.tracks.stamp[0])
     return replace(new, state=state, hits=np.fromiter([hits], object))
+
+
+def continued(hold: TrackMaintenance, new: TrackArrays, area: float) -> list[int]:
+    paths = [np.array([HIT_KEYS * scan + row for scan, row in hits]) for hits in new.hits]
+    return hold.continued(new, paths, area).tolist()
 
 
 def silent(min_speed: float = 0.0) -> TrackMaintenance:
@@ -137,18 +127,19 @@ def test_a_lost_track_is_continued_while_its_density_is_above_that_of_births(lar
         0.0
     )
     # Targets are born as often as the two expected here vanish, for the length of fading.
-    born = 2.0 * SCANS_OF_FADING / SCANS_TO_VANISH
+    born = 2.0 * SCANS_FADED / SCANS_TO_VANISH
     area = born / (density * math.pi * 10.0**2)
-    assert hold.recognised(new, larger * area).tolist() == [found]
+    assert continued(hold, new, larger * area) == [found]
 
 
-def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_recognised():
+def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_continued():
+    hold = silent()
+    assert continued(hold, start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8) == [1]
+    hold.follow(96.0, hold.confirmed.tracks)
+    assert continued(hold, start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8) == [-1]
     hold = silent(8.0)
     assert hold.confirmed.status.tolist() == [Status.FIXED]
-    assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
-    hold = silent()
-    hold.follow(96.0, hold.confirmed.tracks)
-    assert hold.recognised(start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8).tolist() == [-1]
+    assert continued(hold, start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8) == [-1]
 
 
 def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision():
@@ -157,9 +148,10 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
     again = replace(again, age=np.array([24.0]), scan_count=np.array([3]))
     hold.confirmed = replace(hold.confirmed, proven=np.array([1e-4]))
-    found = hold.revise(again, (), np.array([0.95]))
+    found = hold.find_again(again, np.array([0.95]), [])
     assert published(hold) == [1] == found.track_id.tolist()
-    assert (hold.confirmed.existence[0], hold.confirmed.visible[0]) == (0.95, 1.0)
+    assert hold.confirmed.existence[0] == 0.95
+    assert hold.confirmed.branches.faded[0, 0] == FADED_AT_START
     assert (hold.confirmed.last_detected[0], hold.confirmed.covered_scans[0]) == (96.0, 0.0)
     np.testing.assert_array_equal(hold.confirmed.tracks.state, again.state)
     assert found.revision.tolist() == [1]
@@ -208,8 +200,8 @@ def test_what_a_tracker_lists_exists_as_it_says_and_ends_by_no_rule_while_it_is_
     hold, ended = holding(1, 2), {}
     follow_tracker(hold, 0.0, 1)
     assert (hold.confirmed.existence[0], hold.confirmed.proven[0]) == (0.99, 0.99)
-    for stamp in range(1, 60):
-        step(hold, stamp, detectable=P_D)
+    for stamp in range(1, 120):
+        step(hold, 0.5 * stamp, detectable=P_D)
         ended |= hold.ended
     assert (ended, published(hold)) == ({2: "missed"}, [1])
     assert hold.confirmed.existence[0] < MIN_EXISTENCE
@@ -263,14 +255,6 @@ def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
     assert best_confirmed(existence, np.array([0.0, 3.0, 1.0, 2.0]), 2).tolist() == [2, 3]
 
 
-def test_a_step_is_that_of_plain_loops(monkeypatch):
-    nodes, weights = np.polynomial.legendre.leggauss(80)  # as exact as the plain integrals
-    monkeypatch.setattr(motion, "NODES", nodes)
-    monkeypatch.setattr(motion, "WEIGHTS", weights)
-    counts = sum((compare(seed) for seed in range(3)), Counter())
-    assert {"tracks", "associations", "missed"} <= set(+counts)
-
-
 def test_of_targets_that_move_the_detections_are_told():
     hold = TrackMaintenance(CommonOptions())
     moving = ConfirmedTrack(3, 0.0, np.array([0.0, 8.0, 3e3, 0.0]), 4.0 * np.eye(4), (), 0.0)
@@ -278,13 +262,13 @@ def test_of_targets_that_move_the_detections_are_told():
     hold.add(TrackArrays.from_tracks([moving, still]), 0.99)
     found = detections([[3e3, 0.0], [80.0, 3e3], [5e3, 5e3]], 10.0, 25.0)
     found["range_std"], found["azimuth_std"] = 5.0, 0.002
-    density = hold.step(
+    probability = hold.step(
         10.0, found, np.full(3, 1e-7), lambda at: np.full(len(at), 0.9), SensorModel(), 10.0
     )
     assert sorted(zip(*hold.probable_detections, strict=True)) == [(3, 1), (5, 0)]
-    assert sorted(zip(*hold.nearest_detections, strict=True)) == [(3, 1), (5, 0)]
+    assert sorted(zip(*hold.own_detections, strict=True)) == [(3, 1), (5, 0)]
     assert hold.detections_of_moving().tolist() == [1]
-    assert (density[:2] > 1e-4).all()
-    assert density[2] == 0.0
+    assert (probability[:2] > 0.999).all()
+    assert probability[2] == 0.0
     assert (hold.confirmed.existence > 0.99).all()
     assert hold.confirmed.hit_sigma.tolist() == [5.0, 5.0]

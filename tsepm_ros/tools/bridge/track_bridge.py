@@ -4,28 +4,38 @@ from __future__ import annotations
 
 import math
 import socket
+import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyproj  # noqa: F401 - of `GeographicReference`: missing at the start, not later
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import NavSatFix, PointCloud2
 
-from msg_adapters import MessageError, message_class, read_own_ship, read_track_cloud
+from msg_adapters import (
+    MessageError,
+    diagnostics,
+    message_class,
+    read_own_ship,
+    read_track_cloud,
+)
 from msg_adapters.nav_messages import read_fix
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
+from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged_after_registration
+from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
 from tsepm_ros.session.inputs import bounded_input_tracks
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address_option
 from tsepm_ros.settings.settings import settings_help
@@ -39,8 +49,8 @@ JUMP, AGREEING = 100.0, 5
 """Distance, m, between a fix and where odometry and the fix before have own ship, from which on a
 fix is doubted; and the number of fixes in a row that agree before they are believed."""
 SIGNAL_K = "Signal K"
-CHECK_PERIOD = 1.0
-"""Time between checks whether the context was shut down, s."""
+HEALTH_PERIOD, WINDOW = 1.0, 60.0
+"""Time between messages on /diagnostics, and for which a drop counts in its level, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
 MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
@@ -113,14 +123,43 @@ class TrackBridge(BaseNode):
             self._buffer = tf_buffer(self)
         if not self._options.origin:
             self.create_subscription(NavSatFix, FIX, self._take_fix, NEWEST)
-        # A node without a timer might never notice that the context was shut down by a signal.
-        self.steady_timer(CHECK_PERIOD, lambda: None)
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
+        self._counted, self._dropped_at = 0, -math.inf
+        self.steady_timer(HEALTH_PERIOD, self._report_health)
 
     def destroy_node(self) -> None:
         """End what the receivers show, destroy the node and close its socket."""
         self._report(TrackArrays.from_tracks([]), self._reported)
         self._socket.close()
         super().destroy_node()
+
+    def _report_health(self) -> None:
+        """Publish the drops, and whether there are tracks."""
+        now, total = time.monotonic(), self.dropped.total()
+        if total > self._counted:
+            self._counted, self._dropped_at = total, now
+        states = (
+            (self.dropped[INTERNAL_ERROR], Level.ERROR, REPORT_IT),
+            (
+                not self.count_publishers(TRACKS),
+                Level.WARN,
+                f"nothing publishes {self.resolve_topic_name(TRACKS)}",
+            ),
+            (
+                now - self._dropped_at < WINDOW,
+                Level.WARN,
+                "not everything is handed on; the log says why",
+            ),
+            (True, Level.OK, "tracks are handed on"),
+        )
+        _, level, message = next(state for state in states if state[0])
+        values = {f"dropped.{name}": count for name, count in self.dropped.items()}
+        status = Status(OVERALL, level, message, values)
+        self._health.publish(
+            diagnostics(
+                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), [status]
+            )
+        )
 
     def _keep(self, odometry: bytes) -> None:
         self._odometry = odometry

@@ -55,6 +55,7 @@ from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tools.terminal import Progress, silent_terminal
 from tsepm_ros.tracker import threshold as threshold_plan
+from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.threshold import ANY_RATIO
@@ -513,7 +514,9 @@ def predicted_passages(
         windows=tuple(windows),
         scans=max(case.scans, *windows),
         gate_probability=GATE_PROBABILITY,
-        process_noise=options.process_noise,
+        process_noise=threshold_plan.coarse_noise(
+            TargetManoeuvre().process_noise(case.common, case.interval)
+        ),
         deletion=math.log(options.miss_probability),
         min_hits=MIN_HITS,
     )

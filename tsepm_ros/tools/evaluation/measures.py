@@ -163,9 +163,9 @@ class ScanSummary:
     at : int
         Targets within 3 sigma of which a track was started, in this scan or before.
     corrections : int
-        Starts that were corrected in this scan.
+        Tracks that starts continued in this scan, as their next revisions.
     right : int
-        Targets with a true start, or with a start that a correction made true, so far.
+        Targets with a true start, or with a track that a later start made true, so far.
     """
 
     false: int
@@ -372,8 +372,8 @@ class Measures:
     detection_by_position : IntervalEstimate
         Share of pairs with a start within 3 sigma of the target, whatever its hits.
     detection_corrected : IntervalEstimate
-        Share of pairs with a true start, or a start that a correction made true. All other measures
-        are of starts as first published.
+        Share of pairs with a true start, or a track that a later start made true. All other
+        measures are of starts as first published.
     corrections_per_run : IntervalEstimate
     false_per_run, false_density, false_per_hour : IntervalEstimate
         False and misplaced starts: per run, per scan and km^2 of coverage, and per hour.

@@ -49,8 +49,8 @@ Every method got the same scenes: run i is seeded with (seed, i). Intervals are 
 - *P_D*: share of (run, target) pairs with a true start by the end. More than half of a true \
 start's hits are from the target, and it is within 3 sigma of the measurement error's larger axis.
 - *P_D by position*: share of pairs with a start within 3 sigma of the target, whatever its hits.
-- *P_D with corrections*: share of pairs with a true start, or one that a correction made true. \
-All other figures are of starts as first published (revision 0).
+- *P_D with corrections*: share of pairs with a true start, or a track that a later start made \
+true. All other figures are of starts as first published (revision 0).
 - *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
 farther from it. *redundant*: another true start of a target.
 - *targets held at the end*: with a confirmed track within 3 sigma, whatever its hits.

@@ -26,6 +26,7 @@ from tsepm_ros.methods.registry import (
 )
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.own_ship.pose_history import echo_poses
+from tsepm_ros.parameters import meant_parameter
 from tsepm_ros.tools.evaluation.result_files import result_code_key, result_outside_files
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import Motion
@@ -253,9 +254,11 @@ def simulated_operating_points(
     """
     given = given or {}
     methods = list(methods)
+    known = {option for method in methods for option in registered_option_names(method)}
     for name in given:
-        if not any(name in registered_option_names(method) for method in methods):
-            raise ValueError(f"{name} is not an option of {' or '.join(methods)}")
+        if name not in known:
+            meant = meant_parameter(name, known)
+            raise ValueError(f"{name} is not an option of {' or '.join(methods)}{meant}")
     return [point for method in methods for point in _simulated_sweep(method, given)]
 
 

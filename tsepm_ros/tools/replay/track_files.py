@@ -47,7 +47,7 @@ def track_table_file(
 ) -> TrackWriter:
     """A writer of CSV: a row per confirmed track with its reason, or the confirmed tracks.
 
-    A correction is a row of its own, with the same id and the next revision.
+    A track that a start continued has another row, with the next revision.
 
     Parameters
     ----------
@@ -64,8 +64,8 @@ def track_table_file(
             writer.writerows(map(_track_file_row, result.current))
             return
         for track in result.starts:
-            corrected = "corrected: " if track.revision else ""
-            writer.writerow([*_track_file_row(track), corrected + reason(track)])
+            again = "continued: " if track.revision else ""
+            writer.writerow([*_track_file_row(track), again + reason(track)])
 
     return write
 

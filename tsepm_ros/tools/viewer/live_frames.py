@@ -6,6 +6,7 @@ Nothing here needs rclpy.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -49,6 +50,9 @@ MAX_HEADING_VARIANCE = 10.0
 MAX_OWN_SHIP_AGE = 5.0
 """Age of own ship's newest message, s, up to which closest approaches are shown."""
 
+TRACKS_WAIT = 1.0
+"""Time that a scan waits for its confirmed tracks, s."""
+
 MIN_CELL = 1e-3
 """Smallest accuracy of potential tracks' positions, m."""
 
@@ -72,6 +76,10 @@ class ScanMessages:
     detections : (n, 2) ndarray
     tracks : dict of str to TrackArrays
         By topic: NEW, TRACKS and POTENTIAL.
+    begun : float
+        When its first message came, s of the monotonic clock.
+    has_tracks : bool
+        Whether its confirmed tracks have come.
     """
 
     stamp: float
@@ -83,13 +91,17 @@ class ScanMessages:
     tracks: dict[str, TrackArrays] = field(
         default_factory=lambda: dict.fromkeys((NEW, TRACKS, POTENTIAL), NO_TRACKS)
     )
+    begun: float = field(default_factory=time.monotonic)
+    has_tracks: bool = False
 
 
 class LiveFrames:
     """Gathers the messages of each scan to a frame.
 
     Messages belong together by their stamps. A stamp that goes back on its own topic is a restart
-    of the source. Fixed echoes are shown until the next message of them.
+    of the source. Fixed echoes are shown until the next message of them. A scan waits for its
+    confirmed tracks or those of a later scan, for at most `TRACKS_WAIT`; a scan without tracks is
+    shown with the last.
 
     Parameters
     ----------
@@ -103,6 +115,7 @@ class LiveFrames:
         self._newest: dict[str, int] = {}  # stamp by topic, ns
         self._number = 0
         self._fixed: tuple[str, TrackArrays] = "", NO_TRACKS
+        self._held: tuple[str, TrackArrays] = "", NO_TRACKS  # the last confirmed tracks
         self._own_ship: PoseSample | None = None
         self._poses = page_own_ship_history()
         self._known: set[int] = set()
@@ -115,7 +128,7 @@ class LiveFrames:
             self._scans.clear()
             self._newest.clear()
             self._poses.clear()
-            self._fixed = "", NO_TRACKS
+            self._fixed = self._held = "", NO_TRACKS
         last = max(self._newest.values(), default=stamp_ns)
         self._newest[topic] = stamp_ns
         scan = self._scans.get(stamp_ns)
@@ -128,6 +141,7 @@ class LiveFrames:
                 del self._scans[next(iter(self._scans))]
         if scan is not None and (stamp_ns >= last or scan.clouds):
             scan.clouds[topic] = cloud
+            scan.has_tracks |= topic == TRACKS
 
     def take_own_ship(self, message: Any) -> None:
         """Take the own ship's odometry."""
@@ -141,7 +155,22 @@ class LiveFrames:
 
     def take_frames(self) -> list[tuple[Frame, dict[str, Frame]]]:
         """Make the frames of the scans with new messages, each with its new tracks' facts."""
-        return [self._frame(scan) for scan in self._scans.values() if scan.clouds]
+        overdue = time.monotonic() - TRACKS_WAIT
+        ready = [
+            scan.number
+            for scan in self._scans.values()
+            if scan.has_tracks or scan.begun <= overdue or TRACKS not in self._newest
+        ]
+        return [
+            self._frame(scan)
+            for scan in self._scans.values()
+            if scan.clouds and scan.number <= max(ready, default=0)
+        ]
+
+    @property
+    def waits(self) -> bool:
+        """Whether a scan waits for its confirmed tracks."""
+        return any(scan.clouds for scan in self._scans.values())
 
     def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame]]:
         for topic, cloud in scan.clouds.items():
@@ -152,6 +181,9 @@ class LiveFrames:
         facts = self._new_facts(scan, TRACKS in scan.clouds)
         scan.clouds.clear()
         fixed_frame, fixed = self._fixed
+        held_frame, held = self._held
+        if not scan.has_tracks and held_frame == scan.frame_id:
+            scan.tracks[TRACKS] = held
         frame = make_page_frame(
             scan.stamp,
             scan.frame_id,
@@ -177,7 +209,10 @@ class LiveFrames:
             return
         tracks = track_arrays(read_track_cloud(cloud), scan.stamp) if filled else NO_TRACKS
         tracks = exchanged_after_registration(tracks, scan.frame_id)
-        if topic == FIXED:
+        if topic == TRACKS:
+            self._held = scan.frame_id, tracks
+            scan.tracks[TRACKS] = tracks
+        elif topic == FIXED:
             self._fixed = scan.frame_id, tracks
         elif filled:
             scan.tracks[topic] = _live_hypotheses(tracks) if topic == POTENTIAL else tracks
@@ -205,7 +240,8 @@ class LiveFrames:
         fresh = elapsed <= MAX_OWN_SHIP_AGE
         vx, vy = page_own_ship_velocity(self._poses, scan.stamp) if fresh else (math.nan, math.nan)
         moved = np.nan_to_num(elapsed * np.array([vx, vy]))
-        return [pose.x + moved[0], pose.y + moved[1], pose.yaw if known else math.nan, vx, vy]
+        x, y = pose.x + moved[0], pose.y + moved[1]
+        return [x, y, pose.yaw if known else math.nan, vx, vy, elapsed]
 
 
 def _live_hypotheses(tracks: TrackArrays) -> TrackArrays:

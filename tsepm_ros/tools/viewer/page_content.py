@@ -12,13 +12,14 @@ field         meaning
 ``number``    counts the frames of a source from 1
 ``stamp``     the scan's stamp, s
 ``frame_id``  the fixed frame of all positions
-``own_ship``  x, y, heading (from x, counter-clockwise) and vx, vy, or null; null: unknown
+``own_ship``  x, y, heading (from x, counter-clockwise), vx, vy and age, or null; null: unknown
 ``detections``  x and y of each detection in turn
 ``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
 ``tracks``    a row per confirmed track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the
               angle of the major one, standard deviation of the speed, time since the last detection
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
+``arrived``   when a live frame came, ms, of the clock of ``now``
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
@@ -40,6 +41,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -47,11 +49,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters.nav_messages import OCCUPIED, read_land
 from msg_adapters.track_messages import drawn_candidates, track_ellipses
 from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
-from tsepm_ros.diagnostics.health_figures import ORDER, Level
+from tsepm_ros.diagnostics.health_figures import ORDER, OVERALL, Level
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import registration_axes
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, drop_reason_of
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult
@@ -90,7 +94,10 @@ OWN_SHIP_SAMPLES = 100
 
 _LARGEST = 1e15  # a larger number is drawn nowhere
 _SLOWEST = 1e-9  # m/s; slower velocities have no direction
-SCRIPTS = ("scene.js", "operator.js", "plan.js", "panels.js", "watch.js")
+SCRIPTS = (
+    *("units.js", "scene.js", "operator.js", "alarm.js"),
+    *("plan.js", "panels.js", "controls.js", "watch.js"),
+)
 """Scripts in the order in which the page loads them."""
 STYLE, SHELL = "watch.css", "watch.html"
 LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
@@ -101,6 +108,10 @@ _TYPES = {
 }
 MAX_BYTES = 4_000_000
 """Size of the frames that are kept, bytes; the newest frame is always kept."""
+MAX_LAND = 512
+"""Cells along a side of the land that the page shows."""
+MAX_ACKNOWLEDGED, MAX_KEY = 200, 40
+"""Acknowledged alarms that are kept, and the longest name of an alarm."""
 
 
 def make_page_frame(
@@ -129,8 +140,8 @@ def make_page_frame(
     tracks, potential, fixed : sequence of ConfirmedTrack, optional
         Confirmed tracks, potential tracks and fixed echoes at the stamp. Tracks with a state that
         is not finite are left out.
-    own_ship : (x, y, heading, vx, vy), optional
-        m, rad and m/s; what is nan is unknown.
+    own_ship : (x, y, heading, vx, vy, age), optional
+        m, rad, m/s and s; what is nan is unknown.
     restart : bool, optional
         Whether all earlier tracks were discarded before this scan.
 
@@ -295,7 +306,7 @@ def _page_pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | 
         return None
     position, heading = _page_integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
     known = math.isfinite(heading)
-    speeds = np.array(pose[3:])
+    speeds, age = np.array(pose[3:5]), pose[5:]
     return [
         *position,
         round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None,
@@ -304,6 +315,7 @@ def _page_pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | 
             if np.isfinite(speeds).all()
             else [None] * len(speeds)
         ),
+        *(round(max(one, 0.0) * MILLISECONDS) for one in age),
     ]
 
 
@@ -361,7 +373,7 @@ def page_geographic_terms(origin: str) -> Frame:
     return {"north": True, "geographic": {"origin": origin_degrees, "reach": reach, "terms": terms}}
 
 
-def page_health_of_message(message: Any) -> Frame | None:
+def page_health_of_message(message: Any) -> dict[str, Frame]:
     """Read a message of ``/diagnostics``.
 
     Parameters
@@ -370,16 +382,17 @@ def page_health_of_message(message: Any) -> Frame | None:
 
     Returns
     -------
-    dict or None
-        ``level``, 0 to 3, the worst of the ``entries`` with their ``task``, ``level``, ``message``
-        and ``values``; None if the message is not a track initiator's.
+    dict
+        Health of nodes of this package by name: of a track initiator all entries, of another node
+        the entry `OVERALL`. ``level``, 0 to 3, is the worst of the ``entries`` with their ``task``,
+        ``level``, ``message`` and ``values``.
     """
-    entries = []
+    found: dict[str, list[dict[str, Any]]] = {}
     for status in message.status:
-        task = status.name.rpartition(": ")[2]
-        if task in ENTRIES:
+        node, _, task = status.name.rpartition(": ")
+        if task in ENTRIES or (task == OVERALL and node == status.hardware_id):
             level = status.level
-            entries.append(
+            found.setdefault(node, []).append(
                 _page_health_entry(
                     task,
                     Level(level[0] if isinstance(level, bytes) else int(level)),
@@ -387,7 +400,10 @@ def page_health_of_message(message: Any) -> Frame | None:
                     ((value.key, value.value) for value in status.values),
                 )
             )
-    return _page_health(entries) if entries else None
+    return {
+        node: _page_health(node, [one for one in entries if one["task"] != OVERALL] or entries)
+        for node, entries in found.items()
+    }
 
 
 def page_topics_of_message(message: Any) -> dict[str, dict[str, str]]:
@@ -426,7 +442,7 @@ def page_health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[s
             _page_health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
         )
     entries += [_page_health_entry(DETECTIONS, Level.OK, note) for note in notes]
-    return _page_health(entries)
+    return _page_health("", entries)
 
 
 def _page_health_entry(
@@ -436,14 +452,40 @@ def _page_health_entry(
     return {"task": task, "level": int(level), "message": message, "values": pairs}
 
 
-def _page_health(entries: list[dict[str, Any]]) -> Frame:
+def _page_health(node: str, entries: list[dict[str, Any]]) -> Frame:
     worst = max((entry["level"] for entry in entries), key=ORDER.index)
-    return {"level": worst, "entries": entries}
+    return {"node": node, "level": worst, "entries": entries}
 
 
 def page_image_frame(stamp: float, cell: float, levels: bytes) -> Frame:
     """A sonar image in the plane of the sensor, see `msg_adapters.image_messages.Plan`."""
     return {"stamp": stamp, "cell": cell, "levels": base64.b64encode(levels).decode()}
+
+
+def land_frame(message: Any) -> Frame | None:
+    """Land of a chart for the page, see `msg_adapters.nav_messages.read_land`; None without cells.
+
+    ``frame_id``; ``cell`` (m); ``origin`` (x, y, direction of the rows); ``width``, cells of a row;
+    and ``bits``, eight cells in a byte. At most `MAX_LAND` cells along a side: a cell is land if
+    any of the chart's cells in it is.
+    """
+    land, info = read_land(message), message.info
+    if land is None:
+        return None
+    rows = np.asarray(message.data, np.int8).reshape(info.height, info.width) >= OCCUPIED
+    if registration_axes(message.header.frame_id) == "down":
+        rows = rows.T
+    step = math.ceil(max(rows.shape) / MAX_LAND)
+    filled = np.pad(rows, [(0, -length % step) for length in rows.shape])
+    height, width = (length // step for length in filled.shape)
+    cells = filled.reshape(height, step, width, step).any(axis=(1, 3))
+    return {
+        "frame_id": message.header.frame_id.lstrip("/"),
+        "cell": step * land.resolution,
+        "origin": land.origin,
+        "width": width,
+        "bits": base64.b64encode(np.packbits(cells).tobytes()).decode(),
+    }
 
 
 class PageRecordedScene:
@@ -556,7 +598,7 @@ class PageRecordedScene:
                 "all": True,
                 "info": self._info,
                 "truth": self._truth,
-                "health": page_health_of_run(len(self._frames), dropped, notes),
+                "health": [page_health_of_run(len(self._frames), dropped, notes)],
                 "facts": self._facts,
                 "frames": self._frames,
                 "images": list(images),
@@ -687,6 +729,8 @@ class PageState:
     ----------
     changed : callable
         Called after each change, in the thread of the change.
+    set_alarm : callable
+        Called with what a browser asks for: booleans and floats by parameters of the alarms.
     image : str
         The newest sonar image, JSON, see `page_image_frame`; browsers ask for it.
     image_asked : float
@@ -697,22 +741,24 @@ class PageState:
         self, info: Mapping[str, Any], max_frames: int, max_bytes: int = MAX_BYTES
     ) -> None:
         self.changed: Callable[[], None] = lambda: None
+        self.set_alarm: Callable[[Mapping[str, Any]], None] = lambda values: None
         self.image, self.image_asked = "null", -math.inf
         self._lock = threading.Lock()
         self._max_frames, self._max_bytes = max_frames, max_bytes
         self._version = 1
-        self._info = dict(info)
+        self._info = {**info, "begun": _now()}
         self._parts = {"info": (encode_page_content(self._info), 1)}  # JSON and version, by key
         self._frames: deque[KeptFrame] = deque()
         self._facts: dict[str, tuple[str, int]] = {}
+        self._health: dict[str, Frame] = {}
 
-    def put(self, frame: Frame, facts: Mapping[str, Frame] | None = None) -> None:
-        """Take a frame, with the facts of the tracks that are new in it.
+    def put(self, frame: Frame, facts: Mapping[str, Frame] | None = None, age: float = 0.0) -> None:
+        """Take a frame that came `age` s ago, with the facts of the tracks that are new in it.
 
         A frame with the number of the newest one replaces it.
         """
         ids = frozenset(str(row[0]) for row in frame["tracks"])
-        text = encode_page_content(frame)
+        text = encode_page_content(frame | {"arrived": _now() - round(MILLISECONDS * age)})
         encoded_facts = {
             track_id: encode_page_content(fact) for track_id, fact in (facts or {}).items()
         }
@@ -732,9 +778,45 @@ class PageState:
                 self._facts = {key: fact for key, fact in self._facts.items() if key in shown}
         self.changed()
 
-    def put_health(self, health: Mapping[str, Any]) -> None:
-        """Take the health, see `page_health_of_message`."""
-        self._put_part("health", health)
+    def put_health(self, health: Mapping[str, Frame]) -> None:
+        """Take the health of some nodes, see `page_health_of_message`: the page shows that of all.
+
+        Each has the time when it was ``heard`` and the ``period`` since the time before, ms.
+        """
+        now = _now()
+        for node, found in health.items():
+            before = self._health.get(node, {}).get("heard", now)
+            self._health[node] = found | {"heard": now, "period": now - before}
+        self._put_part("health", list(self._health.values()))
+
+    def put_land(self, land: Frame | None) -> None:
+        """Take the land, see `land_frame`; None: no land."""
+        self._put_part("land", land)
+
+    def hear(self, message: str | bytes) -> None:
+        """Take what a browser asks for; what is not understood is nothing.
+
+        ``{"alarm": {NAME: VALUE}}`` sets parameters of the alarms. ``{"acknowledge": {KEY:
+        NUMBER}}`` acknowledges alarms by their keys, such as ``cpa 7``, up to the number of a
+        frame, for all browsers.
+        """
+        with suppress(ValueError, TypeError, AttributeError):
+            asked = json.loads(message)
+            if alarm := asked.get("alarm"):
+                self.set_alarm(
+                    {
+                        name: value if isinstance(value, bool) else float(value)
+                        for name, value in alarm.items()
+                    }
+                )
+            newest = self._frames[-1].number + 1 if self._frames else 1
+            given = {
+                str(key)[:MAX_KEY]: min(float(number), newest)
+                for key, number in asked.get("acknowledge", {}).items()
+                if math.isfinite(float(number))
+            }
+            known = self._info.get("acknowledged", {}) | given
+            self.put_info(acknowledged=dict(list(known.items())[-MAX_ACKNOWLEDGED:]))
 
     def put_info(self, **info: Any) -> None:
         """Change the description of the source."""
@@ -747,7 +829,7 @@ class PageState:
         self.image_asked = time.monotonic()
         return self.image
 
-    def _put_part(self, key: str, content: Mapping[str, Any]) -> None:
+    def _put_part(self, key: str, content: object) -> None:
         with self._lock:
             self._version += 1
             self._parts[key] = encode_page_content(content), self._version
@@ -759,8 +841,9 @@ class PageState:
         Returns
         -------
         text : str
-            JSON: an object with those of the keys ``info``, ``frames``, ``facts`` (by track id) and
-            ``health`` that changed; ``all`` is true if `version` is 0, and the lists are complete.
+            JSON: an object with those of the keys ``info``, ``frames``, ``facts`` (by track id),
+            ``health`` and ``land`` that changed; ``all`` is true if `version` is 0, and the lists
+            are complete; ``now`` is the time then, ms.
         version : int
             The version that a browser has with it.
         """
@@ -768,13 +851,18 @@ class PageState:
             facts = _page_changed(self._facts, version)
             frames = list(self._frames)[0 if version == 0 else -1 :]
             texts = [frame.text for frame in frames if frame.version > version]
-            parts = ['"all":true'] if version == 0 else []
+            parts = [f'"all":true,"now":{_now()}'] if version == 0 else []
             parts += _page_changed(self._parts, version)
             if facts:
                 parts.append(f'"facts":{{{",".join(facts)}}}')
             if texts:
                 parts.append(f'"frames":[{",".join(texts)}]')
             return "{" + ",".join(parts) + "}", self._version
+
+
+def _now() -> int:
+    """Time of the clock of frames and health, ms."""
+    return round(MILLISECONDS * time.monotonic())
 
 
 def _page_changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:

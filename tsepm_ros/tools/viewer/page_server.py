@@ -381,7 +381,7 @@ class _UpdatesOfPageServer(_GuardedPageServer, WebSocketHandler):
         self._sender = asyncio.create_task(self._send())
 
     def on_message(self, message: str | bytes) -> None:
-        pass  # the page asks nothing
+        self._state.hear(message)
 
     def on_close(self) -> None:
         self._browsers.discard(self)

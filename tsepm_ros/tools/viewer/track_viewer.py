@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -21,13 +22,22 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
+from tsepm_ros.parameters import parameter_table
 from tsepm_ros.session.drop_reasons import shortened_reason
-from tsepm_ros.settings.node_options import ViewerNodeOptions
+from tsepm_ros.settings.node_options import AlarmOptions, ViewerNodeOptions
 from tsepm_ros.settings.settings import settings_help
-from tsepm_ros.tools.viewer.live_frames import CLOUDS, FIXED, OWN_SHIP, TRACKS, LiveFrames
+from tsepm_ros.tools.viewer.live_frames import (
+    CLOUDS,
+    FIXED,
+    OWN_SHIP,
+    TRACKS,
+    TRACKS_WAIT,
+    LiveFrames,
+)
 from tsepm_ros.tools.viewer.page_content import (
     PageState,
     encode_page_content,
+    land_frame,
     make_page_server,
     page_geographic_terms,
     page_health_of_message,
@@ -36,7 +46,7 @@ from tsepm_ros.tools.viewer.page_content import (
 )
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 
-DIAGNOSTICS, IMAGE = "/diagnostics", "image/plan"
+DIAGNOSTICS, IMAGE, LAND = "/diagnostics", "image/plan", "land"
 CLOUD_DEPTH = 10
 PAUSE = 0.008
 """Time for the messages of a scan to arrive, s."""
@@ -64,14 +74,18 @@ class TrackViewer(BaseNode):
     """
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("track_viewer", **node_options)
+        super().__init__(
+            "track_viewer",
+            lambda changed: self._state.put_info(alarm=_alarm_values(changed[AlarmOptions])),
+            **node_options,
+        )
         options: ViewerNodeOptions = self.options[ViewerNodeOptions]
         self._gathered = 0.0  # when the last pause ended
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._scheduled = False
         self._odometry: bytes | None = None
         self._frames = LiveFrames(self._report)
-        self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP)}
+        self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP, LAND)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
             name for name, topic in self._given.items() if topic != expand_topic_name(name, *own)
@@ -79,6 +93,9 @@ class TrackViewer(BaseNode):
         self._topics = self._given
         self._stated: dict[str, dict[str, str]] = {}  # topics by node
         self._shown, self._image = "", None  # type: tuple[str, Any]
+        self._age = 0.0  # of the tracks, until the first frame is made, s
+        self._asked: deque[Mapping[str, Any]] = deque(maxlen=MAX_WAITING)
+        self._asking = self.create_guard_condition(self._set_alarm)
         self._qos = SubscriptionQos(self)
         self._subscribe_topics()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
@@ -86,10 +103,12 @@ class TrackViewer(BaseNode):
         self.steady_timer(CHECK_PERIOD, self._check_publisher)
         self.refuse_unused_overrides()
         topic = self._given[TRACKS]
-        info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic}
+        alarm = _alarm_values(self.options[AlarmOptions])
+        info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic, "alarm": alarm}
         with refusing_node_parameter():
             info |= page_geographic_terms(options.origin)
             self._state = PageState(info, options.kept_scans)
+            self._state.set_alarm = self._ask_alarm
             self._server = make_page_server(options, info["title"], self._state)
         self._server.loop.set_exception_handler(  # no executor sees those of the server's thread
             lambda _, context: self.fail(
@@ -111,7 +130,7 @@ class TrackViewer(BaseNode):
                 PointCloud2,
                 self._topics[name],
                 CLOUD_DEPTH,
-                partial(self._take, name),
+                partial(self._take_held if name == TRACKS else self._take, name),
                 self._qos,
                 durability=DurabilityPolicy.TRANSIENT_LOCAL
                 if name in (TRACKS, FIXED)
@@ -119,6 +138,15 @@ class TrackViewer(BaseNode):
             )
             for name in CLOUDS
         ]
+        self._land = OfferedSubscription(
+            self,
+            OccupancyGrid,
+            self._topics[LAND],
+            1,
+            partial(self._take, LAND),
+            self._qos,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        )
         # Odometry may come much more often than scans: only the newest before a scan is read.
         self._own_ship = self.create_subscription(
             Odometry, self._topics[OWN_SHIP], partial(self._take, OWN_SHIP), NEWEST, raw=True
@@ -172,7 +200,7 @@ class TrackViewer(BaseNode):
         if topics == self._topics:
             return
         self._topics = topics
-        for subscription in self._clouds:
+        for subscription in (*self._clouds, self._land):
             subscription.end()
         self.destroy_subscription(self._own_ship)
         self._subscribe_topics()
@@ -188,6 +216,28 @@ class TrackViewer(BaseNode):
                 self._stated[node] = topics
         if not stated or self._shown in ("", *stated):
             self._take(DIAGNOSTICS, message)
+
+    def _ask_alarm(self, values: Mapping[str, Any]) -> None:
+        """Take what a browser asks for, in the server's thread."""
+        self._asked.append(values)
+        self._asking.trigger()
+
+    def _set_alarm(self) -> None:
+        """Set the parameters of the alarms as the browsers asked; a refusal is said in the log."""
+        while self._asked:
+            asked = self._asked.popleft()
+            known = asked.keys() & {row.name for row in parameter_table(AlarmOptions)}
+            result = self.set_parameters_atomically(
+                [Parameter(f"alarm.{name}", value=asked[name]) for name in known]
+            )
+            if not result.successful:
+                self.warn("alarm", f"a browser asked for alarms that are refused: {result.reason}")
+            self._state.put_info(refused=result.reason)
+
+    def _take_held(self, topic: str, message: Any, information: Mapping[str, int]) -> None:
+        """Take confirmed tracks, which may have been published long ago."""
+        self._age = max(1e-9 * (time.time_ns() - information["source_timestamp"]), 0.0)
+        self._take(topic, message)
 
     def _take(self, topic: str, message: Any) -> None:
         """Take a message, and wait for the other messages of a scan.
@@ -230,13 +280,15 @@ class TrackViewer(BaseNode):
         self._scheduled = False
         while self._waiting:
             topic, message = self._waiting.popleft()
-            if topic != DIAGNOSTICS:
-                try:
+            try:
+                if topic == DIAGNOSTICS:
+                    self._take_health(message)
+                elif topic == LAND:
+                    self._state.put_land(land_frame(message))
+                else:
                     self._frames.take(topic, message)
-                except MessageError as error:
-                    self._report(topic, error)
-            elif (health := page_health_of_message(message)) is not None:
-                self._state.put_health(health)
+            except MessageError as error:
+                self._report(topic, error)
         odometry, self._odometry = self._odometry, None
         if odometry is not None:
             try:
@@ -244,11 +296,30 @@ class TrackViewer(BaseNode):
             except RuntimeError as error:
                 self._report(OWN_SHIP, error)
         for frame, facts in self._frames.take_frames():
-            self._state.put(frame, facts)
+            # Only the first tracks may have been published before the viewer heard.
+            self._state.put(frame, facts, self._age if frame["number"] == 1 else 0.0)
+        if self._frames.waits:
+            self._server.call_later(TRACKS_WAIT, self._show)
+
+    def _take_health(self, message: DiagnosticArray) -> None:
+        """Take the health of the nodes in the namespace of the track initiator shown."""
+        namespace = self._shown.rpartition("/")[0]
+        health = {
+            node: found
+            for node, found in page_health_of_message(message).items()
+            if not self._shown or node.rpartition("/")[0] == namespace
+        }
+        if health:
+            self._state.put_health(health)
 
     def _report(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""
         self.drop(topic, shortened_reason(f"a message on {topic} cannot be shown: {error}"))
+
+
+def _alarm_values(options: AlarmOptions) -> dict[str, Any]:
+    """The limits of the alarms, for the page."""
+    return {row.name: getattr(options, row.name) for row in parameter_table(AlarmOptions)}
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -43,11 +43,9 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_within_disc, squared_distances_of_discs
-from tsepm_ros.numerics.gaussian import is_gaussian_significant
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, Clusters, GroupingExtent
 from tsepm_ros.tracker.clutter.excess import Excess
-from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.measurement import major_sigma
@@ -56,7 +54,7 @@ from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
 from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, scan_positions, wrap
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SHORT_RANGE = 100.0
 """Range below which every length here is as much shorter, m: a tank or a room is no sea."""
@@ -83,11 +81,7 @@ RESOLVED = 20.0
 CLEAR = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
 SUSPICION = math.log(5.0)
-"""L from which on second starts beside tracks wait: a choice."""
-MOST_LOOKS = 5
-"""Pings of a track within which second starts beside it wait while one ping after the other has
-others beside it, more than clutter explains, if it shows by then whether these are a second
-target's: a choice."""
+"""L from which on a start is of the extent of a track: a choice."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
 SCATTER_PRIOR = 0.5
@@ -103,10 +97,9 @@ LONGEST_RUN = 30.0
 """
 WHOLE = 2.0
 """Extent of a cluster over the half width of the boxes in which its detections were seen."""
-BESIDE = 32.0
-"""Distance from a track within which a second start waits, m: shorter for a short range."""
 LONGEST_WAY = 48.0
-"""Distance from a track within which a start may be of the same extent, m: as `BESIDE`."""
+"""Distance from a track within which a start may be of the same extent, m: shorter for a short
+range."""
 ONE_EXTENT = math.log(1e3)
 """L from which on a confirmed track is of the extent of an older one: a choice."""
 RECENT = 8
@@ -116,13 +109,12 @@ RECENT = 8
 def extended_target_record(sizes: int) -> np.dtype[np.void]:
     """What lay beside the detections of a track: its record, for a number e of sizes of boxes.
 
-    track_id; looks: pings with a detection; pings (e,): those with others beside it; offset
-    (2, e): sum of the mean offsets of these along and across, m; decided: whether these, as far as
-    the last ping shows, are of no second target.
+    track_id; pings (e,): those with others beside its detection; offset (2, e): sum of the mean
+    offsets of these along and across, m.
     """
     return np.dtype(
         [
-            *(("track_id", np.int64), ("looks", float), ("decided", bool)),
+            ("track_id", np.int64),
             *(("pings", float, (sizes,)), ("offset", float, (2, sizes))),
         ]
     )
@@ -225,7 +217,7 @@ class ExtendedTargetTest:
         sizes = self._extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
-        self._more = self._before = self._groups = Excess(np.zeros(sizes), np.zeros((3, sizes)))
+        self._more = self._before = Excess(np.zeros(sizes), np.zeros((3, sizes)))
         self._tracks = np.zeros(0, extended_target_record(sizes))
 
     @property
@@ -234,22 +226,12 @@ class ExtendedTargetTest:
         return _largest_extended_target_ratio(self._more)
 
     @property
-    def crowded(self) -> bool:
-        """Whether groups are suspicious whatever tracks they are beside."""
-        return _largest_extended_target_ratio(self._groups) >= SUSPICION
-
-    @property
     def extent(self) -> GroupingExtent:
         """Extent of a cluster by the box for which most speaks, by the areas alone."""
         ratios = extended_target_log_ratio(
             self._pairs.counted, self._pairs.expected + LEAST, LARGEST
         )
         return GroupingExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
-
-    def waits(self, track_id: IntArray) -> BoolArray:
-        """Whether second starts beside each track wait, (h,)."""
-        tracks = self._tracks[self._tracks["decided"] | (self._tracks["looks"] > MOST_LOOKS)]
-        return (self.log_ratio >= SUSPICION) | ~np.isin(track_id, tracks["track_id"])
 
     def update(self, scan: Scan, density: float) -> None:
         """Count the detections of a ping beside each other.
@@ -268,7 +250,6 @@ class ExtendedTargetTest:
         self._pairs = self._pairs.faded(KEPT, (group * some).sum(axis=1), expected)
         self._before, groups = self._more, _extended_target_detections(beside, density)
         self._more = self._before.faded(KEPT, groups.counted, groups.expected)
-        self._groups = self._groups.faded(KEPT, groups.counted, groups.expected)
 
     def update_tracks(
         self, scan: Scan, density: float, track_id: IntArray, own: IntArray, confirmed: IntArray
@@ -299,7 +280,6 @@ class ExtendedTargetTest:
         tracks[row] = self._tracks[known]
         number, pings = beside.number.T, tracks["pings"]
         tracks["track_id"] = track_id
-        tracks["looks"] += 1.0
         pings += number > 0.0
         tracks["offset"] += beside.offset.transpose(2, 0, 1)
         squares = (tracks["offset"] ** 2 / variance.T[..., None]).sum(axis=1)
@@ -307,11 +287,6 @@ class ExtendedTargetTest:
         resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
         # As long as these may be a second target's, one a ping does not count.
         extra = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
-        looks = tracks["looks"][:, None]
-        chance = LEAST - np.expm1(-density * beside.area.T)
-        by_chance = extended_target_log_ratio(pings, looks * chance) < SUSPICION
-        often = (pings > 0.5 * looks) & ~one_side & ~by_chance
-        tracks["decided"] = ~(often & (MOST_LOOKS * least >= RESOLVED)).any(axis=1)
         self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
         rest = scan_of_rows(scan, np.flatnonzero(~beside.near))
@@ -434,9 +409,9 @@ class ExtendedTargets:
         Whether the detections have shown that targets have several a ping.
     since : float
         Time of the scan that showed it, s.
-    scatter : ExtendedTargetDispersion
+    scatter : ClusterDispersion
         Of the detections about their clusters.
-    test : ExtendedTargetTest
+    test : MultiDetectionTest
         For several detections a target against clutter.
     """
 
@@ -519,7 +494,7 @@ class ExtendedTargets:
         return clusters
 
     def learn(self, own: OwnDetections, confirmed: ConfirmedTracks, density: float) -> None:
-        """Learn from what lies beside confirmed tracks' detections in the scan of `clusters_of`.
+        """Learn from what lies beside confirmed tracks' detections in the last scan's clusters.
 
         Parameters
         ----------
@@ -544,7 +519,7 @@ class ExtendedTargets:
             self.seen, self.since = True, stamp
 
     def waits(self, new: TrackArrays, confirmed: TrackArrays, origin: FloatArray) -> BoolArray:
-        """Which newly confirmed tracks (n,) wait, or are of the target of an older track.
+        """Which newly confirmed tracks (n,) are of the target of an older track.
 
         Parameters
         ----------
@@ -553,31 +528,17 @@ class ExtendedTargets:
         origin : (2,) ndarray
             The sensor's position, m.
         """
-        number, nothing = len(confirmed), np.zeros(len(new), bool)
-        if not self._learns or not len(new):
-            return nothing
-        both = TrackArrays.joined(confirmed, new)
-        filled = self._fill(both, number, SUSPICION)
-        if self.seen:
-            before = new.stamp - new.age < self.since
-            return filled | (
-                before & may_be_older_extended_target(both, self.extent, origin)[number:]
-            )
-        reach = BESIDE * extended_target_unit(self.sensor)
-        near = (
-            squared_distances_of_discs(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
-        )
-        near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
-        waits = self.test.waits(confirmed.track_id)
-        if self.test.crowded:
-            # Echoes in a row that stand still, a quay, look for some hits like a target along it.
-            still = confirmed.stationary_probability > PROBABLE
-            moves = is_gaussian_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
-            moves &= new.hit_count >= MAX_UNRESOLVED_HITS
-            near[:, :number] &= waits | (still & ~moves[:, None])
-        else:
-            near = near[:, :number] & waits
-        return np.asarray(filled | near.any(axis=1))
+        if not self._learns or not len(new) or self.test.log_ratio < ONE_EXTENT:
+            return np.zeros(len(new), bool)
+        both, number = TrackArrays.joined(confirmed, new), len(confirmed)
+        if not self.seen:  # whether it is so will have shown soon
+            apart = squared_distances_of_discs(both.state[number:, 0::2], both.state[:, 0::2])
+            near = apart <= (LONGEST_WAY * extended_target_unit(self.sensor)) ** 2
+            older = np.tri(len(new), len(both), number - 1, dtype=bool)
+            return np.asarray((near & older).any(axis=1))
+        before = new.stamp - new.age < self.since
+        repeats = before & may_be_older_extended_target(both, self.extent, origin)[number:]
+        return self._fill(both, number, SUSPICION) | repeats
 
     def of_one_extent(self, confirmed: TrackArrays) -> BoolArray:
         """Which confirmed tracks (n,) are of an older one's target, since clusters are made."""
@@ -645,7 +606,7 @@ def extended_target_density(
     confirmed : ConfirmedTracks
     positions : (d,) ndarray
         m.
-    extent : GroupingExtent
+    extent : ClusterExtent
     sensor_position : (2,) ndarray
         m.
 
@@ -686,7 +647,7 @@ def may_be_older_extended_target(
     ----------
     tracks : TrackArrays
         n, oldest first.
-    extent : GroupingExtent
+    extent : ClusterExtent
         Deviation by which positions may differ, and velocities over a track's age.
     sensor_position : (2,) ndarray
         m.
@@ -700,5 +661,4 @@ def may_be_older_extended_target(
     covariance = tracks.covariance.copy()
     covariance[:, [0, 2], [0, 2]] += size[:, None]
     covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    every = np.ones(len(tracks), bool)
-    return agrees_with_older(tracks.state, covariance, every, np.zeros(len(tracks)))
+    return agrees_with_older(tracks.state, covariance)

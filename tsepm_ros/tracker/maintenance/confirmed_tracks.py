@@ -13,29 +13,17 @@ from enum import IntEnum
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Rows,
-    changed,
-    with_rows,
-)
-from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.amplitude_law import amplitude_law_ratio_db
-from tsepm_ros.tracker.maintenance import data_association, stationary
-from tsepm_ros.tracker.maintenance.data_association import (
-    SCANS_OF_FADING,
-    SCANS_TO_FADE,
-    SCANS_TO_VANISH,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, amplitude_law_ratio_db
+from tsepm_ros.tracker.evaluation import SCANS_FADED
+from tsepm_ros.tracker.maintenance import stationary
+from tsepm_ros.tracker.maintenance.branches import Branches
 from tsepm_ros.tracker.maintenance.stationary import (
     CHANGED_SHARE,
     MAX_CHANGE_ODDS,
     StraightFits,
 )
 from tsepm_ros.tracker.measurement import major_sigma
-from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
 from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
@@ -49,6 +37,8 @@ false start say nothing of targets, whatever their number. A choice.
 """
 
 
+SCANS_TO_VANISH = 50.0
+"""Mean number of scans after which a target is gone, so that misses end its track: a choice."""
 PROVING = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
 AMPLITUDE_MEMORY = 30
@@ -69,17 +59,18 @@ _OF_START = (
     "scan_count",
     "age",
 )
-"""The fields of `TrackArrays` that a corrected start has anew."""
+"""The fields of `TrackArrays` that a track has anew that a start continues."""
 _FOUND_AGAIN = (
+    "branches",
+    "fits",
     "existence",
     "proven",
     "hit_sigma",
-    "visible",
     "covered_scans",
     "last_detected",
+    "last_place",
     "status",
     "announced",
-    "agreeing_scans",
 )
 """The fields of `ConfirmedTracks` that begin anew where a lost track is found again."""
 
@@ -99,24 +90,22 @@ class ConfirmedTracks(Rows):
     Attributes
     ----------
     tracks : TrackArrays
-        Their states are the means over the modes of motion.
-    models : InteractingModels
-        State and probability of each mode.
+        Their states are the means over the branches.
+    branches : Branches
+        Which detections are the target's, in which mode of motion.
     fits : StraightFits
         Fits of constant velocity, by which it is judged whether the target stands still.
     existence : (n,) ndarray
         Probability r that the target exists.
     proven : (n,) ndarray
         The same for any P_D, from `UNPROVEN` at the start: by the scans since alone.
-    visible : (n,) ndarray
-        Probability s that the target, if it exists, is visible: not faded.
     covered_scans : (n,) ndarray
         Scans that covered the target since its last detection, each weighted by the probability
         that the last detection was before it.
     last_detected : (n,) ndarray
         Stamp of the last scan in which the target was probably detected, s.
-    agreeing_scans : (n,) ndarray of int
-        Scans in a row in which the track agreed with an older track.
+    last_place : (n, 2) ndarray
+        Its position then, m.
     unlisted_since : (n,) ndarray
         Time since which the downstream tracker has not listed the track, s; or `LISTED`.
     status : (n,) ndarray of int
@@ -132,13 +121,12 @@ class ConfirmedTracks(Rows):
 
     existence: FloatArray
     tracks: TrackArrays
-    models: InteractingModels
+    branches: Branches
     fits: StraightFits
     proven: FloatArray
-    visible: FloatArray
     covered_scans: FloatArray
     last_detected: FloatArray
-    agreeing_scans: IntArray
+    last_place: FloatArray
     unlisted_since: FloatArray
     status: IntArray
     announced: BoolArray
@@ -166,16 +154,15 @@ class ConfirmedTracks(Rows):
         amplitude_hits, amplitude_total = amplitudes or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
-            models=InteractingModels.from_states(tracks.state, tracks.covariance),
+            branches=Branches.from_states(tracks.state, tracks.covariance),
             fits=StraightFits.from_states(
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
             existence=np.array(np.broadcast_to(existence, n), float),
             proven=np.full(n, UNPROVEN),
-            visible=np.ones(n),
             covered_scans=np.zeros(n),
             last_detected=tracks.stamp,
-            agreeing_scans=np.zeros(n, np.int64),
+            last_place=tracks.state[:, 0::2],
             unlisted_since=tracks.stamp,
             status=np.full(n, Status.PUBLISHED, np.int64),
             announced=np.ones(n, bool),
@@ -191,15 +178,24 @@ class ConfirmedTracks(Rows):
         """No rows."""
         return cls.from_tracks(TrackArrays.from_tracks([]), 0.0)
 
-    def predicted(self, stamp: float, max_speed: float, stays: BoolArray) -> ConfirmedTracks:
+    def predicted(
+        self,
+        stamp: float,
+        max_speed: float,
+        process_noise: float,
+        stays: BoolArray,
+        counts: BoolArray,
+    ) -> ConfirmedTracks:
         """The rows at the stamp of a scan (s), before its detections.
 
-        A target that turns has a velocity that is unknown up to `max_speed`, m/s. Rows that stay
-        (n,) are remembered as they are.
+        A target that turns has a velocity that is unknown up to `max_speed`, m/s; between turns its
+        acceleration has the spectral density `process_noise`, m^2/s^3. Rows that stay
+        (n,) are remembered as they are. A scan that does not count for a target (n,) tells nothing
+        of its fading.
         """
         time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
-        models = self.models.predicted(time_step, max_speed)
-        state, covariance = models.combined()
+        branches = self.branches.predicted(time_step, max_speed, process_noise, counts)
+        state, covariance = branches.combined()
         return changed(
             self,
             tracks=changed(
@@ -209,56 +205,44 @@ class ConfirmedTracks(Rows):
                 covariance=covariance,
                 age=self.tracks.age + stamp - self.tracks.stamp,
             ),
-            models=models,
+            branches=branches,
             fits=self.fits.predicted(time_step),
         )
 
     def existing(self, covered: BoolArray, counts: BoolArray) -> ConfirmedTracks:
-        """The rows with the probabilities r, that of the proof, and s of targets before a scan.
+        """The rows with the probabilities r, and that of the proof, of targets before a scan.
 
-        ``r <- (1 - 1 / SCANS_TO_VANISH) r``,
-        ``s <- (1 - 1 / SCANS_TO_FADE) s + (1 - s) / SCANS_OF_FADING``. A target outside the
-        coverage (not `covered`) is as one that has faded, ``r <- (1 - 1 / SCANS_OF_FADING) r``: it
-        stays away or comes back. A scan that does not count for a target changes nothing.
+        ``r <- (1 - 1 / SCANS_TO_VANISH) r``. A target outside the coverage (not `covered`) is as
+        one that has faded, ``r <- (1 - 1 / SCANS_FADED) r``: it stays away or comes back. A scan
+        that does not count for a target changes nothing.
         """
-        stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_OF_FADING)
+        stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_FADED)
         stays = np.where(counts, stays, 1.0)
-        still = (1.0 - 1.0 / SCANS_TO_FADE) * self.visible + (1.0 - self.visible) / SCANS_OF_FADING
-        return changed(
-            self,
-            existence=self.existence * stays,
-            proven=self.proven * stays,
-            visible=np.where(counts, still, self.visible),
-        )
+        return changed(self, existence=self.existence * stays, proven=self.proven * stays)
 
     def updated(
         self,
-        state: FloatArray,
-        covariance: FloatArray,
-        mode_ratios: FloatArray,
+        branches: Branches,
+        ratio: FloatArray,
         empty: FloatArray,
+        fits: StraightFits,
+        fit_ratio: FloatArray,
         covered: BoolArray,
-        max_speed: FloatArray,
     ) -> tuple[ConfirmedTracks, FloatArray, FloatArray]:
         """The predicted rows after a scan, and its samples of the detection probability.
 
-        The probabilities of the filter's modes become ``mu_im Lambda_im / Lambda_i`` with
-        ``Lambda_i = sum_m mu_im Lambda_im``, and that of a visible target ``1 - (1 - s) /
-        Lambda_i``: of a faded target nothing is detected.
+        ``r <- Lambda r / (1 - r + Lambda r)``.
 
         Parameters
         ----------
-        state, covariance : (n, 3, 4), (n, 3, 4, 4) ndarray
-            The filter's modes and the fit, updated by the scan's detections.
-        mode_ratios : (n, 3) ndarray
-            Lambda_im.
-        empty : (n,) ndarray
-            b_i.
+        branches : Branches
+        ratio, empty : (n,) ndarray
+            Lambda_i and b_i.
+        fits : StraightFits
+        fit_ratio : (n,) ndarray
+            Lambda of these.
         covered : (n,) ndarray of bool
             Which targets could be detected at all.
-        max_speed : (n,) ndarray
-            v_max, m/s: a mode whose mean is faster is conditioned on it; see
-            `motion.slowed`.
 
         Returns
         -------
@@ -269,45 +253,53 @@ class ConfirmedTracks(Rows):
         scans : (k,) ndarray
             Scans that covered it since its last detection, this scan included.
         """
-        # The tail above v_max stays: that of a turn, after which a fast target is as fast again.
-        of_filter = state[:, :-1], covariance[:, :-1]
-        slow = motion.slowed(
-            of_filter[0].reshape(-1, 4), of_filter[1].reshape(-1, 4, 4), max_speed.repeat(2)
-        )
-        weighted = self.models.probability * mode_ratios[:, :-1]
-        ratio = weighted.sum(axis=1)
-        models = InteractingModels(
-            weighted / ratio[:, None],
-            slow[0].reshape(of_filter[0].shape),
-            slow[1].reshape(of_filter[1].shape),
-        )
-        odds = stationary.change_odds(self.fits.change_odds, ratio, mode_ratios[:, -1])
-        existence = data_association.updated_existence(self.existence, ratio)
-        proof = np.ones_like(ratio)
+        odds = stationary.change_odds(self.fits.change_odds, ratio, fit_ratio)
+        existence = _existing(self.existence, ratio)
         of_detections = (ratio - empty)[covered] / (1.0 - empty[covered])
+        proof = np.ones_like(ratio)
         proof[covered] += PROVING * GATE_PROBABILITY * (of_detections - 1.0)
-        proven = data_association.updated_existence(self.proven, proof)
-        of_target = 1.0 - empty / ratio
+        proven = _existing(self.proven, proof)
+        of_target = np.maximum(1.0 - empty / ratio, 0.0)
         detected = of_target * existence
+        seen = detected >= PROBABLE
         scans = self.covered_scans + covered
-        mean, spread = models.combined()
+        mean, spread = branches.combined()
         confirmed = changed(
             self,
             tracks=changed(self.tracks, state=mean, covariance=spread),
-            models=models,
-            fits=changed(
-                self.fits, state=state[:, -1], covariance=covariance[:, -1], change_odds=odds
-            ),
+            branches=branches,
+            fits=changed(fits, change_odds=odds),
             existence=existence,
             proven=proven,
-            visible=1.0 - (1.0 - self.visible) / ratio,
             covered_scans=scans * (1.0 - detected),
-            last_detected=np.where(detected >= PROBABLE, self.tracks.stamp, self.last_detected),
+            last_detected=np.where(seen, self.tracks.stamp, self.last_detected),
+            last_place=np.where(seen[:, None], mean[:, 0::2], self.last_place),
         )
         return confirmed, (of_target * proven)[covered], scans[covered]
 
+    def amplitude_increment(
+        self, track: IntArray, row: IntArray, amplitudes: ScanAmplitudes
+    ) -> FloatArray:
+        """What the amplitudes of detections add to the log-likelihood ratio of tracks, (p,).
+
+        ``ln L(n + 1, V + v) - ln L(n, V)``, as for a tentative track, see `amplitude_law`; n is
+        rounded, and V with it.
+
+        Parameters
+        ----------
+        track, row : (p,) ndarray of int
+            Row of a track, and detection, of each pair.
+        amplitudes : ScanAmplitudes
+        """
+        most = float(len(amplitudes.ratio.table) - 2)
+        hits = np.minimum(np.rint(self.amplitude_hits), most)
+        total = self.amplitude_total * hits / np.maximum(self.amplitude_hits, 0.5)
+        count, sums = hits.astype(np.int64)[track], total[track]
+        after = amplitudes.ratio.at(count + amplitudes.told[row], sums + amplitudes.scaled[row])
+        return np.asarray(after - amplitudes.ratio.at(count, sums))
+
     def with_amplitudes(
-        self, row: IntArray, probability: FloatArray, amplitude: FloatArray
+        self, track: IntArray, probability: FloatArray, amplitude: FloatArray
     ) -> ConfirmedTracks:
         """The rows with the amplitudes of the detections that may be theirs.
 
@@ -315,17 +307,16 @@ class ConfirmedTracks(Rows):
 
         Parameters
         ----------
-        row, probability : (n, k) ndarray
-            Detections near each track, and the probability that each is its target's.
-        amplitude : (d,) ndarray
-            Normalised amplitude of each detection; nan where it is not known.
+        track, probability, amplitude : (p,) ndarray
+            Row of a track, the probability that a detection is its target's, and the normalised
+            amplitude of this; nan where it is not known.
         """
-        known = np.isfinite(amplitude)
-        if not known.any():
+        known = np.flatnonzero(np.isfinite(amplitude))
+        if not len(known):
             return self
-        share = np.where(known[row], probability, 0.0)
-        hits = share.sum(axis=1)
-        total = (share * np.where(known, amplitude, 0.0)[row]).sum(axis=1)
+        track, share = track[known], probability[known]
+        hits = np.bincount(track, share, minlength=len(self))
+        total = np.bincount(track, share * amplitude[known], minlength=len(self))
         keep = 1.0 - np.minimum(hits, 1.0) / AMPLITUDE_MEMORY
         return changed(
             self,
@@ -333,28 +324,21 @@ class ConfirmedTracks(Rows):
             amplitude_total=keep * self.amplitude_total + total,
         )
 
-    def revised(
-        self, corrected: TrackArrays, existence: FloatArray | None = None
-    ) -> ConfirmedTracks:
-        """The rows with the starts of tracks, by their ids, that were corrected.
+    def continued(self, starts: TrackArrays, existence: FloatArray) -> ConfirmedTracks:
+        """The rows; tracks that starts, by their ids, were found to continue go on from these.
 
-        Each goes on from the corrected state, as its next revision. Its target exists as before, or
-        with a given probability if it was just found again: then its age stays, since
-        the first hit of all. Its hits are those of the start, by which it is judged.
+        Each as its next revision, with the age since the first hit of all, and with the hits of the
+        start, by which it is judged. Its target exists with a given probability.
         """
         tracks = self.tracks
-        _, row, index = np.intersect1d(tracks.track_id, corrected.track_id, return_indices=True)
-        new = corrected.where(index)
-        if existence is not None:
-            new = changed(new, age=np.maximum(new.age, tracks.age[row]))
+        _, row, index = np.intersect1d(tracks.track_id, starts.track_id, return_indices=True)
+        new = starts.where(index)
+        new = changed(new, age=np.maximum(new.age, tracks.age[row]))
         figures = {name: getattr(new, name) for name in _OF_START}
         tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
-        fresh = ConfirmedTracks.from_tracks(new, 0.0 if existence is None else existence[index])
-        started = ["models", "fits"]
-        if existence is not None:
-            fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
-            started += _FOUND_AGAIN
-        confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in started})
+        fresh = ConfirmedTracks.from_tracks(new, existence[index])
+        fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
+        confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in _FOUND_AGAIN})
         return changed(confirmed, tracks=tracks)
 
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
@@ -369,11 +353,12 @@ class ConfirmedTracks(Rows):
         confirmed = with_rows(
             self,
             row,
-            models=fresh.models,
+            branches=fresh.branches,
             fits=fresh.fits,
             existence=existence,
             proven=existence,
             last_detected=np.maximum(self.last_detected[row], new.stamp),
+            last_place=new.state[:, 0::2],
             unlisted_since=LISTED,
             status=Status.PUBLISHED,
             announced=True,
@@ -445,3 +430,8 @@ class ConfirmedTracks(Rows):
         rows = np.flatnonzero(still & (self.status == Status.FIXED))
         state, covariance = self.fits[rows].places()
         return changed(self.tracks.where(rows), state=state, covariance=covariance)
+
+
+def _existing(existence: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Probability of existence (n,) after a scan: ``Lambda r / (1 - (1 - Lambda) r)``."""
+    return np.asarray(ratio * existence / (1.0 - (1.0 - ratio) * existence))

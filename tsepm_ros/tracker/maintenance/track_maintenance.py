@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import enum
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -24,10 +23,21 @@ from tsepm_ros.numerics.arrays import (
     with_rows,
 )
 from tsepm_ros.tracker import merging
-from tsepm_ros.tracker.maintenance import data_association
-from tsepm_ros.tracker.maintenance.confirmed_tracks import LISTED, SURE, ConfirmedTracks, Status
-from tsepm_ros.tracker.maintenance.data_association import GatedDetections
-from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.evaluation import SCANS_FADED
+from tsepm_ros.tracker.maintenance import branches, data_association
+from tsepm_ros.tracker.maintenance.branches import Gated
+from tsepm_ros.tracker.maintenance.confirmed_tracks import (
+    LISTED,
+    SCANS_TO_VANISH,
+    SURE,
+    ConfirmedTracks,
+    Status,
+)
+from tsepm_ros.tracker.maintenance.data_association import Pairs
+from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
+from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import (
     MIN_EXISTENCE,
@@ -50,7 +60,6 @@ ENDS = {
     "left": "its target left the coverage",
     "not_detected": "its target was not detected for the longest coast",
     "duplicate": "it is of the same target as an older track",
-    "replaced": "its detections are another target's, whose track begins",
     "tracker": "the downstream tracker does not list it",
     "forgotten": "fixed echoes that left the coverage later are remembered",
     "cleared": "all tracks were cleared",
@@ -81,19 +90,16 @@ class TrackMaintenance:
     ----------
     confirmed : ConfirmedTracks
         Every confirmed track, published or not, with all that is known of it.
+    manoeuvre : TargetManoeuvre
+        What the tracks' innovations show of the acceleration of targets.
     tracker : ExternalTracker
         Whether a downstream tracker was heard since the last clearing, and still is.
     ended : dict
         Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
-    confirmed_association : tuple of (p,) ndarray
-        Detections of the last scan that may be the tracks', and the probability ``r_i beta_ij`` of
-        each that the target exists and the detection is its.
     own_detections : OwnDetections
         Those that almost certainly are.
     probable_detections : OwnDetections
         Those that more probably are than not: at most one of each track.
-    nearest_detections : OwnDetections
-        The detection nearest to each track that was more probably detected than not.
     covered : tuple of (k,) ndarray
         Samples of the detection probability, see `ConfirmedTracks.updated`.
     released : TrackArrays
@@ -108,16 +114,16 @@ class TrackMaintenance:
 
     def _forget(self) -> None:
         self.confirmed = ConfirmedTracks.none()
+        self.manoeuvre = TargetManoeuvre()
         self.tracker, self._last_report = ExternalTracker.NONE, -math.inf
-        self._begun: dict[tuple[int, int], int] = {}
-        self._owned: deque[tuple[IntArray, IntArray]] = deque(maxlen=REMEMBERED_SCANS)
+        self._hits = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._forget_scan()
 
     def _forget_scan(self) -> None:
         """Forget what the last step found."""
         none = np.zeros(0, np.int64)
-        self.confirmed_association, self.covered = (none, np.zeros(0)), (np.zeros(0), np.zeros(0))
-        self.own_detections = self.probable_detections = self.nearest_detections = none, none
+        self.covered = np.zeros(0), np.zeros(0)
+        self.own_detections = self.probable_detections = none, none
         self.released = NO_TRACKS
 
     @property
@@ -151,6 +157,7 @@ class TrackMaintenance:
         sensor: SensorModel,
         max_speed: float,
         interval: float = 0.0,
+        amplitudes: ScanAmplitudes | None = None,
         *,
         whole: bool = True,
     ) -> FloatArray:
@@ -172,6 +179,8 @@ class TrackMaintenance:
             v_max, m/s: the velocity after a turn is unknown up to it.
         interval : float, optional
             Median time between scans of the whole coverage, s; 0 if it is not known.
+        amplitudes : ScanAmplitudes, optional
+            What the amplitudes of the detections say.
         whole : bool, optional
             Whether the scan looked at the whole coverage; a target elsewhere is not away otherwise.
 
@@ -184,90 +193,68 @@ class TrackMaintenance:
         away = self._begin(stamp, interval, detectable)
         if not len(self.confirmed):
             return np.zeros(len(detections))
-        confirmed = self.confirmed.predicted(stamp, max_speed, away)
+        clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
+        counts = whole & ~away
+        elapsed = stamp - float(self.confirmed.tracks.stamp.max())
+        noise = self.manoeuvre.process_noise(self.options, interval or elapsed)
+        confirmed = self.confirmed.predicted(stamp, max_speed, noise, away, counts)
         probability = detectable(confirmed.tracks.state[:, 0::2])
         covered = probability > 0.0
-        confirmed = confirmed.existing(covered, covered | (whole & ~away))
-        # Associate.
-        empty = 1.0 - confirmed.visible * probability * GATE_PROBABILITY
-        state, covariance = (
-            np.concatenate(
-                [getattr(confirmed.models, name), getattr(confirmed.fits, name)[:, None]], axis=1
-            )
-            for name in ("state", "covariance")
+        confirmed = confirmed.existing(covered, covered | counts)
+        # Split, evaluate, prune.
+        gated = self.gate(confirmed, stamp, detections, sensor)
+        if amplitudes is not None and len(gated.row):
+            increment = confirmed.amplitude_increment(gated.track_of_pair, gated.row, amplitudes)
+            gated = gated._replace(likelihood=gated.likelihood * np.exp(increment))
+        evaluated = branches.evaluate(
+            confirmed.branches, gated, probability, sensor.detection_probability, clutter
         )
-        gated = self.gate(confirmed, state, covariance, stamp, detections, sensor)
-        row, clutter = gated.row, np.maximum(clutter, MIN_CLUTTER_DENSITY)
-        # A detection was possible where there is one, wherever the data sheet ends the coverage.
-        scale = (confirmed.visible * sensor.detection_probability)[:, None, None] / clutter[row]
-        ratios = gated.likelihood * scale[:, data_association.SEEKER]
-        ratio, share, confirmed_density = data_association.associate(
-            confirmed.existence, empty, confirmed.models.probability, ratios, row, clutter
-        )
-        # Update.
-        mode_ratios = empty[:, None] + ratio.sum(axis=-1)
-        state, covariance = data_association.updated_states(
-            state, covariance, gated, ratio / mode_ratios[..., None]
-        )
+        empty, pairs = evaluated.of_tracks(confirmed.branches, len(detections))
+        scan = confirmed.existence, empty, pairs, len(detections)
+        owner = data_association.assigned(*scan)
+        confirmed_probability = data_association.confirmed_probability(*scan)
         # A downstream tracker has a speed limit of its own.
         limit = np.where(self._kept_by_tracker(confirmed), np.inf, max_speed)
-        row, shares = row[:, 0], share[:, 0]
-        confirmed, detected, scans = confirmed.updated(
-            state, covariance, mode_ratios, empty, covered, limit
-        )
+        after, ratio, own = branches.split(confirmed.branches, evaluated, owner, limit)
+        fits = branches.straight_fits(confirmed.fits, evaluated, owner, empty)
+        confirmed, detected, scans = confirmed.updated(after, ratio, empty, *fits, covered)
         self.covered = detected, scans
-        of_target = shares * confirmed.existence[:, None]
-        confirmed = confirmed.with_amplitudes(row, of_target, detections["amplitude"])
+        of_target = own.ratio * confirmed.existence[own.track]
+        confirmed = confirmed.with_amplitudes(
+            own.track, of_target, detections["amplitude"][own.row]
+        )
         confirmed = confirmed.judged(self.options)
-        sigma = self._take_own(confirmed, row, of_target, detections)
+        self._take_own(confirmed, own._replace(ratio=of_target), detections)
+        certain = own.track[of_target > SURE], own.row[of_target > SURE]
+        self.manoeuvre.update(*gated.innovations(*certain), self.options, elapsed)
         # End.
         exists = confirmed.existence >= MIN_EXISTENCE
-        explained = of_target.sum(axis=1)
-        if len(detections):
-            seen = np.flatnonzero(explained > PROBABLE)
-            self.nearest_detections = confirmed.tracks.track_id[seen], row[seen, 0]
-        kept = self.end(exists, np.where(covered, "missed", "left"))
-        repeats = self._repeated(sigma[kept], explained[kept])
-        self.end(~repeats, "duplicate")
+        self.end(exists, np.where(covered, "missed", "left"))
         self._publish(sensor.max_range)
-        return confirmed_density
+        return confirmed_probability
 
     def gate(
         self,
         confirmed: ConfirmedTracks,
-        state: FloatArray,
-        covariance: FloatArray,
         stamp: float,
         detections: NDArray[np.void],
         sensor: SensorModel,
-    ) -> GatedDetections:
-        """Detections in the gates of tracks, and how well they fit; see `data_association.gate`."""
-        means = np.stack([confirmed.tracks.state, confirmed.fits.state], axis=1)
-        return data_association.gate(state, covariance, means, stamp, detections, sensor)
+    ) -> Gated:
+        """Detections in the gates of tracks, and how well they fit; see `branches.gate`."""
+        return branches.gate(confirmed.branches, confirmed.fits, stamp, detections, sensor)
 
     def _take_own(
-        self,
-        confirmed: ConfirmedTracks,
-        row: IntArray,
-        of_target: FloatArray,
-        detections: NDArray[np.void],
-    ) -> FloatArray:
-        """Hold the updated rows, with the detections (n, k) that are probably their own.
-
-        Returns the error of the detection nearest to each, (n,), m.
-        """
-        possible, probable, certain = (
-            (of_target > least).nonzero() for least in (0.0, PROBABLE, SURE)
-        )
-        self.confirmed_association = row[possible], of_target[possible]
+        self, confirmed: ConfirmedTracks, pairs: Pairs, detections: NDArray[np.void]
+    ) -> None:
+        """Hold the updated rows, with the detections that are probably their own."""
+        ids = confirmed.tracks.track_id
+        certain, probable = (np.flatnonzero(pairs.ratio > least) for least in (SURE, PROBABLE))
         self.own_detections, self.probable_detections = (
-            (confirmed.tracks.track_id[pairs[0]], row[pairs]) for pairs in (certain, probable)
+            (ids[pairs.track[rows]], pairs.row[rows]) for rows in (certain, probable)
         )
-        own = taken(detections, row[probable])
-        hits = np.stack([own["scan"], own["index"]], axis=1)
-        self._owned.append((hits, self.probable_detections[0]))
-        self.confirmed = with_rows(confirmed, probable[0], hit_sigma=own["major_sigma"])
-        return detections["major_sigma"][row[:, 0]] if len(detections) else np.zeros(len(confirmed))
+        own = taken(detections, pairs.row[probable])
+        self._remember(hit_keys(own), ids[pairs.track[probable]])
+        self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
 
     def _publish(self, max_range: float) -> None:
         """Publish, withhold or fix each track; those that are published for the first time."""
@@ -288,57 +275,37 @@ class TrackMaintenance:
         )
         self.released = confirmed.tracks.where(new) if new.any() else NO_TRACKS
 
-    def _remember_starts(self, tracks: TrackArrays) -> None:
-        begun = {
-            hit: i
-            for i, hits in zip(tracks.track_id.tolist(), tracks.hits, strict=True)
-            for hit in hits
-        }
-        newest = max((scan for scan, _ in begun), default=0)
-        before = {hit: i for hit, i in self._begun.items() if hit[0] > newest - REMEMBERED_SCANS}
-        self._begun = before | begun
+    def _remember(self, keys: IntArray, track_id: IntArray) -> None:
+        """Remember hits of tracks (h,), for some scans."""
+        keys, ids = np.append(self._hits[0], keys), np.append(self._hits[1], track_id)
+        kept = keys >= keys.max(initial=0) - REMEMBERED_SCANS * HIT_KEYS
+        self._hits = keys[kept], ids[kept]
 
-    def recognised(self, starts: TrackArrays, coverage_area: float) -> IntArray:
-        """Ids of the confirmed tracks that starts (n,) are, or continue; -1 for new targets.
+    def continued(
+        self, starts: TrackArrays, paths: Sequence[IntArray], coverage_area: float
+    ) -> IntArray:
+        """Ids of the confirmed tracks that starts (n,) continue; -1 for new targets.
 
-        See `merging.own_starts` and `continued`. Targets are born, in the mean, as often as
-        they vanish, uniform in the coverage (m^2) and the velocities up to `max_speed`. Fixed
-        echoes and the tracks that a downstream tracker lists are left as they are.
+        See `merging.continued`. Targets are born, in the mean, as often as they vanish, uniform in
+        the coverage (m^2) and the velocities up to `max_speed`. Fixed echoes and the tracks that a
+        downstream tracker lists are left as they are.
         """
-        confirmed = self.confirmed
+        confirmed, max_speed = self.confirmed, self.options.max_speed
         may = (confirmed.status != Status.FIXED) & ~self._kept_by_tracker(confirmed)
-        rows = np.flatnonzero(may)
-        if not len(starts) or not len(rows):
+        lost = confirmed[np.flatnonzero(may)]
+        if not len(starts) or not len(lost):
             return np.full(len(starts), -1)
-        known = set(confirmed.tracks.track_id.tolist())
-        by_scan = [
-            {(scan, row): i for (scan, row), i in zip(hits.tolist(), ids.tolist(), strict=True)}
-            for hits, ids in self._owned
-        ]
-        remembered = [*by_scan, self._begun]
-        owned = {hit: i for claims in remembered for hit, i in claims.items() if i in known}
-        mine = {hit for hits in starts.hits for hit in hits}
-        busy = (
-            {track for hit, track in by_scan[-1].items() if hit not in mine} if by_scan else set()
+        births = (1.0 + len(confirmed)) * SCANS_FADED / SCANS_TO_VANISH
+        return merging.continued(
+            starts,
+            paths,
+            lost.tracks,
+            lost.existence,
+            lost.last_place,
+            self._hits,
+            max_speed,
+            births / (coverage_area * math.pi * max_speed**2),
         )
-        busy |= set(confirmed.tracks.track_id[~may].tolist())
-        ids = merging.own_starts(starts, owned, frozenset(busy))
-        others, lost = np.flatnonzero(ids < 0), rows[~np.isin(confirmed.tracks.track_id[rows], ids)]
-        volume = coverage_area * math.pi * self.options.max_speed**2
-        births = (
-            (1.0 + len(confirmed))
-            * data_association.SCANS_OF_FADING
-            / data_association.SCANS_TO_VANISH
-            / volume
-        )
-        ids[others] = merging.continued(
-            starts.where(others),
-            confirmed.tracks.where(lost),
-            confirmed.existence[lost],
-            owned,
-            births,
-        )
-        return ids
 
     def add(
         self,
@@ -347,17 +314,19 @@ class TrackMaintenance:
         misfit: float | FloatArray = 1.0,
         amplitudes: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
+        paths: Sequence[IntArray] = (),
     ) -> TrackArrays:
         """Hold newly confirmed tracks whose targets exist with a probability, a number or (n,).
 
         Their covariances are too small for the hits by factors `misfit`; `amplitudes` and
-        `hit_sigma`: `ConfirmedTracks.from_tracks`.
+        `hit_sigma`: `ConfirmedTracks.from_tracks`. The hits of their best hypotheses, `paths`, as
+        `hit_keys`, tell whether a later start continues them.
         Those that are published at once are returned.
         """
         if not len(tracks):
             return tracks
-        self._remember_starts(tracks)
         new = ConfirmedTracks.from_tracks(tracks, existence, misfit, amplitudes, hit_sigma)
+        self._remember_paths(tracks.track_id, paths)
         confirmed = ConfirmedTracks.joined(
             self.confirmed, changed(new, announced=np.zeros(len(new), bool))
         )
@@ -370,31 +339,27 @@ class TrackMaintenance:
         self.confirmed = changed(confirmed, status=status, announced=announced)
         return confirmed.tracks.where(first + np.flatnonzero(~fixed))
 
-    def revise(
-        self,
-        corrected: TrackArrays,
-        replaced: Sequence[int] = (),
-        existence: FloatArray | None = None,
+    def find_again(
+        self, starts: TrackArrays, existence: FloatArray, paths: Sequence[IntArray]
     ) -> TrackArrays:
-        """Correct the starts of confirmed tracks, by their ids, and end tracks that were replaced.
-
-        A track that a downstream tracker lists does not end. With the `existence` of each, the
-        tracks were lost and are found again.
+        """Let confirmed tracks go on from starts, by their ids, whose targets exist with (n,).
 
         Returns
         -------
         TrackArrays
-            The published tracks that were corrected.
+            Those that are published.
         """
-        if replaced:
-            self.end(~np.isin(self.confirmed.tracks.track_id, replaced), "replaced")
-        if not len(corrected):
-            return corrected
-        self._remember_starts(corrected)
-        confirmed = self.confirmed.revised(corrected, existence)
-        self.confirmed = confirmed.judged(self.options)
+        if not len(starts):
+            return starts
+        self.confirmed = self.confirmed.continued(starts, existence).judged(self.options)
+        self._remember_paths(starts.track_id, paths)
         current = self.current
-        return current.where(np.isin(current.track_id, corrected.track_id))
+        return current.where(np.isin(current.track_id, starts.track_id))
+
+    def _remember_paths(self, track_id: IntArray, paths: Sequence[IntArray]) -> None:
+        """Remember the hits of starts, by their tracks' ids."""
+        if len(paths):
+            self._remember(np.concatenate(paths), track_id.repeat(list(map(len, paths))))
 
     def follow(self, stamp: float, tracks: TrackArrays) -> None:
         """Take over what a downstream tracker reports, before the next step.
@@ -464,15 +429,6 @@ class TrackMaintenance:
             kept[np.flatnonzero(away)[np.count_nonzero(away) - most :]] = True
             away = away[self.end(kept, "forgotten")]
         return away
-
-    def _repeated(self, detection_sigma: FloatArray, explained: FloatArray) -> BoolArray:
-        """Which tracks have for some scans been where an older one is, (n,)."""
-        tracks, before = self.confirmed.tracks, self.confirmed.agreeing_scans
-        known = merging.located(tracks.covariance, detection_sigma)
-        agrees = merging.agrees_with_older(tracks.state, tracks.covariance, known, explained)
-        scans = np.where(agrees, before + 1, np.where(known, 0, before))
-        self.confirmed = changed(self.confirmed, agreeing_scans=scans)
-        return scans >= merging.SAME_SCANS
 
     def end(self, kept: BoolArray, reason: str | NDArray[np.str_]) -> BoolArray:
         """End all tracks but those kept and those that the downstream tracker lists.

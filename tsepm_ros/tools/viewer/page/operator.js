@@ -1,9 +1,7 @@
 "use strict";
 
-/* What an operator reads off: closest approaches and their alarm, places on the earth, files. */
+/* What an operator reads off: closest approaches, places on the earth, files. */
 
-const AWAY_SCANS = 5; // an approach is over once a track has gone away for so many scans
-const MAX_SAID = 3; // approaches of which the alarm says more than their number
 const LEAST_SPEED = 1e-3; // m/s; slower relative motion is rounding
 const DEGREE_DIGITS = 7; // of GeoJSON: 1 cm
 
@@ -21,88 +19,10 @@ function closestApproach(row, ship) {
   return { away: Math.hypot(x, y), distance: Math.hypot(x + vx * time, y + vy * time), time };
 }
 
-function approachWords({ away, distance: closest, time }) {
+/* `elapsed`: s since the data, while none comes. */
+function approachWords({ away, distance: closest, time: then }, elapsed = 0) {
+  const time = then - elapsed;
   return time < 0 ? `going away, ${distance(away)}` : `${distance(closest)} in ${duration(time)}`;
-}
-
-/* Raises the alarm once per approach. */
-class Alarm {
-  constructor() {
-    this.limit = 0; // m; 0: off
-    this.horizon = 1200; // s
-    this.near = new Set(); // ids whose closest approach is below the limit now; one set for good
-    this.clear();
-  }
-
-  clear() {
-    this.approaches = new Map(); // id: scans since it turned away
-    this.raised = new Set(); // ids that nobody has acknowledged
-    this.near.clear();
-  }
-
-  /* Take the tracks of a frame; returns whether an approach has begun. */
-  update(frame, scene) {
-    if (frame.restart) this.clear();
-    this.near.clear();
-    let begun = false;
-    for (const row of frame.tracks) {
-      const id = row[Row.ID], approach = closestApproach(row, scene.ownShip(frame));
-      if (!approach) continue;
-      const { away, distance: closest, time } = approach;
-      if (closest < this.limit && time >= 0 && time <= this.horizon) {
-        this.near.add(id);
-        if (!this.approaches.has(id)) {
-          this.raised.add(id);
-          begun = true;
-        }
-        this.approaches.set(id, 0);
-      } else if (this.approaches.has(id) && time < 0 && away > this.limit) {
-        this.approaches.set(id, this.approaches.get(id) + 1);
-        if (this.approaches.get(id) >= AWAY_SCANS) this.forget(id);
-      }
-    }
-    for (const id of this.approaches.keys()) if (!scene.histories.has(id)) this.forget(id);
-    return begun;
-  }
-
-  forget(id) {
-    this.approaches.delete(id);
-    this.raised.delete(id);
-  }
-
-  /* What the page says of the approaches that nobody has acknowledged, the soonest first. */
-  words(frame, scene) {
-    const said = [...this.raised].map((id) => {
-      const row = frame.tracks.find((one) => one[Row.ID] === id);
-      const approach = row && closestApproach(row, scene.ownShip(frame));
-      const what = !row ? "no longer seen" : approach ? approachWords(approach) : "own ship is not known";
-      return [approach && approach.time >= 0 ? approach.time : 1e9, `track ${id}, ${what}`];
-    });
-    const words = said.sort(([one], [other]) => one - other).map(([, one]) => one);
-    return words.length > MAX_SAID
-      ? [...words.slice(0, MAX_SAID), `${words.length - MAX_SAID} more`] : words;
-  }
-
-  /* Whether the alarm watches, in words, and the kind of its badge. */
-  state(frame, scene, connected) {
-    if (!(this.limit > 0)) return ["Alarm off", "stale"];
-    if (!connected || !frame) return ["Alarm: no data", "error"];
-    const ship = scene.ownShip(frame);
-    if (!ship || ship[3] === null) return ["Alarm: no own ship", "error"];
-    if (this.near.size) return [`Alarm: ${plural(this.near.size, "track")}`, "error"];
-    return [`Alarm on, ${distance(this.limit)}`, "ok"];
-  }
-}
-
-/* Three short tones. */
-function sound(context) {
-  for (const begin of [0, 0.3, 0.6]) {
-    const tone = context.createOscillator();
-    tone.frequency.value = 880;
-    tone.connect(context.destination);
-    tone.start(context.currentTime + begin);
-    tone.stop(context.currentTime + begin + 0.15);
-  }
 }
 
 /* ---- places on the earth ---- */
@@ -131,11 +51,6 @@ function degrees(value, width, letters) {
 function geographicWords(info, x, y) {
   const place = geographic(info, x, y);
   return place ? `${degrees(place[0], 2, "NS")} ${degrees(place[1], 3, "EW")}` : "";
-}
-
-/* Range and bearing from one point to another. */
-function rangeAndBearing([x, y], [toX, toY], north) {
-  return `${distance(Math.hypot(toX - x, toY - y))}, ${direction(toX - x, toY - y, north)}`;
 }
 
 /* ---- files of the tracks ---- */

@@ -2,12 +2,18 @@
 
 /* The panels beside the plan: health, tracks, the selected track. Text only, never HTML. */
 
-const LEVELS = [["OK", "ok"], ["Warning", "warn"], ["Error", "error"], ["Stale", "stale"]];
+const LEVELS = [["OK", "ok"], ["Warning", "warn"], ["Error", "error"], ["Stale", "error"]];
+const STALE = 3, ORDER = [0, 1, 3, 2]; // levels from the best to the worst
 
 function element(name, properties = {}, children = []) {
   const made = Object.assign(document.createElement(name), properties);
   made.append(...children);
   return made;
+}
+
+/* Set properties that have changed: the browser lays out and paints for the others, too. */
+function change(node, properties) {
+  for (const [name, value] of Object.entries(properties)) if (node[name] !== value) node[name] = value;
 }
 
 function pairs(rows) {
@@ -23,44 +29,68 @@ class HealthPanel {
     this.root = root;
     this.entries = entries;
     this.chip = chip;
-    this.shown = undefined;
+    this.shown = "";
     chip.addEventListener("click", () => {
       root.open = true;
       root.scrollIntoView({ block: "nearest" });
     });
   }
 
-  show(health, late) {
-    this.root.hidden = this.chip.hidden = !health;
-    if (!health) return;
-    const [word, kind] = LEVELS[late ? 3 : health.level];
-    this.chip.textContent = `Health: ${word}`;
-    this.chip.className = `chip ${kind}`;
-    if (this.shown === health) return;
-    const opened = new Set([...this.entries.querySelectorAll("details[open]")]
-      .map((one) => one.dataset.task));
-    this.entries.replaceChildren(...health.entries.map((entry) => this.entry(entry, opened)));
-    if (this.shown === undefined && health.level > 0) this.root.open = true;
-    this.shown = health;
+  /* `late`: whether the diagnostics of a node have stopped. */
+  show(nodes, late) {
+    this.root.hidden = this.chip.hidden = !nodes.length;
+    if (!nodes.length) return;
+    const levels = nodes.map((one) => (late(one) ? STALE : one.level));
+    const worst = levels.reduce((one, other) => (ORDER.indexOf(other) > ORDER.indexOf(one) ? other : one));
+    const [word, kind] = LEVELS[worst];
+    change(this.chip, { textContent: `Health: ${word}`, className: `chip ${kind}` });
+    const shown = JSON.stringify([nodes.map(({ heard, period, ...one }) => one), levels]);
+    if (this.shown === shown) return;
+    const opened = new Set([...this.entries.querySelectorAll("details[open]")].map((one) => one.dataset.key));
+    const focused = this.entries.contains(document.activeElement)
+      ? document.activeElement.closest("details").dataset.key : null;
+    const all = nodes.flatMap((node, k) => (levels[k] === STALE && late(node)
+      ? [{ task: "diagnostics", level: STALE, message: "no news of this node", values: [], node: node.node }]
+      : node.entries.map((entry) => ({ ...entry, node: node.node }))));
+    const several = nodes.length > 1;
+    const [bad, good] = [all.filter(({ level }) => level > 0), all.filter(({ level }) => level === 0)];
+    bad.sort((one, other) => ORDER.indexOf(other.level) - ORDER.indexOf(one.level));
+    const folded = element("details", { open: opened.has("OK") }, [
+      element("summary", { textContent: `OK (${good.length})` }),
+      ...good.map((entry) => this.entry(entry, several, opened)),
+    ]);
+    folded.dataset.key = "OK";
+    this.entries.replaceChildren(
+      ...bad.map((entry) => this.entry(entry, several, opened)), ...(good.length ? [folded] : []));
+    const again = [...this.entries.querySelectorAll("details")].find((one) => one.dataset.key === focused);
+    if (again) again.querySelector("summary").focus({ preventScroll: true });
+    if (!this.shown && worst > 0) this.root.open = true;
+    this.shown = shown;
   }
 
-  entry({ task, level, message, values }, opened) {
-    const [word, kind] = LEVELS[level];
+  entry({ node, task, level, message, values }, several, opened) {
+    const [word, kind] = LEVELS[level], key = `${node} ${task}`;
+    const of = several ? `${node.replace(/^\//, "")}${task === "overall" ? "" : `, ${task}`}` : task;
     const parts = [element("p", {}, [
       element("strong", { className: kind, textContent: word }),
-      element("span", { textContent: `${task}: ${message}` }),
+      element("span", { textContent: `${of}: ${message}` }),
     ])];
     if (values.length) {
-      const figures = element("details", { open: opened.has(task) }, [
+      const figures = element("details", { open: opened.has(key) }, [
         element("summary", { textContent: "Figures" }),
         pairs(values),
       ]);
-      figures.dataset.task = task;
+      figures.dataset.key = key;
       parts.push(figures);
     }
     return element("div", { className: "entry" }, parts);
   }
 }
+
+const HEADS = [["Id", "Target"], ["Range", "Range from own ship"], ["Brg", "Bearing from own ship"],
+  ["", "Speed"], ["Crs", "Course"], ["CPA", "Distance of the closest approach"],
+  ["TCPA", "Time to the closest approach"]];
+const DIRECTIONS = { 2: ["Dir", "Direction of it, counter-clockwise from x"], 4: ["Dir", "Direction of its motion, counter-clockwise from x"] };
 
 class TrackList {
   constructor(root, title, select) {
@@ -68,25 +98,31 @@ class TrackList {
     this.title = title;
     this.select = select;
     this.body = element("tbody");
-    this.heading = element("th");
-    const heads = ["Id", "m/s", null, "CPA", "TCPA", "Unseen"].map((words) =>
-      words === null ? this.heading : element("th", { textContent: words }));
+    this.heads = HEADS.map(() => element("th", { scope: "col" }));
     this.table = element("table", { hidden: true }, [
-      element("thead", {}, [element("tr", {}, heads)]), this.body,
+      element("thead", {}, [element("tr", {}, this.heads)]), this.body,
     ]);
     this.none = element("p", { className: "muted", textContent: "No track is held." });
     root.append(this.table, this.none);
     this.rows = new Map();
+    this.order = []; // ids, as listed
     this.near = new Set(); // ids whose closest approach is below the alarm's limit
   }
 
-  show(frame, scene, selected) {
+  /* Renew the list. `elapsed`: s since the data, while none comes. */
+  show(frame, scene, selected, elapsed) {
     const tracks = frame ? frame.tracks : [];
-    const north = scene.north(frame);
-    this.title.textContent = `Tracks (${tracks.length})`;
-    this.heading.textContent = north ? "Course" : "Direction";
+    const north = scene.north(frame), ship = scene.ownShip(frame);
+    change(this.title, { textContent: `Tracks (${tracks.length})` });
+    HEADS.forEach((head, k) => {
+      const [words, title] = (!north && DIRECTIONS[k]) || head;
+      const shown = words || units.speedName;
+      if (this.heads[k].textContent !== shown) Object.assign(this.heads[k], { textContent: shown, title });
+    });
     this.table.hidden = !tracks.length;
+    this.table.classList.toggle("stale", elapsed > 0);
     this.none.hidden = Boolean(tracks.length);
+    const focused = this.body.contains(document.activeElement) ? document.activeElement : null;
     const held = new Set(tracks.map((track) => track[Row.ID]));
     for (const [id, row] of this.rows) {
       if (!held.has(id)) {
@@ -94,39 +130,59 @@ class TrackList {
         this.rows.delete(id);
       }
     }
-    const far = (track) => !this.near.has(track[Row.ID]);
-    const order = [...tracks].sort((one, other) => far(one) - far(other) || one[Row.ID] - other[Row.ID]);
-    for (const [line, track] of order.entries()) {
-      const id = track[Row.ID];
-      const row = this.rows.get(id) || this.add(id);
+    const approaches = new Map(tracks.map((track) => [track[Row.ID], closestApproach(track, ship)]));
+    const rank = (id) => {
+      const approach = approaches.get(id);
+      return approach && approach.time >= elapsed ? approach.time : Infinity;
+    };
+    const far = (id) => !this.near.has(id);
+    this.order = [...held].sort((one, other) => far(one) - far(other)
+      || (rank(one) === rank(other) ? one - other : rank(one) - rank(other)));
+    const trackOf = new Map(tracks.map((track) => [track[Row.ID], track]));
+    for (const [line, id] of this.order.entries()) {
+      const row = this.rows.get(id) || this.add(id), track = trackOf.get(id);
       if (this.body.rows[line] !== row) this.body.insertBefore(row, this.body.rows[line] || null);
-      const approach = closestApproach(track, scene.ownShip(frame));
-      const texts = [
-        speed(track[Row.VX], track[Row.VY]),
-        direction(track[Row.VX], track[Row.VY], north),
-        approach && approach.time >= 0 ? distance(approach.distance) : "",
-        approach && approach.time >= 0 ? duration(approach.time) : approach ? "past" : "",
-        duration(track[Row.SINCE_HIT]),
-      ];
-      texts.forEach((words, place) => {
-        const cell = row.cells[place + 1];
-        if (cell.textContent !== words) cell.textContent = words;
-      });
+      this.fill(row, track, ship, approaches.get(id), north, elapsed);
       row.classList.toggle("chosen", id === selected);
       row.classList.toggle("near", this.near.has(id));
       row.classList.toggle("coasting", track[Row.SINCE_HIT] > 0);
-      row.title = track[Row.SINCE_HIT] > 0 ? coasting(track) : "";
+      change(row, { title: track[Row.SINCE_HIT] > 0 ? coasting(track, elapsed) : "" });
     }
+    // A row that is moved loses the focus.
+    if (focused && document.activeElement !== focused && focused.isConnected) focused.focus({ preventScroll: true });
+  }
+
+  fill(row, track, ship, approach, north, elapsed) {
+    const way = ship && [track[Row.X] - ship[0], track[Row.Y] - ship[1]];
+    const ahead = approach && approach.time >= elapsed;
+    const texts = [
+      way ? distance(Math.hypot(...way)) : "", way ? direction(...way, north) : "",
+      speed(track[Row.VX], track[Row.VY]), direction(track[Row.VX], track[Row.VY], north),
+      ahead ? distance(approach.distance) : "",
+      ahead ? duration(approach.time - elapsed) : approach ? "past" : "",
+    ];
+    texts.forEach((words, place) => {
+      const cell = row.cells[place + 1];
+      if (cell.textContent !== words) cell.textContent = words;
+    });
   }
 
   add(id) {
     const button = element("button", { type: "button", textContent: String(id) });
+    button.setAttribute("aria-label", `Track ${id}`);
     const row = element("tr", {}, [
-      element("td", {}, [button]), ...[1, 2, 3, 4, 5].map(() => element("td")),
+      element("td", {}, [button]), ...HEADS.slice(1).map(() => element("td")),
     ]);
     row.addEventListener("click", () => this.select(id));
     this.rows.set(id, row);
     return row;
+  }
+
+  /* The id after or before the selected one in the list, or null. */
+  next(selected, by) {
+    const { order } = this, place = order.indexOf(selected);
+    if (!order.length) return null;
+    return order[(place < 0 ? (by > 0 ? 0 : order.length - 1) : place + by + order.length) % order.length];
   }
 }
 
@@ -150,7 +206,7 @@ class SelectedPanel {
     this.hitsOf = null;
   }
 
-  show(id, frame, scene) {
+  show(id, frame, scene, elapsed) {
     this.root.hidden = id === null;
     if (id === null || !frame) return;
     const facts = scene.facts[id] || {};
@@ -158,11 +214,11 @@ class SelectedPanel {
     const row = frame.tracks.find((one) => one[Row.ID] === id);
     const last = history[history.length - 1];
     this.name.textContent = `Track ${id}`;
-    const [state, kind] = this.stateOf(id, row, last, frame, scene);
+    const [state, kind] = this.stateOf(id, row, last, frame, scene, elapsed);
     this.state.textContent = state;
     this.state.className = `chip ${kind}`;
     this.reason.textContent = this.why(facts, history, frame);
-    const rows = row ? this.present(row, facts, frame, scene) : [];
+    const rows = row ? this.present(row, facts, frame, scene, elapsed) : [];
     if (!row && last) rows.push(["Last held", clock(last.stamp)]);
     if (state === "ended") rows.push(["Reason", facts.ended[1]]);
     this.now.replaceChildren(pairs(rows));
@@ -183,8 +239,9 @@ class SelectedPanel {
   }
 
   /* What has become of a track, and the kind of its badge. Only a recording knows the ends. */
-  stateOf(id, row, last, frame, scene) {
+  stateOf(id, row, last, frame, scene, elapsed) {
     const { ended } = scene.facts[id] || {};
+    if (row && elapsed) return ["no data", "error"];
     if (row && row[Row.SINCE_HIT] > 0) return [coasting(row), "warn"];
     if (row) return ["held", "ok"];
     if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
@@ -203,11 +260,11 @@ class SelectedPanel {
     return `Confirmed before this page's history began.${reason}${begin}`;
   }
 
-  present(row, facts, frame, scene) {
+  present(row, facts, frame, scene, elapsed) {
     const north = scene.north(frame);
     const [x, y, vx, vy] = [row[Row.X], row[Row.Y], row[Row.VX], row[Row.VY]];
     const rows = [
-      ["Speed", `${speed(vx, vy)} ± ${speed(row[Row.SPEED_STD])} m/s`],
+      ["Speed", `${speed(vx, vy)} ± ${speedWords(row[Row.SPEED_STD])}`],
       [north ? "Course" : "Direction from x", direction(vx, vy, north)],
     ];
     const origin = scene.ownShip(frame);
@@ -217,14 +274,15 @@ class SelectedPanel {
       rows.push([north ? "Bearing" : "Direction of it", direction(dx, dy, north)]);
     }
     const approach = closestApproach(row, origin);
-    if (approach) rows.push(["Closest approach", approachWords(approach)]);
+    if (approach) rows.push(["Closest approach", approachWords(approach, elapsed)]);
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     const place = geographicWords(scene.info, x, y);
     if (place) rows.push(["Latitude, longitude", place]);
-    rows.push(["Last detection", `${duration(row[Row.SINCE_HIT])} ago`]);
-    rows.push(["95 % ellipse", `${distance(row[Row.MAJOR])} by ${distance(row[Row.MINOR])}`]);
+    rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + elapsed)} ago`]);
+    // Its axes, not their halves.
+    rows.push(["95 % ellipse", `${distance(2 * row[Row.MAJOR])} by ${distance(2 * row[Row.MINOR])}`]);
     if (typeof facts.first === "number") {
-      rows.push(["Since the first hit", duration(frame.stamp - facts.first)]);
+      rows.push(["Since the first hit", duration(frame.stamp - facts.first + elapsed)]);
     }
     return rows;
   }
@@ -234,10 +292,10 @@ class SelectedPanel {
     const enough = history.length > 1;
     this.graph.hidden = this.graphTitle.hidden = !enough;
     if (!enough) return;
-    const speeds = history.map((point) => Math.hypot(point.vx, point.vy));
+    const speeds = history.map((point) => Math.hypot(point.vx, point.vy) / units.speed);
     const top = Math.max(roundUp(Math.max(...speeds)), 1e-3);
     const span = history[history.length - 1].stamp - history[0].stamp;
-    this.graphTitle.textContent = `Speed over the last ${duration(span)}, 0 to ${top} m/s`;
+    this.graphTitle.textContent = `Speed over the last ${duration(span)}, 0 to ${top} ${units.speedName}`;
     this.graph.setAttribute("aria-label", this.graphTitle.textContent);
     const ratio = window.devicePixelRatio || 1;
     const [width, height] = [this.graph.clientWidth, this.graph.clientHeight];
@@ -263,8 +321,8 @@ class SelectedPanel {
   }
 }
 
-function coasting(row) {
-  return `coasting ${duration(row[Row.SINCE_HIT])}`;
+function coasting(row, elapsed = 0) {
+  return `coasting ${duration(row[Row.SINCE_HIT] + elapsed)}`;
 }
 
 function roundUp(value) {

@@ -14,11 +14,13 @@ const LAYERS = [
   ["potential", "Potential tracks, by evidence"],
   ["tracks", "Tracks, with velocity; dashed: coasting"],
   ["ellipses", "95 % ellipses"],
-  ["trails", "Trails"],
+  ["trails", "Past positions"],
   ["labels", "Track ids and speeds"],
   ["fixed", "Fixed echoes"],
   ["ownShip", "Own ship and its way"],
   ["sector", "Sector of the sensor"],
+  ["zone", "Guard zone"],
+  ["land", "Land"],
   ["image", "Sonar image"],
   ["truth", "Truth"],
   ["rings", "Range rings"],
@@ -30,6 +32,9 @@ const FULL_TURN = 2 * Math.PI - 0.05; // rad; a wider sector has no sides
 const LABEL_ROOM = 14; // px, about the signs of tracks and own ship, without labels of rings
 const SIGN_ROOM = 5; // px, about the same, without labels of tracks
 const NEAR_HALF = 11; // px, of the square about a track of the alarm
+const LEAST_WAY = 0.1; // m/s; slower, own ship has no course, and the course up is the heading
+const MAX_DOTS = 400; // past positions of a track
+const MIDDLE_LEVEL = 50; // of an image: the threshold of the detector
 
 class Plan {
   constructor(canvas, scene) {
@@ -39,10 +44,22 @@ class Plan {
     this.center = [0, 0]; // m
     this.scale = 0.05; // px/m
     this.moved = false; // whether the user has chosen the view
+    this.orientation = "north"; // what is up: "north" (or y), "course" or "head" of own ship
+    this.turn = 0; // rad, of the picture, counter-clockwise
+    this.stale = false; // whether data has stopped
     this.layers = Object.fromEntries(LAYERS.map(([name]) => [name, !OFF_AT_FIRST.includes(name)]));
     this.ruler = null; // [[x, y], [x, y]], m: the line from range and bearing
+    this.cursor = null; // {range, bearing}, m and rad from x: bearing line and range ring of own ship
+    this.guarded = new Set(); // ids that are new in the guard zone
+    this.lost = []; // [id, x, y] of lost tracks that nobody has acknowledged
+    this.zone = null; // [near, far, begin, end], m and rad from the bow
     this.fading = 8;
     this.trailing = 100;
+    this.pastEvery = 0; // s between the points of past positions; 0: a line
+    this.vectorTime = 0; // s; 0: as fits the view
+    this.relative = false; // whether vectors are relative to own ship
+    this.gain = 0; // of the image, in its levels
+    this.contrast = 1;
     this.selected = null;
     this.near = new Set(); // ids whose closest approach is below the alarm's limit
     this.arrowTime = 60;
@@ -54,7 +71,7 @@ class Plan {
     const style = getComputedStyle(document.documentElement);
     this.colour = {};
     for (const name of ["plot", "ring", "text", "muted", "detection", "track", "new", "weak",
-      "strong", "fixed", "ship", "truth", "accent", "error"]) {
+      "strong", "fixed", "ship", "truth", "accent", "error", "land"]) {
       this.colour[name] = style.getPropertyValue(`--${name}`).trim();
     }
   }
@@ -75,37 +92,74 @@ class Plan {
 
   /* ---- view ---- */
 
-  screen(x, y) {
+  get turn() { return this.angle; }
+
+  set turn(angle) {
+    this.angle = angle;
+    [this.cosine, this.sine] = [Math.cos(angle), Math.sin(angle)];
+  }
+
+  screen(x, y) { // called for every point that is drawn
+    const { scale, cosine, sine } = this, dx = x - this.center[0], dy = y - this.center[1];
     return [
-      0.5 * this.width + (x - this.center[0]) * this.scale,
-      0.5 * this.height - (y - this.center[1]) * this.scale,
+      0.5 * this.width + (cosine * dx - sine * dy) * scale,
+      0.5 * this.height - (sine * dx + cosine * dy) * scale,
     ];
   }
 
   world(px, py) {
-    return [
-      this.center[0] + (px - 0.5 * this.width) / this.scale,
-      this.center[1] - (py - 0.5 * this.height) / this.scale,
-    ];
+    const [dx, dy] = turned(
+      (px - 0.5 * this.width) / this.scale, (0.5 * this.height - py) / this.scale, -this.turn);
+    return [this.center[0] + dx, this.center[1] + dy];
+  }
+
+  /* Turn the picture as the orientation says, as far as own ship's heading or course is known. */
+  orient(frame) {
+    const ship = this.scene.ownShip(frame);
+    const up = !ship || this.orientation === "north" ? null
+      : this.orientation === "course" && Math.hypot(ship[3], ship[4]) > LEAST_WAY ? Math.atan2(ship[4], ship[3]) : ship[2];
+    this.oriented = up !== null || this.orientation === "north";
+    this.turn = up === null ? 0 : Math.PI / 2 - up;
+  }
+
+  /* The range scale, m: from the middle of the view to its nearest edge. */
+  get range() {
+    return 0.5 * Math.min(this.width, this.height) / this.scale;
+  }
+
+  set range(meters) {
+    this.scale = 0.5 * Math.min(this.width, this.height) / meters;
+    this.moved = true;
+  }
+
+  /* A box of the fixed frame about its turned corners, relative to the middle of the view. */
+  turnedBox(box) {
+    const corners = [[0, 1], [2, 1], [0, 3], [2, 3]].map(([i, j]) => turned(box[i], box[j], this.turn));
+    const [xs, ys] = [0, 1].map((axis) => corners.map((corner) => corner[axis]));
+    return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
   }
 
   /* Whether a box is in the view and not small in it. */
   suits(box) {
     if (!box) return true;
     if (!this.fittedBox || !this.resize()) return false;
-    const [left, bottom] = this.world(0, this.height), [right, top] = this.world(this.width, 0);
-    const inside = box[0] >= left && box[1] >= bottom && box[2] <= right && box[3] <= top;
-    const share = Math.max((box[2] - box[0]) / (right - left), (box[3] - box[1]) / (top - bottom));
-    return inside && share > 0.4;
+    if (this.fittedSize !== `${this.width} ${this.height}`) return false;
+    const half = [0.5 * this.width / this.scale, 0.5 * this.height / this.scale];
+    const middle = turned(...this.center, this.turn);
+    const around = this.turnedBox(box).map((value, k) => (value - middle[k % 2]) / half[k % 2]);
+    return around.every((share) => Math.abs(share) <= 1)
+      && Math.max(around[2] - around[0], around[3] - around[1]) > 0.8;
   }
 
   fit(box) {
     if (!box || !this.resize()) return;
     this.fittedBox = box;
-    const extent = Math.max(box[2] - box[0], box[3] - box[1], 1);
-    this.center = [0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])];
-    const width = Math.max(box[2] - box[0], 0.05 * extent);
-    const height = Math.max(box[3] - box[1], 0.05 * extent);
+    this.fittedSize = `${this.width} ${this.height}`;
+    const [left, bottom, right, top] = this.turnedBox(box);
+    const extent = Math.max(right - left, top - bottom, 1);
+    this.center = turned(0.5 * (left + right), 0.5 * (bottom + top), -this.turn);
+    const width = Math.max(right - left, 0.05 * extent);
+    const height = Math.max(top - bottom, 0.05 * extent);
     this.scale = 0.9 * Math.min(this.width / width, this.height / height);
   }
 
@@ -119,7 +173,7 @@ class Plan {
   }
 
   pan(dx, dy) {
-    this.center = [this.center[0] - dx / this.scale, this.center[1] + dy / this.scale];
+    this.center = this.world(0.5 * this.width - dx, 0.5 * this.height - dy);
     this.moved = true;
     this.layers.follow = false;
   }
@@ -143,14 +197,17 @@ class Plan {
     context.fillStyle = colour.plot;
     context.fillRect(0, 0, this.width, this.height);
     const frame = scene.frames[index];
+    this.orient(frame);
     if (frame && this.layers.follow && frame.own_ship) {
       this.center = [frame.own_ship[0], frame.own_ship[1]];
     }
     this.taken = this.corners();
+    if (frame && this.layers.land) this.drawLand(frame);
     if (frame && this.layers.image) this.drawImage(frame);
     if (this.layers.rings) this.drawRings(frame);
     if (frame) {
-      if (this.layers.sector) this.drawSector(frame);
+      if (this.layers.sector) this.drawArea(frame, scene.sector(), colour.accent);
+      if (this.layers.zone) this.drawArea(frame, this.zone, colour.error, DASHES);
       this.chooseArrowTime(frame);
       if (this.layers.fixed) this.drawFixed(frame);
       if (this.layers.detections) this.drawDetections(index);
@@ -163,19 +220,19 @@ class Plan {
       }
     }
     if (this.layers.rings) this.drawRingLabels(frame);
+    this.drawLost();
     if (this.ruler) this.drawRuler(scene.north(frame));
+    if (this.cursor) this.drawCursor(frame);
     this.drawScaleBar();
     this.drawOrientation(scene.north(frame));
   }
 
   /* Boxes of the scale bar, the arrow of north and the buttons, where no label goes. */
   corners() {
-    const { offsetLeft: left, offsetTop: top, offsetWidth: width, offsetHeight: height } =
-      document.getElementById("zoom");
-    return [
-      [0, this.height - 44, 190, this.height], [this.width - 90, 0, this.width, 80],
-      [left, top, left + width, top + height],
-    ];
+    const boxes = ["zoom", "own-ship"].map((id) => document.getElementById(id)).map(
+      ({ offsetLeft: left, offsetTop: top, offsetWidth: width, offsetHeight: height }) =>
+        [left, top, left + width, top + height]);
+    return [[0, this.height - 44, 190, this.height], [this.width - 100, 0, this.width, 104], ...boxes];
   }
 
   /* Whether a box [left, top, right, bottom] covers no label that was placed before. */
@@ -184,18 +241,20 @@ class Plan {
       box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
   }
 
-  /* The sector in which the sensor hears, where the heading is known or does not matter. */
-  drawSector(frame) {
-    const { context, colour, scene } = this;
-    const ship = scene.ownShip(frame), sector = scene.sector();
+  /* A sector from the bow, in which the sensor hears or which is guarded, where the heading is
+     known or does not matter. */
+  drawArea(frame, sector, colour, dashes = []) {
+    const { context, scene } = this;
+    const ship = scene.ownShip(frame);
     if (!ship || !sector) return;
     const allRound = sector[3] - sector[2] > FULL_TURN;
     if (ship[2] === null && !allRound) return;
     const [x, y] = this.screen(ship[0], ship[1]);
     const [near, far] = [sector[0] * this.scale, sector[1] * this.scale];
-    const [begin, end] = [-ship[2] - sector[2], -ship[2] - sector[3]];
-    context.strokeStyle = context.fillStyle = colour.accent;
-    context.lineWidth = 1;
+    const [begin, end] = [-ship[2] - this.turn - sector[2], -ship[2] - this.turn - sector[3]];
+    context.strokeStyle = context.fillStyle = colour;
+    context.lineWidth = dashes.length ? 1.5 : 1;
+    context.setLineDash(dashes);
     context.beginPath();
     if (allRound) {
       context.arc(x, y, far, 0, 2 * Math.PI);
@@ -208,9 +267,28 @@ class Plan {
     }
     context.globalAlpha = 0.05;
     context.fill();
-    context.globalAlpha = 0.55;
+    context.globalAlpha = dashes.length ? 0.9 : 0.55;
     context.stroke();
+    context.setLineDash([]);
     context.globalAlpha = 1;
+  }
+
+  /* The land of the node's chart, in its own frame. */
+  drawLand(frame) {
+    const { land } = this.scene;
+    if (!land || land.frame_id !== frame.frame_id) return;
+    const { context, colour } = this;
+    if (land.colour !== colour.land) {
+      land.colour = colour.land;
+      land.picture = landPicture(land, channels(colour.land));
+    }
+    context.save();
+    context.imageSmoothingEnabled = false;
+    context.translate(...this.screen(land.origin[0], land.origin[1]));
+    context.rotate(-land.origin[2] - this.turn);
+    context.scale(land.cell * this.scale, -land.cell * this.scale);
+    context.drawImage(land.picture, 0, 0);
+    context.restore();
   }
 
   /* The sonar image, where the sensor was: the stronger the more opaque. */
@@ -218,24 +296,84 @@ class Plan {
     const { context, colour } = this;
     const image = this.scene.image(frame);
     if (!image) return;
-    const { side, levels } = image;
+    const { side } = image, look = [image.stamp, colour.detection, this.gain, this.contrast].join(" ");
+    if (this.imageLook !== look) {
+      this.imageLook = look;
+      this.imagePicture = this.imageCells(image, channels(colour.detection));
+    }
+    const half = 0.5 * side * image.cell * this.scale, at = this.screen(image.x, image.y);
+    const angle = -image.heading - this.turn, view = [look, half, angle, at, this.width, this.height].join(" ");
+    if (this.imageView !== view) { // images come more rarely than scans
+      this.imageView = view;
+      this.imageLayer = this.imageLayer || document.createElement("canvas");
+      [this.imageLayer.width, this.imageLayer.height] = [this.width, this.height];
+      const layer = this.imageLayer.getContext("2d");
+      layer.translate(...at);
+      layer.rotate(angle);
+      layer.drawImage(this.imagePicture, -half, -half, 2 * half, 2 * half);
+    }
+    context.drawImage(this.imageLayer, 0, 0);
+  }
+
+  imageCells({ side, levels }, [red, green, blue]) {
     const picture = new ImageData(side, side);
-    const [red, green, blue] = [1, 3, 5].map((k) => parseInt(colour.detection.slice(k, k + 2), 16));
+    const alphas = Uint8ClampedArray.from({ length: 128 }, (_, level) =>
+      20 + 2.2 * (MIDDLE_LEVEL + this.gain + this.contrast * (level - MIDDLE_LEVEL)));
+    const cells = new Uint32Array(picture.data.buffer), rgb = (blue << 16) | (green << 8) | red;
     for (let k = 0; k < levels.length; k += 1) {
       // Rows are from starboard to port: on the screen port is above.
-      const place = 4 * ((side - 1 - Math.floor(k / side)) * side + k % side);
-      const alpha = levels[k] < 0 ? 0 : 20 + 2.2 * levels[k];
-      picture.data.set([red, green, blue, alpha], place);
+      const place = (side - 1 - Math.floor(k / side)) * side + k % side;
+      cells[place] = levels[k] < 0 ? 0 : ((alphas[levels[k]] << 24) | rgb) >>> 0;
     }
-    const cells = document.createElement("canvas");
-    cells.width = cells.height = side;
-    cells.getContext("2d").putImageData(picture, 0, 0);
-    context.save();
-    context.translate(...this.screen(image.x, image.y));
-    context.rotate(-image.heading);
-    const half = 0.5 * side * image.cell * this.scale;
-    context.drawImage(cells, -half, -half, 2 * half, 2 * half);
-    context.restore();
+    const canvas = document.createElement("canvas");
+    canvas.width = canvas.height = side;
+    canvas.getContext("2d").putImageData(picture, 0, 0);
+    return canvas;
+  }
+
+  /* The sign of a lost track, a crossed square, where it was last. */
+  drawLost() {
+    const { context, colour } = this;
+    context.strokeStyle = context.fillStyle = colour.error;
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.textBaseline = "middle";
+    for (const [id, wx, wy] of this.lost) {
+      const [x, y] = this.screen(wx, wy), half = NEAR_HALF;
+      context.lineWidth = 2.5;
+      context.strokeRect(x - half, y - half, 2 * half, 2 * half);
+      context.beginPath();
+      context.moveTo(x - half, y - half); context.lineTo(x + half, y + half);
+      context.moveTo(x - half, y + half); context.lineTo(x + half, y - half);
+      context.stroke();
+      this.text(`${id} lost`, x + half + 4, y);
+    }
+  }
+
+  /* Bearing line and range ring of own ship, which move with it. */
+  drawCursor(frame) {
+    const { context, colour, scene, cursor } = this;
+    const ship = scene.ownShip(frame);
+    if (!ship) return;
+    const [x, y] = this.screen(ship[0], ship[1]), pixels = cursor.range * this.scale;
+    const angle = cursor.bearing + this.turn, far = this.width + this.height + pixels;
+    context.strokeStyle = context.fillStyle = colour.strong;
+    context.lineWidth = 1.5;
+    context.setLineDash(DASHES);
+    context.beginPath();
+    context.arc(x, y, pixels, 0, 2 * Math.PI);
+    context.moveTo(x, y);
+    context.lineTo(x + far * Math.cos(angle), y - far * Math.sin(angle));
+    context.stroke();
+    context.setLineDash([]);
+    const [px, py] = [x + pixels * Math.cos(angle), y - pixels * Math.sin(angle)];
+    context.beginPath();
+    context.arc(px, py, 4, 0, 2 * Math.PI);
+    context.fill();
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = px > 0.6 * this.width ? "right" : "left";
+    context.textBaseline = "middle";
+    this.text(cursorWords(cursor, scene.north(frame)), px + (px > 0.6 * this.width ? -10 : 10), py - 12);
   }
 
   drawRuler(north) {
@@ -262,7 +400,9 @@ class Plan {
   rings(frame) {
     const origin = frame && frame.own_ship ? frame.own_ship : [0, 0];
     const [x, y] = this.screen(origin[0], origin[1]);
-    const step = roundDown(Math.max(200, 0.25 * Math.min(this.width, this.height)) / this.scale);
+    const least = Math.min(Math.max(120, 0.25 * Math.min(this.width, this.height)), 200) / this.scale;
+    const unit = units.nautical && least > LEAST_MILES * NAUTICAL_MILE ? NAUTICAL_MILE : 1;
+    const step = unit * roundDown(least / unit);
     const pixels = step * this.scale;
     const corners = [[0, 0], [this.width, 0], [0, this.height], [this.width, this.height]];
     const far = Math.max(...corners.map(([cx, cy]) => Math.hypot(cx - x, cy - y)));
@@ -299,7 +439,7 @@ class Plan {
     context.textAlign = "center";
     context.textBaseline = "middle";
     for (let ring = first; ring <= last; ring += 1) {
-      const words = distance(ring * step).replace(/\.0+ /, " ").replace(/(\.\d*[1-9])0+ /, "$1 ");
+      const words = roundDistance(ring * step);
       const half = 0.5 * context.measureText(words).width + 4;
       const box = RING_LABELS.map((angle) => [
         x + ring * pixels * Math.sin(angle), y - ring * pixels * Math.cos(angle),
@@ -363,11 +503,12 @@ class Plan {
       const history = scene.trail(id, frame.number, NEW_SCANS + 1);
       return history.length <= NEW_SCANS && history.length > 0 && confirmed >= history[0].stamp - 1e-6;
     };
-    const kind = (id) => (this.near.has(id) ? "error" : isNew(id) ? "new" : "track");
+    const kind = (id) => (this.stale ? "muted" : this.near.has(id) ? "error" : isNew(id) ? "new" : "track");
     const colours = new Map(frame.tracks.map((row) => [row[Row.ID], this.colour[kind(row[Row.ID])]]));
     if (layers.trails) for (const row of frame.tracks) this.drawTrail(frame, row, colours);
     if (layers.ellipses) for (const row of frame.tracks) this.drawEllipse(row, colours.get(row[Row.ID]));
-    if (layers.tracks) for (const row of frame.tracks) this.drawTrack(row, colours.get(row[Row.ID]));
+    const ship = scene.ownShip(frame);
+    if (layers.tracks) for (const row of frame.tracks) this.drawTrack(row, colours.get(row[Row.ID]), ship);
     this.drawNear(frame);
     if (this.selected !== null) this.drawSelected(frame);
     const signs = [...frame.tracks.map((row) => [row[Row.X], row[Row.Y]]), frame.own_ship];
@@ -383,7 +524,8 @@ class Plan {
     const { context, colour } = this;
     context.strokeStyle = colour.error;
     context.lineWidth = 2.5;
-    for (const row of frame.tracks.filter((one) => this.near.has(one[Row.ID]))) {
+    for (const row of frame.tracks) {
+      if (!this.near.has(row[Row.ID]) && !this.guarded.has(row[Row.ID])) continue;
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       context.strokeRect(x - NEAR_HALF, y - NEAR_HALF, 2 * NEAR_HALF, 2 * NEAR_HALF);
     }
@@ -397,19 +539,39 @@ class Plan {
     context.globalAlpha = row[Row.ID] === this.selected ? 1 : 0.55;
     context.lineWidth = row[Row.ID] === this.selected ? 2.5 : 1.5;
     context.lineJoin = "round";
+    if (this.pastEvery) {
+      this.drawDots(points, colours.get(row[Row.ID]));
+      return;
+    }
+    const places = points.map((point) => this.screen(point.x, point.y));
     for (const coasts of [false, true]) {
+      if (coasts && !points.some((point) => point.coasts)) continue;
       context.setLineDash(coasts ? DASHES : []);
       context.beginPath();
       points.forEach((point, place) => {
-        const before = points[place - 1], [x, y] = this.screen(point.x, point.y);
+        const before = points[place - 1];
         // No line where the track was withheld.
         const joined = before && before.order === point.order - 1 && point.coasts === coasts;
-        if (joined) context.lineTo(x, y);
-        else context.moveTo(x, y);
+        if (joined) context.lineTo(...places[place]);
+        else context.moveTo(...places[place]);
       });
       context.stroke();
     }
     context.setLineDash([]);
+    context.globalAlpha = 1;
+  }
+
+  /* Past positions at equal times, between those of the scans. */
+  drawDots(points, colour) {
+    const { context, pastEvery: every } = this;
+    context.fillStyle = colour;
+    context.globalAlpha = 0.8;
+    for (const [x, y] of equalTimes(points, every)) {
+      const [px, py] = this.screen(x, y);
+      context.beginPath();
+      context.arc(px, py, 2.2, 0, 2 * Math.PI);
+      context.fill();
+    }
     context.globalAlpha = 1;
   }
 
@@ -420,7 +582,7 @@ class Plan {
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.beginPath();
     context.ellipse(x, y, row[Row.MAJOR] * this.scale, row[Row.MINOR] * this.scale,
-      -row[Row.ANGLE], 0, 2 * Math.PI);
+      -row[Row.ANGLE] - this.turn, 0, 2 * Math.PI);
     context.globalAlpha = 0.14;
     context.fillStyle = context.strokeStyle = colour;
     if (coasts) context.setLineDash(DASHES); else context.fill();
@@ -431,19 +593,25 @@ class Plan {
     context.globalAlpha = 1;
   }
 
-  drawTrack(row, colour) {
+  /* The velocity of a vector: of a track, less own ship's where vectors are relative to it. */
+  vector(row, ship) {
+    const relative = this.relative && ship && ship[3] !== null;
+    return [row[Row.VX] - (relative ? ship[3] : 0), row[Row.VY] - (relative ? ship[4] : 0)];
+  }
+
+  drawTrack(row, colour, ship = null) {
     const { context } = this;
+    const [vx, vy] = this.vector(row, ship);
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
     const coasts = row[Row.SINCE_HIT] > 0;
     context.setLineDash(coasts ? DASHES : []);
-    this.arrow(x, y, ...this.screen(
-      row[Row.X] + row[Row.VX] * this.arrowTime, row[Row.Y] + row[Row.VY] * this.arrowTime));
+    this.arrow(x, y, ...this.screen(row[Row.X] + vx * this.arrowTime, row[Row.Y] + vy * this.arrowTime));
     context.setLineDash([]);
     context.beginPath();
     context.arc(x, y, 4, 0, 2 * Math.PI);
-    if (coasts) context.stroke(); else context.fill();
+    if (coasts || this.stale) context.stroke(); else context.fill();
   }
 
   drawSelected(frame) {
@@ -485,9 +653,9 @@ class Plan {
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
-      const label = `${row[Row.ID]}  ${speed(row[Row.VX], row[Row.VY])} m/s`;
+      const label = `${row[Row.ID]}  ${speedWords(row[Row.VX], row[Row.VY])}`;
       const width = context.measureText(label).width;
-      const side = row[Row.VY] > 0 ? 11 : -11; // first where the arrow is not
+      const side = turned(row[Row.VX], row[Row.VY], this.turn)[1] > 0 ? 11 : -11; // first where the arrow is not
       const middle = -0.5 * width;
       const place = [
         [9, side], [-9 - width, side], [9, -side], [-9 - width, -side], [middle, 2 * side], [middle, -2 * side],
@@ -524,15 +692,18 @@ class Plan {
       context.stroke();
     }
     context.setLineDash([]);
+    for (const target of scene.targets(frame.stamp)) this.drawTarget(...this.screen(...target));
+  }
+
+  drawTarget(x, y) {
+    const { context, colour } = this;
+    context.strokeStyle = colour.truth;
     context.lineWidth = 1.5;
-    for (const target of scene.targets(frame.stamp)) {
-      const [x, y] = this.screen(...target);
-      context.beginPath();
-      context.moveTo(x, y - 6); context.lineTo(x + 6, y);
-      context.lineTo(x, y + 6); context.lineTo(x - 6, y);
-      context.closePath();
-      context.stroke();
-    }
+    context.beginPath();
+    context.moveTo(x, y - 6); context.lineTo(x + 6, y);
+    context.lineTo(x, y + 6); context.lineTo(x - 6, y);
+    context.closePath();
+    context.stroke();
   }
 
   /* The own ship's way, as long as the trails. */
@@ -555,18 +726,23 @@ class Plan {
   drawOwnShip(frame) {
     if (!frame.own_ship) return;
     const { context, colour } = this;
-    const [x, y] = this.screen(frame.own_ship[0], frame.own_ship[1]);
-    const heading = frame.own_ship[2];
+    const [wx, wy, heading, vx, vy] = frame.own_ship;
+    const [x, y] = this.screen(wx, wy), known = typeof vx === "number" && !this.stale;
+    if (known && !this.relative && this.arrowTime) {
+      context.strokeStyle = context.fillStyle = colour.ship;
+      context.lineWidth = 2;
+      this.arrow(x, y, ...this.screen(wx + vx * this.arrowTime, wy + vy * this.arrowTime));
+    }
     context.save();
     context.translate(x, y);
-    context.fillStyle = colour.ship;
-    context.strokeStyle = colour.plot;
+    context.fillStyle = known ? colour.ship : colour.plot; // hollow where it was, while it is not known
+    context.strokeStyle = known ? colour.plot : colour.ship;
     context.lineWidth = 1.5;
     context.beginPath();
     if (heading === null) {
       context.arc(0, 0, 6, 0, 2 * Math.PI);
     } else {
-      context.rotate(-heading);
+      context.rotate(-heading - this.turn);
       context.moveTo(12, 0); context.lineTo(-7, 6.5); context.lineTo(-4, 0); context.lineTo(-7, -6.5);
     }
     context.closePath();
@@ -577,8 +753,11 @@ class Plan {
 
   drawScaleBar() {
     const { context, colour } = this;
-    const length = roundDown(Math.min(160, 0.3 * this.width) / this.scale);
-    const pixels = length * this.scale, x = 16, y = this.height - 18;
+    const most = Math.min(160, 0.3 * this.width) / this.scale;
+    const unit = units.nautical && most > LEAST_MILES * NAUTICAL_MILE ? NAUTICAL_MILE : 1;
+    const length = unit * roundDown(most / unit);
+    const { offsetLeft: left, offsetTop: top } = document.getElementById("zoom");
+    const pixels = length * this.scale, x = 16, y = (left < pixels + 40 ? top : this.height) - 18;
     context.strokeStyle = colour.text;
     context.fillStyle = colour.text;
     context.lineWidth = 2;
@@ -589,8 +768,7 @@ class Plan {
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "bottom";
-    const unit = length >= 1000 ? `${length / 1000} km` : `${Number(length.toPrecision(1))} m`;
-    this.text(unit, x + 4, y - 5);
+    this.text(roundDistance(length), x + 4, y - 5);
   }
 
   /* A north arrow, or the axes of a frame whose orientation is not known. */
@@ -601,17 +779,13 @@ class Plan {
     context.font = "600 13px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
-    if (north) {
-      const x = this.width - 30;
-      this.arrow(x, 58, x, 28);
-      this.text("N", x, 16);
-      return;
+    const x = this.width - 50, y = 54;
+    for (const [name, angle] of north ? [["N", Math.PI / 2]] : [["x", 0], ["y", Math.PI / 2]]) {
+      const [dx, dy] = turned(Math.cos(angle), Math.sin(angle), this.turn);
+      const begin = north ? -15 : 0;
+      this.arrow(x + begin * dx, y - begin * dy, x + (begin + 30) * dx, y - (begin + 30) * dy);
+      this.text(name, x + (begin + 41) * dx, y - (begin + 41) * dy);
     }
-    const x = this.width - 58, y = 56;
-    this.arrow(x, y, x + 30, y);
-    this.arrow(x, y, x, y - 30);
-    this.text("x", x + 40, y);
-    this.text("y", x, y - 40);
   }
 
   arrow(x, y, tipX, tipY) {
@@ -645,6 +819,10 @@ class Plan {
   /* The time whose way the arrows show: long enough to be seen, short enough not to cross. */
   chooseArrowTime(frame) {
     const speeds = frame.tracks.map((row) => Math.hypot(row[Row.VX], row[Row.VY])).sort((a, b) => a - b);
+    if (this.vectorTime) {
+      this.arrowTime = this.vectorTime;
+      return;
+    }
     const fast = speeds.length ? speeds[Math.floor(0.8 * (speeds.length - 1))] : 5;
     const wanted = 45 / Math.max(fast * this.scale, 1e-9);
     this.arrowTime = ARROW_TIMES.filter((time) => time <= wanted).pop() || ARROW_TIMES[0];
@@ -658,6 +836,8 @@ class Plan {
     sign.layers = {};
     sign.selected = null;
     sign.center = [0, 0];
+    sign.turn = 0;
+    sign.relative = sign.stale = false;
     sign.scale = 1;
     if (!sign.resize()) return;
     const { context, colour } = sign;
@@ -691,9 +871,13 @@ class Plan {
     } else if (layer === "fixed") {
       sign.drawFixed({ fixed: [[0, 0, 0]] });
     } else if (layer === "ownShip" || layer === "follow") {
-      sign.drawOwnShip({ own_ship: [0, 0, layer === "follow" ? null : 0] });
-    } else if (layer === "sector") {
-      context.strokeStyle = colour.accent;
+      sign.drawOwnShip({ own_ship: [0, 0, layer === "follow" ? null : 0, 0, 0] });
+    } else if (layer === "land") {
+      context.fillStyle = colour.land;
+      context.fillRect(3, 3, 20, 12);
+    } else if (layer === "sector" || layer === "zone") {
+      context.strokeStyle = layer === "zone" ? colour.error : colour.accent;
+      context.setLineDash(layer === "zone" ? [3, 2] : []);
       context.beginPath();
       context.moveTo(3, 16); context.arc(3, 16, 19, -1.2, -0.2); context.closePath();
       context.stroke();
@@ -704,9 +888,7 @@ class Plan {
         context.fillRect(4 + 5 * (k % 4), 1 + 5 * Math.floor(k / 4), 5, 5);
       }
     } else if (layer === "truth") {
-      context.strokeStyle = colour.truth;
-      context.lineWidth = 1.5;
-      context.strokeRect(9, 5, 8, 8);
+      sign.drawTarget(13, 9);
     } else {
       context.strokeStyle = colour.muted;
       context.beginPath();
@@ -714,6 +896,50 @@ class Plan {
       context.stroke();
     }
   }
+}
+
+/* A vector, turned counter-clockwise. */
+function turned(x, y, angle) {
+  const [cosine, sine] = [Math.cos(angle), Math.sin(angle)];
+  return [cosine * x - sine * y, sine * x + cosine * y];
+}
+
+/* Positions at multiples of a time, the newest first, where two points of a track, oldest first,
+   are neighbours. */
+function equalTimes(points, every) {
+  const found = [];
+  for (let k = points.length - 1; k > 0 && found.length < MAX_DOTS; k -= 1) {
+    const [from, to] = [points[k - 1], points[k]], span = to.stamp - from.stamp;
+    if (!(span > 0) || from.order !== to.order - 1) continue;
+    for (let time = every * Math.floor(to.stamp / every); time > from.stamp; time -= every) {
+      const share = (time - from.stamp) / span;
+      found.push([from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)]);
+    }
+  }
+  return found;
+}
+
+function cursorWords({ range, bearing }, north) {
+  return `EBL ${direction(Math.cos(bearing), Math.sin(bearing), north)}, VRM ${distance(range)}`;
+}
+
+/* Red, green and blue of a colour of the form #rrggbb. */
+function channels(colour) {
+  return [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+}
+
+/* Land as a picture with a pixel for each cell. */
+function landPicture({ width, bits }, colour) {
+  const bytes = Uint8Array.from(atob(bits), (sign) => sign.charCodeAt(0));
+  const picture = document.createElement("canvas");
+  picture.width = width;
+  picture.height = Math.floor(8 * bytes.length / width);
+  const data = new ImageData(picture.width, picture.height);
+  for (let k = 0; k < width * picture.height; k += 1) {
+    if ((bytes[k >> 3] >> (7 - k % 8)) & 1) data.data.set([...colour, 255], 4 * k);
+  }
+  picture.getContext("2d").putImageData(data, 0, 0);
+  return picture;
 }
 
 /* A colour between two of the form #rrggbb. */

@@ -18,7 +18,9 @@ class Scene {
     this.facts = {};
     this.truth = [];
     this.images = []; // {stamp, cell, side, levels}, by stamp; live the newest
-    this.health = null;
+    this.health = []; // of each node: {node, level, entries, heard, period}
+    this.land = null; // as the server says it, with its picture once it was drawn
+    this.northOf = ""; // the frame in which y is north, as own ship is known in it
     this.histories = new Map(); // id: [{number, order, stamp, x, y, ...}], by number
     this.span = null; // [min x, min y, max x, max y] of everything seen, m
   }
@@ -29,7 +31,8 @@ class Scene {
     if (message.info) this.info = message.info;
     if (message.truth) this.truth = message.truth;
     if (message.images) this.images = message.images.map(convertedImage);
-    if ("health" in message) this.health = message.health;
+    if (message.health) this.health = message.health;
+    if ("land" in message) this.land = message.land;
     if (message.facts) Object.assign(this.facts, message.facts);
     for (const frame of message.frames || []) this.take(converted(frame));
   }
@@ -38,6 +41,7 @@ class Scene {
     const last = this.frames[this.frames.length - 1];
     if (last && last.number === frame.number) this.frames.pop();
     this.frames.push(frame);
+    if (frame.own_ship) this.northOf = frame.frame_id;
     for (const row of frame.tracks) {
       let history = this.histories.get(row[Row.ID]);
       if (!history) this.histories.set(row[Row.ID], history = []);
@@ -75,14 +79,22 @@ class Scene {
     return history.slice(begin, end);
   }
 
-  /* Whether y is north: said by a recording; live where there is an own ship in the frame. */
+  /* Whether y is north: said by a recording; live where own ship moves in the frame, also while
+     nothing is known of it now. */
   north(frame) {
-    return this.info.north === undefined ? Boolean(frame && frame.own_ship) : this.info.north;
+    if (this.info.north !== undefined) return this.info.north;
+    const source = this.diagnostic("own ship", "source");
+    return Boolean(frame) && (source === "odometry" || source === "tf" || (this.northOf !== "" && this.northOf === frame.frame_id));
+  }
+
+  /* The entry of a task of the diagnostics, or undefined. */
+  entry(task) {
+    return this.health.flatMap((one) => one.entries).find((one) => one.task === task);
   }
 
   /* A value of the diagnostics, or undefined. */
   diagnostic(task, key) {
-    const entry = ((this.health && this.health.entries) || []).find((one) => one.task === task);
+    const entry = this.entry(task);
     return ((entry && entry.values.find(([name]) => name === key)) || [])[1];
   }
 
@@ -166,7 +178,7 @@ function converted(frame) {
     ...frame,
     own_ship: pose && [
       0.01 * pose[0], 0.01 * pose[1],
-      ...[pose[2], pose[3], pose[4]].map((value) => (typeof value === "number" ? 0.001 * value : null)),
+      ...pose.slice(2, 6).map((value) => (typeof value === "number" ? 0.001 * value : null)),
     ],
     detections: frame.detections.map((value) => 0.01 * value),
     potential: frame.potential.map(([x, y, vx, vy, evidence]) => [
@@ -175,54 +187,4 @@ function converted(frame) {
     tracks: frame.tracks.map(track),
     fixed: frame.fixed.map(track),
   };
-}
-
-/* ---- words and numbers ---- */
-
-const DATE = 1e8; // a larger stamp is a date, s since 1970
-
-function clock(stamp) {
-  if (stamp < DATE) return `${stamp.toFixed(1)} s`;
-  return `${new Date(1000 * stamp).toISOString().slice(11, 19)} UTC`;
-}
-
-function duration(seconds) {
-  if (!(seconds >= 0)) return "unknown";
-  if (seconds < 120) return `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`;
-  if (seconds < 7200) return `${(seconds / 60).toFixed(seconds < 600 ? 1 : 0)} min`;
-  return `${(seconds / 3600).toFixed(1)} h`;
-}
-
-/* A number of three digits or more, and at most two decimals. */
-function digits(value) {
-  const size = Math.abs(value);
-  return value.toFixed(size < 10 ? 2 : size < 100 ? 1 : 0);
-}
-
-function speed(vx, vy = 0) {
-  const size = Math.hypot(vx, vy);
-  return size.toFixed(size < 1 ? 2 : 1);
-}
-
-function distance(meters) {
-  if (meters >= 10000) return `${(meters / 1000).toFixed(1)} km`;
-  if (meters >= 1000) return `${(meters / 1000).toFixed(2)} km`;
-  return `${digits(meters)} m`;
-}
-
-/* A direction: clockwise from north where y is north, else from the x axis, counter-clockwise. */
-function direction(dx, dy, north) {
-  const degrees = (north ? Math.atan2(dx, dy) : Math.atan2(dy, dx)) * 180 / Math.PI;
-  return `${String(Math.round((degrees + 360) % 360) % 360).padStart(3, "0")}°`;
-}
-
-function plural(number, word) {
-  return `${number} ${word}${number === 1 ? "" : "s"}`;
-}
-
-/* The largest of 1, 2 and 5 times a power of ten that is at most a number. */
-function roundDown(value) {
-  const power = 10 ** Math.floor(Math.log10(value));
-  const step = [5, 2, 1].find((factor) => factor * power <= value * (1 + 1e-9)) || 1;
-  return step * power;
 }

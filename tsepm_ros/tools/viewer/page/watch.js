@@ -1,6 +1,6 @@
 "use strict";
 
-/* Where the frames come from, the time that is shown, and the controls. */
+/* Where the frames come from, and the time that is shown. */
 
 const byId = (id) => document.getElementById(id);
 
@@ -13,26 +13,37 @@ const selectedPanel = new SelectedPanel(byId("selected"), plan, () => select(nul
 
 const alarm = new Alarm();
 plan.near = trackList.near = alarm.near;
-let audio = null; // made when the user turns the sound on
 
+const DRAW_PERIOD = 200; // ms between drawings of what comes; what the user does is drawn at once
 const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
 const IMAGE_PERIOD = 500; // ms between questions for a sonar image
 const RETRY_PERIODS = [500, 1000, 2000, 5000]; // ms
-const LATE = 5000; // ms, at least, after which missing diagnostics are stale
+const LATE = 5000; // ms, at least, after which missing data or diagnostics are stale
+const LATE_INTERVALS = 3; // the same in intervals of what is missing
+const LAST_INTERVALS = 9; // of which the median is taken
+const SAID_PERIOD = 5000; // ms, at least, between changes of what is said to a screen reader
+const OWN_SHIP_AGE = 5; // s, after which own ship is not known
 
 const page = {
   index: 0, // the frame that is shown
   playing: source === "live", // live: follow the newest frame
   connected: source !== "live",
   failure: "",
-  heard: 0, // when the last frame arrived, ms
-  healthHeard: 0,
-  healthPeriod: 0, // between the last two diagnostics, ms
-  drawn: false,
-  panels: 0,
+  offset: 0, // ms, of the clock here to that of the server
+  elapsed: 0, // s since the data, if it has stopped, else 0
+  socket: null,
+  drawn: false, // whether a drawing is due
+  soon: 0, // timer of the next drawing of what came
+  drew: 0, // when it was drawn last, ms
+  panels: 0, // when the panels were renewed, ms
+  later: 0, // timer of their next renewal
   watched: null, // the frame that the alarm has seen last
+  sounded: new Set(), // keys of alarms that have sounded
+  audio: null, // made when the user turns the sound on
   theme: "light", // by day
-  measuring: false,
+  orientation: kept("orientation", null),
+  tool: null, // what dragging does: "measure", "cursor", or it moves the view
+  byPointer: false, // whether the focus was moved by a pointer
   cursor: null, // where the pointer is on the plan, px
   fitted: "", // what the view of a recording was chosen for
 };
@@ -44,17 +55,36 @@ function redraw() {
   page.drawn = true;
   requestAnimationFrame(() => {
     page.drawn = false;
+    page.drew = performance.now();
     const { frames } = scene;
     if (page.playing && source === "live") page.index = frames.length - 1;
     page.index = Math.min(Math.max(page.index, 0), Math.max(frames.length - 1, 0));
+    const frame = frames[page.index];
+    plan.orientation = page.orientation || (scene.north(frame) ? "north" : "head");
+    plan.resize();
+    plan.orient(frame);
     if (!plan.moved && !plan.layers.follow && frames.length) fit();
-    if (source !== "live") watchApproaches(frames[page.index]);
+    if (source !== "live") watchAlarms(frame);
+    plan.guarded = new Set(alarm.raised().filter(({ kind }) => kind === "zone").map(({ id }) => id));
+    plan.lost = alarm.raised().filter(({ kind }) => kind === "lost").map(({ id, x, y }) => [id, x, y]);
     plan.draw(page.index);
     showTime();
     showCursor();
+    showView();
+    showOwnShip(frame);
     const now = performance.now();
     if (now - page.panels > PANEL_PERIOD || !page.playing) showPanels();
+    else if (!page.later) page.later = setTimeout(showPanels, PANEL_PERIOD);
   });
+}
+
+/* Draw what came, but not more often than can be watched. */
+function redrawSoon() {
+  if (page.soon) return;
+  page.soon = setTimeout(() => {
+    page.soon = 0;
+    redraw();
+  }, Math.max(DRAW_PERIOD - (performance.now() - page.drew), 0));
 }
 
 /* Choose the view, until the user does: of a recording all of it, once; live what is shown, if it
@@ -66,7 +96,7 @@ function fit() {
     if (!plan.suits(box)) plan.fit(box);
     return;
   }
-  const size = `${frames.length} ${plan.canvas.clientWidth} ${plan.canvas.clientHeight}`;
+  const size = `${frames.length} ${plan.canvas.clientWidth} ${plan.canvas.clientHeight} ${plan.orientation}`;
   if (page.fitted === size) return;
   page.fitted = size;
   const step = Math.ceil(frames.length / 400);
@@ -77,16 +107,16 @@ function showTime() {
   const { frames } = scene;
   const frame = frames[page.index];
   const slider = byId("slider");
-  slider.max = Math.max(frames.length - 1, 0);
-  slider.value = page.index;
-  slider.disabled = frames.length < 2;
-  byId("back").disabled = page.index <= 0;
-  byId("forward").disabled = page.index >= frames.length - 1;
+  change(slider, { max: String(Math.max(frames.length - 1, 0)), disabled: frames.length < 2 });
+  change(slider, { value: String(page.index) });
+  change(byId("back"), { disabled: page.index <= 0 });
+  change(byId("forward"), { disabled: page.index >= frames.length - 1 });
   byId("clock").textContent = frame
     ? `${clock(frame.stamp)} · scan ${source === "live" ? frame.number : `${page.index + 1} of ${frames.length}`}`
     : "";
   slider.setAttribute("aria-valuetext", byId("clock").textContent);
-  byId("play").textContent = page.playing ? "Pause" : source === "live" ? "Live" : "Play";
+  const play = page.playing ? "Pause" : source === "live" ? "Live" : "Play";
+  change(byId("play"), { textContent: play });
   const counts = frame
     ? [plural(frame.tracks.length, "track"), plural(frame.detections.length / 2, "detection"),
       plural(frame.potential.length, "potential track")].join(", ")
@@ -96,18 +126,33 @@ function showTime() {
 
 function showPanels() {
   page.panels = performance.now();
+  clearTimeout(page.later);
+  page.later = 0;
+  watchData();
+  if (page.playing && source === "live") page.index = Math.max(scene.frames.length - 1, 0);
   const frame = scene.frames[page.index];
-  document.title = byId("title").textContent = scene.info.title || document.title;
-  const late = silence(page.healthHeard) > Math.max(LATE, 3 * page.healthPeriod);
-  healthPanel.show(scene.health, source === "live" && late);
-  trackList.show(frame, scene, plan.selected);
-  selectedPanel.show(plan.selected, frame, scene);
-  byId("arrows").textContent = `Arrows show the way of ${duration(plan.arrowTime)}.${noOwnShip(frame)}`;
+  const elapsed = page.index === scene.frames.length - 1 ? page.elapsed : 0;
+  change(document, { title: scene.info.title || document.title });
+  change(byId("title"), { textContent: document.title });
+  healthPanel.show(scene.health, ({ heard, period }) =>
+    source === "live" && serverTime() - heard > Math.max(LATE, LATE_INTERVALS * period));
+  trackList.show(frame, scene, plan.selected, elapsed);
+  selectedPanel.show(plan.selected, frame, scene, elapsed);
   byId("save-csv").disabled = byId("save-geojson").disabled = !scene.histories.size;
   byId("save-geojson").hidden = !scene.info.geographic;
   showAlarm();
   showState();
   showLayers(frame);
+  say(byId("said"), [byId("state").textContent.replace(/ for .*/, ""), byId("alarm-chip").textContent,
+    byId("health-chip").textContent, plan.selected === null ? "" : `Track ${plan.selected}`].filter(Boolean).join(". "));
+}
+
+/* Tell a screen reader what has changed, now and then. */
+function say(region, words) {
+  const now = performance.now();
+  if (region.textContent === words || now - (region.said || -Infinity) < SAID_PERIOD) return;
+  region.said = now;
+  region.textContent = words;
 }
 
 /* Range and bearing of the pointer from own ship, and its position. */
@@ -122,70 +167,89 @@ function showCursor() {
   ].filter(Boolean).join(" · ");
 }
 
-/* ---- alarm ---- */
+/* ---- data and alarms ---- */
 
-/* Take a frame once; one that goes back in a recording begins the approaches anew. */
-function watchApproaches(frame) {
+const serverTime = () => performance.now() - page.offset;
+
+/* Time since the newest frame of a live page came, and from which on that is too long, ms. */
+function silence() {
+  const arrivals = scene.frames.slice(-LAST_INTERVALS - 1).map(({ arrived }) => arrived);
+  const intervals = arrivals.slice(1).map((one, k) => one - arrivals[k]).sort((one, other) => one - other);
+  const known = 1000 * Number(scene.diagnostic("detections", "scan_interval_s"));
+  const interval = intervals.length ? intervals[Math.floor(intervals.length / 2)] : known || 0;
+  return [serverTime() - arrivals[arrivals.length - 1], Math.max(LATE, LATE_INTERVALS * interval)];
+}
+
+/* Whether data comes: what is shown is stale if not. */
+function watchData() {
+  if (source !== "live" || !scene.frames.length) return;
+  const [since, most] = silence();
+  page.elapsed = since > most ? since / 1000 : 0;
+  alarm.watchData(scene.frames[scene.frames.length - 1], since > most, since / 1000);
+  if (plan.stale !== since > most) {
+    plan.stale = since > most;
+    redraw();
+  }
+}
+
+/* Take a frame once; one that goes back in a recording begins the alarms anew. */
+function watchAlarms(frame) {
   if (!frame || frame === page.watched) return;
   if (source !== "live" && page.watched && frame.number < page.watched.number) alarm.clear();
   page.watched = frame;
-  if (!alarm.update(frame, scene)) return;
-  if (byId("sound").checked && audio) sound(audio);
-  showPanels();
+  alarm.update(frame, scene);
+}
+
+/* The lost tracks are kept in this browser, as the frames of then may be no more after a reload. */
+function keepAlarms() {
+  const lost = [...alarm.known.values()].filter(({ kind }) => kind === "lost");
+  const text = JSON.stringify(lost);
+  if (source !== "live" || !scene.info.begun || text === page.kept) return;
+  page.kept = text;
+  keep("lost", { begun: scene.info.begun, lost });
+}
+
+function restoreAlarms({ begun, lost }) {
+  if (begun !== scene.info.begun) return;
+  for (const one of lost) {
+    if (!alarm.held.has(one.id) && alarm.isRaised(one)) alarm.known.set(one.key, one);
+  }
+}
+
+function soundAlarms() {
+  if (alarm.raised().length && byId("sound").checked && page.audio) sound(page.audio);
 }
 
 function showAlarm() {
-  const words = page.watched ? alarm.words(page.watched, scene) : [];
-  if (byId("alarm-words").textContent !== `Closest approach: ${words.join(" · ")}`) {
-    const parts = words.map((one) => element("span", { textContent: one }));
-    byId("alarm-words").replaceChildren("Closest approach: ", ...parts.flatMap((one) => [" · ", one]).slice(1));
+  const raised = alarm.raised();
+  const words = raised.length && page.watched ? alarm.words(page.watched, scene, page.elapsed) : [];
+  const text = words.map((parts) => parts.join("")).join(" · ");
+  if (byId("alarm-words").textContent !== text) {
+    const parts = words.map((one) => element("span", { textContent: one.join("") }));
+    byId("alarm-words").replaceChildren(
+      ...parts.flatMap((one) => [element("i", { textContent: " · " }), one]).slice(1));
   }
   byId("alarm").hidden = !words.length;
-  const [state, kind] = alarm.state(page.watched, scene, page.connected);
-  byId("alarm-chip").textContent = state;
-  byId("alarm-chip").className = `chip ${kind}`;
+  const keys = raised.map(({ key, number }) => `${key} ${number}`);
+  if (keys.some((key) => !page.sounded.has(key))) soundAlarms();
+  page.sounded = new Set(keys);
+  say(byId("warned"), raised.map(({ kind, id }) =>
+    (kind === "data" ? "No data" : `${{ cpa: "Closest approach", zone: "Guard zone", lost: "Lost" }[kind]}: track ${id}`)).join(". "));
+  const hasData = source !== "live" || (page.connected && !page.elapsed);
+  const [state, kind] = alarm.state(page.watched, scene, hasData);
+  change(byId("alarm-chip"), { textContent: state, className: `chip ${kind}` });
+  keepAlarms();
 }
-
-function setAlarm() {
-  alarm.limit = Number(byId("limit").value);
-  alarm.horizon = 60 * Number(byId("horizon").value);
-  alarm.clear();
-  page.watched = null;
-  redraw();
-  watchApproaches(source === "live" ? scene.frames[scene.frames.length - 1] : scene.frames[page.index]);
-  showPanels();
-}
-
-function setSound() {
-  if (byId("sound").checked) {
-    audio = audio || new AudioContext();
-    audio.resume();
-    sound(audio);
-  }
-}
-
-/* Why no own ship is drawn; empty if it is, or if the diagnostics have not said it yet. */
-function noOwnShip(frame) {
-  if (!frame || frame.own_ship) return "";
-  const entry = ((scene.health && scene.health.entries) || []).find(({ task }) => task === "own ship");
-  if (!entry) return "";
-  const tf = entry.values.some(([key, value]) => key === "source" && value === "tf");
-  return ` No own ship is drawn: ${tf ? "this page does not read tf" : entry.message}.`;
-}
-
-const silence = (since) => performance.now() - since;
 
 function showState() {
   let [words, kind] = ["Recording", "stale"];
   if (source === "live") {
     [words, kind] = page.playing ? ["Live", "ok"] : ["Paused", "warn"];
-    const quiet = silence(page.heard) / 1000;
-    if (!page.connected) [words, kind] = ["Not connected", "error"];
+    if (page.elapsed) [words, kind] = [`No data for ${wholeSeconds(page.elapsed)}`, "error"];
+    else if (!page.connected) [words, kind] = ["Not connected", "error"];
     else if (!scene.frames.length) [words, kind] = ["Waiting", "stale"];
-    else if (page.playing && quiet > 3) words = `Live, last scan ${duration(Math.floor(quiet))} ago`;
   }
-  byId("state").textContent = words;
-  byId("state").className = `chip ${kind}`;
+  change(byId("state"), { textContent: words, className: `chip ${kind}` });
   let notice = page.failure;
   if (source === "live" && !page.connected) {
     notice = "The viewer does not answer. The page connects again as soon as it runs.";
@@ -194,8 +258,7 @@ function showState() {
       ? waiting(scene.info)
       : "No scan was processed. Health says why.";
   }
-  byId("notice").textContent = notice;
-  byId("notice").hidden = !notice || (scene.frames.length > 0 && page.connected);
+  change(byId("notice"), { textContent: notice, hidden: !notice || (scene.frames.length > 0 && page.connected) });
 }
 
 function waiting({ topic, published }) {
@@ -208,6 +271,7 @@ function showLayers(frame) {
   const has = {
     truth: scene.truth.length > 0,
     sector: Boolean(scene.sector() && scene.ownShip(frame)),
+    zone: plan.zone !== null, land: scene.land !== null,
     image: source === "live" || scene.images.length > 0,
     ownShip: Boolean(frame && frame.own_ship), follow: Boolean(frame && frame.own_ship),
   };
@@ -216,6 +280,7 @@ function showLayers(frame) {
     item.hidden = has[name] === false;
     byId(`layer-${name}`).checked = plan.layers[name];
   }
+  byId("look").hidden = !has.image || !plan.layers.image;
 }
 
 /* ---- time ---- */
@@ -268,153 +333,6 @@ function select(id) {
   showPanels();
 }
 
-/* ---- controls ---- */
-
-function connectControls() {
-  byId("play").addEventListener("click", () => setPlaying(!page.playing));
-  byId("back").addEventListener("click", () => move(-1));
-  byId("forward").addEventListener("click", () => move(1));
-  byId("slider").addEventListener("input", (event) => {
-    page.playing = false;
-    show(Number(event.target.value));
-  });
-  byId("speed").addEventListener("change", step);
-  byId("speed-label").hidden = source === "live";
-  byId("zoom-in").addEventListener("click", () => { plan.zoom(1.5); redraw(); });
-  byId("zoom-out").addEventListener("click", () => { plan.zoom(1 / 1.5); redraw(); });
-  byId("fit").addEventListener("click", showAll);
-  byId("fading").addEventListener("change", (event) => { plan.fading = Number(event.target.value); redraw(); });
-  byId("trailing").addEventListener("change", (event) => { plan.trailing = Number(event.target.value); redraw(); });
-  byId("theme").addEventListener("click", () => setTheme(page.theme === "dark" ? "light" : "dark"));
-  byId("night").addEventListener("click", () => {
-    setTheme(document.documentElement.dataset.theme === "night" ? page.theme : "night");
-  });
-  byId("measure").addEventListener("click", () => setMeasuring(!page.measuring));
-  for (const id of ["limit", "horizon"]) byId(id).addEventListener("change", setAlarm);
-  byId("sound").addEventListener("change", setSound);
-  byId("alarm-chip").addEventListener("click", () => {
-    byId("approach").open = true;
-    byId("limit").focus();
-  });
-  byId("acknowledge").addEventListener("click", () => { alarm.raised.clear(); showPanels(); });
-  byId("save-csv").addEventListener("click", () => save("csv", "text/csv", tracksAsCsv));
-  byId("save-geojson").addEventListener("click", () => {
-    save("geojson", "application/geo+json", tracksAsGeoJson);
-  });
-  const layers = byId("layers");
-  for (const [name, words] of LAYERS) {
-    const box = element("input", { type: "checkbox", id: `layer-${name}`, checked: plan.layers[name] });
-    box.addEventListener("change", () => { plan.layers[name] = box.checked; redraw(); });
-    const sign = element("canvas");
-    sign.setAttribute("aria-hidden", "true");
-    sign.dataset.layer = name;
-    layers.append(element("li", {}, [element("label", {}, [box, sign, element("span", { textContent: words })])]));
-  }
-  new ResizeObserver(redraw).observe(byId("plot"));
-  document.addEventListener("keydown", onKey);
-  connectPointers();
-}
-
-function save(ending, type, text) {
-  const frame = scene.frames[page.index];
-  if (frame) download(`tracks.${ending}`, type, text(scene, frame.number));
-}
-
-function setMeasuring(on) {
-  page.measuring = on;
-  plan.ruler = null;
-  byId("measure").setAttribute("aria-pressed", String(on));
-  plan.canvas.classList.toggle("measuring", on);
-  redraw();
-}
-
-function showAll() {
-  plan.moved = false;
-  page.fitted = "";
-  plan.fittedBox = null;
-  plan.layers.follow = false;
-  redraw();
-  showPanels();
-}
-
-function onKey(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (/^(INPUT|SELECT|BUTTON|SUMMARY)$/.test(event.target.tagName) && event.key !== "Escape") return;
-  const keys = {
-    " ": () => setPlaying(!page.playing),
-    ArrowLeft: () => move(-1),
-    ArrowRight: () => move(1),
-    "+": () => { plan.zoom(1.5); redraw(); },
-    "-": () => { plan.zoom(1 / 1.5); redraw(); },
-    f: showAll,
-    F: showAll,
-    m: () => setMeasuring(!page.measuring),
-    M: () => setMeasuring(!page.measuring),
-    Escape: () => { setMeasuring(false); select(null); },
-  };
-  if (keys[event.key]) {
-    event.preventDefault();
-    keys[event.key]();
-  }
-}
-
-/* Drag to pan, or to measure, wheel or two fingers to zoom, click to select. */
-function connectPointers() {
-  const { canvas } = plan;
-  const pointers = new Map();
-  let travelled = 0, begin = null;
-  const place = (event) => {
-    const box = canvas.getBoundingClientRect();
-    return [event.clientX - box.left, event.clientY - box.top];
-  };
-  canvas.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
-    canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, place(event));
-    if (pointers.size === 1) travelled = 0;
-    begin = plan.world(...place(event));
-    canvas.classList.add("dragging");
-  });
-  canvas.addEventListener("pointerleave", () => { page.cursor = null; showCursor(); });
-  canvas.addEventListener("pointermove", (event) => {
-    page.cursor = place(event);
-    showCursor();
-    const before = pointers.get(event.pointerId);
-    if (!before) return;
-    const now = place(event);
-    const others = [...pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
-    pointers.set(event.pointerId, now);
-    travelled += Math.hypot(now[0] - before[0], now[1] - before[1]);
-    if (travelled < 5) return; // a click, not a drag
-    if (others.length) {
-      const [other] = others;
-      const apart = (at) => Math.max(Math.hypot(at[0] - other[0], at[1] - other[1]), 10);
-      plan.zoom(apart(now) / apart(before), 0.5 * (now[0] + other[0]), 0.5 * (now[1] + other[1]));
-      plan.pan(0.5 * (now[0] - before[0]), 0.5 * (now[1] - before[1]));
-    } else if (page.measuring) {
-      plan.ruler = [begin, plan.world(...now)];
-    } else {
-      plan.pan(now[0] - before[0], now[1] - before[1]);
-    }
-    redraw();
-  });
-  const end = (event) => {
-    if (!pointers.delete(event.pointerId)) return;
-    if (!pointers.size) canvas.classList.remove("dragging");
-    if (event.type === "pointerup" && !pointers.size && travelled < 5) {
-      select(plan.pick(scene.frames[page.index], ...place(event)));
-    }
-  };
-  canvas.addEventListener("pointerup", end);
-  canvas.addEventListener("pointercancel", end);
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    const lines = event.deltaMode === 1 ? 30 : 1;
-    plan.zoom(Math.exp(-0.0015 * lines * event.deltaY), ...place(event));
-    redraw();
-  }, { passive: false });
-}
-
 /* "light" or "dark" by day, or "night". */
 function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
@@ -430,16 +348,37 @@ function setTheme(theme) {
 /* ---- sources ---- */
 
 function take(message) {
-  const removed = scene.removed;
+  const removed = scene.removed, lost = message.all ? kept("lost", {}) : null;
   scene.merge(message);
   page.index -= Math.max(scene.removed - removed, 0); // the same frame is shown while paused
-  if (message.frames && message.frames.length) page.heard = performance.now();
-  if (source === "live") watchApproaches(scene.frames[scene.frames.length - 1]);
-  if (message.health) {
-    page.healthPeriod = page.healthHeard ? silence(page.healthHeard) : 0;
-    page.healthHeard = performance.now();
+  if (message.all && source === "live") {
+    page.offset = performance.now() - message.now;
+    alarm.renew();
   }
-  redraw();
+  if (message.info) takeInfo(message.info);
+  if (source === "live") {
+    for (const { number } of message.frames || []) {
+      watchAlarms(scene.frames.findLast((one) => one.number === number));
+    }
+    if (lost) restoreAlarms(lost);
+    watchData();
+  }
+  redrawSoon();
+}
+
+/* Take what all browsers share: the alarms' limits, and which alarms were acknowledged. */
+function takeInfo({ alarm: limits, acknowledged }) {
+  alarm.acknowledged = { ...acknowledged };
+  if (limits && JSON.stringify(limits) !== page.limits) {
+    page.limits = JSON.stringify(limits);
+    setAlarm(limits);
+  }
+  showLimits();
+}
+
+/* Ask the server of a live page for something. */
+function ask(content) {
+  if (page.connected) page.socket.send(JSON.stringify(content));
 }
 
 /* Ask for the newest sonar image, while it is shown. */
@@ -448,14 +387,14 @@ async function askImage() {
   const image = await fetch("image").then((answer) => answer.json()).catch(() => null);
   if (!image || !page.playing) return;
   scene.merge({ images: [image] });
-  redraw();
+  redrawSoon();
 }
 
 let failures = 0;
 
 function follow() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  const socket = new WebSocket(`${scheme}//${location.host}/updates`);
+  const socket = page.socket = new WebSocket(`${scheme}//${location.host}/updates`);
   socket.addEventListener("message", (event) => {
     failures = 0;
     take(JSON.parse(event.data));
@@ -499,6 +438,7 @@ function begin() {
   });
   setTheme(dark.matches ? "dark" : "light");
   setInterval(showPanels, 1000);
+  setInterval(soundAlarms, SOUND_PERIOD);
   if (source === "live") {
     follow();
     setInterval(askImage, IMAGE_PERIOD);

@@ -1,0 +1,400 @@
+"""Branches of confirmed tracks: which detections are the target's, as far as that is open.
+
+A confirmed track is a few hypotheses, as a tentative track is (track splitting with existence:
+Musicki, La Scala, Evans, "Integrated track splitting filter", IEEE Trans. Aerosp. Electron. Syst.
+43(4), 2007). With w the weight of a branch, L and b as in `data_association` for it, a scan goes
+through::
+
+    split         by the detections in its gate that are assigned to the track, or to none
+    evaluate      hit: w L;  miss: w b
+    prune         the `MOST_BRANCHES` best that are above `RELATIVE_WEIGHT` of the best
+
+and the sum of what is left is the likelihood ratio Lambda of the scan. Each branch has the modes of
+`motion.InteractingModels`, weighted by their likelihoods (Musicki, Suvorova, "Tracking in clutter
+using IMM-IPDA-based algorithms", IEEE Trans. Aerosp. Electron. Syst. 44(1), 2008), and the chain
+of seen and faded of `evaluation`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, array_log_sums, changed
+from tsepm_ros.numerics.gaussian import gaussian_mixture
+from tsepm_ros.tracker import motion, splitting
+from tsepm_ros.tracker.evaluation import (
+    FADED_AT_START,
+    fading_after_hit,
+    fading_after_miss,
+    fading_predicted,
+    visible_share,
+)
+from tsepm_ros.tracker.hypotheses import ExpectedDetections, States
+from tsepm_ros.tracker.maintenance.data_association import Pairs
+from tsepm_ros.tracker.maintenance.stationary import StraightFits
+from tsepm_ros.tracker.motion import InteractingModels
+from tsepm_ros.tracker.options import GATE_PROBABILITY
+from tsepm_ros.tracker.sensor import SensorModel
+
+MOST_BRANCHES = 4
+"""Branches of a track: a choice."""
+RELATIVE_WEIGHT = -7.0
+"""Logarithm of the part of the best weight below which a branch is pruned: a choice."""
+
+
+@dataclass(frozen=True, eq=False)
+class Branches(Rows):
+    """The branches of n tracks, the best first.
+
+    Attributes
+    ----------
+    log_weight : (n, b) ndarray
+        Of sum 1 in each row; -inf where there is no branch.
+    faded : (n, b) ndarray
+        Probability that the target has faded.
+    models : InteractingModels
+        (n, b) of two modes.
+    """
+
+    log_weight: FloatArray
+    faded: FloatArray
+    models: InteractingModels
+
+    @classmethod
+    def from_states(cls, state: FloatArray, covariance: FloatArray) -> Branches:
+        """A branch each, with states (n, 4) and covariances (n, 4, 4)."""
+        models = InteractingModels.from_states(state, covariance)
+        weight = np.full((len(state), MOST_BRANCHES), -np.inf)
+        weight[:, 0] = 0.0
+        shape = len(state), MOST_BRANCHES
+        return cls(
+            weight,
+            np.full(shape, FADED_AT_START),
+            InteractingModels(
+                *(
+                    np.broadcast_to(values[:, None], (*shape, *values.shape[1:]))
+                    for values in (models.probability, models.state, models.covariance)
+                )
+            ),
+        )
+
+    def combined(self) -> tuple[FloatArray, FloatArray]:
+        """Mean (n, 4) and covariance (n, 4, 4) over branches and modes."""
+        n, modes = len(self), 2 * MOST_BRANCHES
+        weight = np.exp(self.log_weight)[..., None] * self.models.probability
+        return gaussian_mixture(
+            weight.reshape(n, modes).T,
+            self.models.state.reshape(n, modes, 4).swapaxes(0, 1),
+            self.models.covariance.reshape(n, modes, 4, 4).swapaxes(0, 1),
+        )
+
+    def predicted(
+        self, elapsed: FloatArray, max_speed: float, process_noise: float, counts: BoolArray
+    ) -> Branches:
+        """The branches after times (n,), s; targets fade where the next scan counts (n,)."""
+        track, place = self.places
+        before = InteractingModels(*(values[track, place] for values in vars(self.models).values()))
+        after = before.predicted(elapsed[track], max_speed, process_noise)
+        faded = np.where(counts[:, None], fading_predicted(self.faded), self.faded)
+        return changed(self.with_models(track, place, after), faded=faded)
+
+    def with_models(self, track: IntArray, place: IntArray, models: InteractingModels) -> Branches:
+        """The branches with other models (k,) in some places."""
+        columns = {name: values.copy() for name, values in vars(self.models).items()}
+        for name, values in vars(models).items():
+            columns[name][track, place] = values
+        return changed(self, models=InteractingModels(**columns))
+
+    @property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Track and place of each branch, (m,) each."""
+        track, place = np.nonzero(self.log_weight > -np.inf)
+        return track, place
+
+
+class Gated(NamedTuple):
+    """Detections in the gates of the branches and the straight fits of n tracks.
+
+    Attributes
+    ----------
+    track, place : (m,) ndarray of int
+        Of each branch.
+    expected : ExpectedDetections
+        Of the modes of all branches, then of the fits: (2 m + n).
+    parent, row : (q,) ndarray of int
+        Rows of these, and detection, of each pair.
+    likelihood : (q,) ndarray
+        N(z; H x, S), 1/m^2, times that of a range rate, s/m.
+    """
+
+    track: IntArray
+    place: IntArray
+    expected: ExpectedDetections
+    parent: IntArray
+    row: IntArray
+    likelihood: FloatArray
+
+    def innovations(self, track: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Those of pairs (p,) of a track and a detection, and their covariances.
+
+        Of the best branch, between turns.
+        """
+        best = np.searchsorted(self.track, track)
+        return self.expected.innovations(2 * best, row)
+
+    @property
+    def of_fits(self) -> BoolArray:
+        """Which pairs (q,) are of a straight fit."""
+        return np.asarray(self.parent >= 2 * len(self.track))
+
+    @property
+    def track_of_pair(self) -> IntArray:
+        """Track of each pair, (q,)."""
+        fits = np.arange(len(self.expected.hypotheses) - 2 * len(self.track))
+        return np.append(self.track.repeat(2), fits)[self.parent]
+
+    def weights(self, branches: Branches) -> FloatArray:
+        """Weight of the branch and mode of each pair, (q,); 1 for a straight fit."""
+        weight = np.exp(branches.log_weight[self.track, self.place])[:, None]
+        weight = weight * branches.models.probability[self.track, self.place]
+        number = len(self.expected.hypotheses) - weight.size
+        return np.append(weight, np.ones(number))[self.parent]
+
+
+def gate(
+    branches: Branches,
+    fits: StraightFits,
+    stamp: float,
+    detections: NDArray[np.void],
+    sensor: SensorModel,
+) -> Gated:
+    """Gate a scan's detections, as for a tentative track.
+
+    Parameters
+    ----------
+    branches : Branches
+        Of n tracks, predicted to the scan.
+    fits : StraightFits
+    stamp : float
+        s.
+    detections : (d,) ndarray of DETECTION
+    sensor : SensorModel
+    """
+    track, place = branches.places
+    models = branches.models
+    states = States(
+        np.concatenate([models.state[track, place].reshape(-1, 4), fits.state]),
+        np.concatenate([models.covariance[track, place].reshape(-1, 4, 4), fits.covariance]),
+    )
+    expected = ExpectedDetections.from_hypotheses(states, stamp, detections, sensor)
+    parent, row, _ = splitting.split(expected, GATE_PROBABILITY)
+    likelihood = np.exp(expected.log_likelihood(parent, row, GATE_PROBABILITY))
+    inside = np.flatnonzero(likelihood > 0.0)
+    return Gated(track, place, expected, parent[inside], row[inside], likelihood[inside])
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """Likelihood ratios of a scan for the branches of n tracks.
+
+    Attributes
+    ----------
+    gated : Gated
+    detectable : (m,) ndarray
+        P_D of the target of each branch.
+    branch, row : (p,) ndarray of int
+        Pairs of a branch and a detection.
+    of_modes : (p, 2) ndarray
+        mu_m L of each mode of a pair.
+    fit : Pairs
+        Tracks whose straight fit has detections in its gate.
+    """
+
+    gated: Gated
+    detectable: FloatArray
+    branch: IntArray
+    row: IntArray
+    of_modes: FloatArray
+    fit: Pairs
+
+    @property
+    def ratio(self) -> FloatArray:
+        """L of each pair, (p,)."""
+        return self.of_modes.sum(axis=1)
+
+    @property
+    def empty(self) -> FloatArray:
+        """B of each branch, (m,)."""
+        return 1.0 - self.detectable * GATE_PROBABILITY
+
+    def of_tracks(self, branches: Branches, number: int) -> tuple[FloatArray, Pairs]:
+        """b_i (n,), and the pairs of tracks and a number of detections, over their branches."""
+        track, place = self.gated.track, self.gated.place
+        weight = np.exp(branches.log_weight[track, place])
+        empty = np.bincount(track, weight * self.empty, minlength=len(branches)).astype(float)
+        key = track[self.branch] * number + self.row
+        key, index = np.unique(key, return_inverse=True)
+        ratio = np.bincount(index, weight[self.branch] * self.ratio, minlength=len(key))
+        return empty, Pairs(*np.divmod(key, max(number, 1)), ratio.astype(float))
+
+
+def evaluate(
+    branches: Branches,
+    gated: Gated,
+    detectable: FloatArray,
+    detection_probability: float,
+    clutter: FloatArray,
+) -> Evaluated:
+    """Evaluate the branches of n tracks by the detections in their gates.
+
+    Parameters
+    ----------
+    branches : Branches
+    gated : Gated
+    detectable : (n,) ndarray
+        P_D of a seen target in each track's place.
+    detection_probability : float
+        P_D where there is a detection, wherever the data sheet ends the coverage.
+    clutter : (d,) ndarray
+        lambda, 1/m^2.
+    """
+    track, place, _, parent, row, likelihood = gated
+    visible = visible_share(branches.faded[track, place])
+    ratio = likelihood * detection_probability / clutter[row]
+    m = len(track)
+    of_branch = np.searchsorted(parent, 2 * m)  # the fits come last
+    branch, mode = np.divmod(parent[:of_branch], 2)
+    key, index = np.unique(branch * len(clutter) + row[:of_branch], return_inverse=True)
+    of_modes = np.zeros((len(key), 2))
+    weight = branches.models.probability[track, place][branch, mode] * visible[branch]
+    of_modes[index, mode] = weight * ratio[:of_branch]
+    fit = Pairs(parent[of_branch:] - 2 * m, row[of_branch:], ratio[of_branch:])
+    pairs = np.divmod(key, max(len(clutter), 1))
+    return Evaluated(gated, detectable[track] * visible, *pairs, of_modes, fit)
+
+
+def best_branches(track: IntArray, score: FloatArray, number: int) -> tuple[IntArray, IntArray]:
+    """Rows of the branches that are kept, and the place of each in its track, (k,) each.
+
+    Parameters
+    ----------
+    track : (m,) ndarray of int
+        Of each branch: each track has some.
+    score : (m,) ndarray
+        Logarithm of its weight.
+    number : int
+        Tracks.
+    """
+    order = np.lexsort((-score, track))
+    track, score = track[order], score[order]
+    first = np.searchsorted(track, np.arange(number))[track]
+    place = np.arange(len(track)) - first
+    kept = (place < MOST_BRANCHES) & (score > score[first] + RELATIVE_WEIGHT)
+    return order[kept], place[kept]
+
+
+def split(
+    branches: Branches, evaluated: Evaluated, owner: IntArray, max_speed: FloatArray
+) -> tuple[Branches, FloatArray, Pairs]:
+    """Split the branches, and prune them.
+
+    Parameters
+    ----------
+    branches : Branches
+        Predicted to the scan.
+    evaluated : Evaluated
+    owner : (d,) ndarray of int
+        Track to which each detection is assigned; -1 for none.
+    max_speed : (n,) ndarray
+        v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed`.
+
+    Returns
+    -------
+    branches : Branches
+    ratio : (n,) ndarray
+        Lambda_i.
+    pairs : Pairs
+        Tracks and detections, with the weight of the branches that took these in place of L.
+    """
+    gated, n = evaluated.gated, len(branches)
+    track, place, m = gated.track, gated.place, len(gated.track)
+    of_track = track[evaluated.branch]
+    owner_of_pair = owner[evaluated.row]
+    may = np.flatnonzero((owner_of_pair < 0) | (owner_of_pair == of_track))
+    parent = np.append(np.arange(m), evaluated.branch[may])
+    row = np.append(np.full(m, -1), evaluated.row[may])
+    with np.errstate(divide="ignore"):
+        increment = np.log(np.append(evaluated.empty, evaluated.ratio[may]))
+    score = branches.log_weight[track, place][parent] + increment
+    kept, slot = best_branches(track[parent], score, n)
+    parent, row, score, of_track = parent[kept], row[kept], score[kept], track[parent[kept]]
+    total = array_log_sums(score, of_track, n)
+    # States: those of a miss stay; the others are updated, in both modes.
+    before = track[parent], place[parent]
+    probability, state, covariance = (values[before] for values in vars(branches.models).values())
+    faded = branches.faded[before]
+    hit = np.flatnonzero(row >= 0)
+    missed = fading_after_miss(faded, evaluated.detectable[parent], GATE_PROBABILITY)
+    faded = np.where(row >= 0, fading_after_hit(faded), missed)
+    if len(hit):
+        modes = (2 * parent[hit, None] + np.arange(2)).ravel()
+        updated = gated.expected.updated(modes, row[hit].repeat(2))
+        state[hit], covariance[hit] = (
+            values.reshape(len(hit), 2, *values.shape[1:]) for values in updated
+        )
+        of_modes = evaluated.of_modes[may[kept[hit] - m]]
+        probability[hit] = of_modes / of_modes.sum(axis=1, keepdims=True)
+    slow = motion.slowed(
+        state.reshape(-1, 4), covariance.reshape(-1, 4, 4), max_speed[of_track].repeat(2)
+    )
+    state, covariance = slow[0].reshape(-1, 2, 4), slow[1].reshape(-1, 2, 4, 4)
+    weight = np.full_like(branches.log_weight, -np.inf)
+    weight[of_track, slot] = score - total[of_track]
+    still_faded = branches.faded.copy()
+    still_faded[of_track, slot] = faded
+    after = branches.with_models(of_track, slot, InteractingModels(probability, state, covariance))
+    after = changed(after, log_weight=weight, faded=still_faded)
+    key, index = np.unique(of_track[hit] * len(owner) + row[hit], return_inverse=True)
+    taken = np.bincount(index, np.exp(weight[of_track, slot][hit]), minlength=len(key))
+    return after, np.exp(total), Pairs(*np.divmod(key, max(len(owner), 1)), taken.astype(float))
+
+
+def straight_fits(
+    fits: StraightFits, evaluated: Evaluated, owner: IntArray, empty: FloatArray
+) -> tuple[StraightFits, FloatArray]:
+    """Straight fits of n tracks after a scan, and the ratio Lambda of each.
+
+    Each by the detection that fits it best, of those that are assigned to its track, or to none:
+    ``x + beta d``, ``P + beta (P_j - P) + beta (1 - beta) d d'`` with the change d of the state,
+    its covariance P_j, and ``beta = L / (b + L)``.
+
+    Parameters
+    ----------
+    fits : StraightFits
+        As predicted.
+    evaluated : Evaluated
+    owner : (d,) ndarray of int
+        Track to which each detection is assigned; -1 for none.
+    empty : (n,) ndarray
+        b_i.
+    """
+    track, row, ratio = evaluated.fit
+    order = np.lexsort((-ratio, track))
+    order = order[(owner[row[order]] < 0) | (owner[row[order]] == track[order])]
+    best = order[np.flatnonzero(np.diff(track[order], prepend=-1))]
+    state, covariance, total = fits.state.copy(), fits.covariance.copy(), empty.copy()
+    if not len(best):
+        return fits, total
+    track, row, ratio = track[best], row[best], ratio[best]
+    total[track] += ratio
+    beta = (ratio / total[track])[:, None]
+    moved, narrowed = evaluated.gated.expected.updated(2 * len(evaluated.gated.track) + track, row)
+    change = moved - state[track]
+    spread = (1.0 - beta[..., None]) * change[:, :, None] * change[:, None]
+    state[track] += beta * change
+    covariance[track] += beta[..., None] * (narrowed - covariance[track] + spread)
+    return changed(fits, state=state, covariance=covariance), total

@@ -1,0 +1,90 @@
+"""How much targets manoeuvre from scan to scan, learned from the innovations of confirmed tracks.
+
+Between turns a target's acceleration is white, of a spectral density q. With an innovation d of
+covariance S, to which the last interval t contributed q G, ``G = t^3 / 3``, the score of q and its
+information are::
+
+    g = (d' S^-1 G S^-1 d - tr S^-1 G) / 2,    i = tr (S^-1 G)^2 / 2
+
+and after each scan, by natural gradients::
+
+    q <- q + sum g / (1 / q_s^2 + sum i)
+
+with the sum of i over all scans, fading. Where detections are too coarse to show a manoeuvre, i is
+small, and q stays near its prior: a velocity that changes by v_max / 4 in the mean time between
+turns, in a turn at most::
+
+    q_0 = (v_max / 4)^2 / max(SCANS_TO_TURN t, LEAST_TIME)
+    q_s = (v_max / 4)^2 / max(t, TURN_TIME)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.gaussian import inverse_covariance, squared_mahalanobis_distance
+from tsepm_ros.tracker.motion import SCANS_TO_TURN, TURN_TIME
+from tsepm_ros.tracker.options import CommonOptions
+
+LEAST_TIME = 30.0
+"""Time between changes of a velocity, at least, before anything is learned, s: a choice."""
+MEMORY = 200.0
+"""Innovations over which q is averaged."""
+FARTHEST = 9.21
+"""Squared distance that an innovation counts with at most: a turn is no noise."""
+LEAST = 0.5
+"""Smallest q, in its prior: errors that are stated too large hide a manoeuvre."""
+
+
+class TargetManoeuvre:
+    """Learns the spectral density q of the acceleration of targets, m^2/s^3."""
+
+    def __init__(self) -> None:
+        self._change, self._information = 0.0, 0.0
+
+    def process_noise(self, options: CommonOptions, interval: float) -> float:
+        """The density q for scans of a median interval, s; by `target_manoeuvre` where it is given.
+
+        An acceleration a that lasts from scan to scan has the density ``a^2 t``.
+        """
+        if options.target_manoeuvre:
+            return options.target_manoeuvre**2 * max(interval, 1e-3)
+        prior, most = _bounds(options.max_speed, interval)
+        return min(max(prior + self._change, LEAST * prior), most)
+
+    def update(
+        self,
+        innovation: FloatArray,
+        covariance: FloatArray,
+        options: CommonOptions,
+        interval: float,
+    ) -> None:
+        """Learn from innovations (n, 2), m, of covariances (n, 2, 2), m^2, after an interval, s.
+
+        Not while `target_manoeuvre` is given: the covariances are then of another q.
+        """
+        if options.target_manoeuvre or not len(innovation):
+            return
+        growth = interval**3 / 3.0
+        inverted = inverse_covariance(covariance)
+        square = np.maximum(squared_mahalanobis_distance(innovation, covariance), 1e-12)
+        pulled = np.square((inverted @ innovation[..., None])[..., 0]).sum(axis=1)
+        pulled *= np.minimum(FARTHEST / square, 1.0)
+        trace = inverted[:, 0, 0] + inverted[:, 1, 1]
+        score = 0.5 * growth * float((pulled - trace).sum())
+        information = 0.5 * growth**2 * float(np.square(inverted).sum())
+        keep = np.exp(-len(innovation) / MEMORY)
+        self._information = keep * self._information + information
+        prior, most = _bounds(options.max_speed, interval)
+        step = score / (most**-2.0 + self._information)
+        self._change = min(max(self._change + step, (LEAST - 1.0) * prior), most - prior)
+
+
+def _bounds(max_speed: float, interval: float) -> tuple[float, float]:
+    """Prior of q, and its deviation, which q does not exceed."""
+    change = (0.25 * max_speed) ** 2
+    return (
+        change / max(SCANS_TO_TURN * interval, LEAST_TIME),
+        change / max(interval, TURN_TIME),
+    )
