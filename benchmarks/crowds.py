@@ -1,0 +1,331 @@
+"""Crowds: confirmed tracks of targets close together, their starts and their ends, part by part.
+
+    python benchmarks/crowds.py run [--only two box ...] [--runs N] [--seed 1] [--sure]
+        [--plots auto|off] [--json FILE]
+    python benchmarks/crowds.py compare BEFORE.json AFTER.json
+
+The source tree that is measured is the one that Python imports (`PYTHONPATH`). Values have 95 %
+intervals. The file keeps the parts that a command does not run. With `--sure`, tracks count that
+exist with a probability of at least a half and whose position error is below the gate.
+
+Changes: identity switches by CLEAR-MOT. Held: share of the targets with a track of their own; all
+held: share of the scans. Third: tracks within reach of a target beyond the number
+of targets; elsewhere: other tracks; both a scan. Per target: tracks within reach. All of them count
+from scan `SETTLED` on. Delay: scans from a target's first to its track, median.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import crowds_scenes as at
+import fixed_threads  # noqa: F401  # before numpy
+import numpy as np
+from amplitude_scenes import BOX, TARGETS, Job, run, with_target
+from clear_mot import ClearMot, Truth
+from clusters_scenes import Swimmers
+from crowds_scenes import Seen
+from fixed_echoes_scenes import Scene
+from result_tables import printed
+
+import tsepm_ros
+from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.evaluation.intervals import (
+    IntervalEstimate,
+    mean_count_interval,
+    mean_interval,
+    proportion_interval,
+    quantile_interval,
+)
+from tsepm_ros.tools.simulation import Simulator
+
+SETTLED = 15
+"""Scan, of a run or of a target, from which on tracks are counted."""
+REACH = 1.5
+"""Distance within which a track is in reach of a target, in gates."""
+BOX_GATE = 370.0
+"""Three errors of a detection in the middle of the box, m."""
+PINGS = 8, 16
+"""Pings of the box at which it is judged."""
+Row = dict[str, IntervalEstimate]
+Rows = Iterator[tuple[str, Row]]
+Options = argparse.Namespace
+
+
+def sure(tracks: Any, gate: float) -> Any:
+    """The tracks that probably exist, with a position error of at most the gate (m)."""
+    variance = np.linalg.eigvalsh(tracks.covariance[:, 0::2, 0::2])[:, 1]
+    return tracks[~(tracks.existence_probability < 0.5) & (variance <= gate**2)]
+
+
+@dataclass
+class Watch:
+    """The tracks of a run, scan by scan."""
+
+    gate: float
+    delays: dict[int, float] = field(default_factory=dict)
+    near: list[int] = field(default_factory=list)
+    targets: list[int] = field(default_factory=list)
+    ids: list[set[int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.clear = ClearMot(self.gate)
+
+    def take(self, truth: Truth, current: Any) -> None:
+        """Take a scan."""
+        self.clear.take(truth, current)
+        for target in truth:
+            found = self.clear.matches[target]
+            if found[-1] is not None:
+                self.delays.setdefault(target, len(found) - 1)
+        places = np.reshape([state[0::2] for state in truth.values()], (-1, 1, 2))
+        apart = np.linalg.norm(current.state[:, 0::2] - places, axis=2)
+        self.near.append(int((apart.min(axis=0, initial=math.inf) <= REACH * self.gate).sum()))
+        self.targets.append(len(truth))
+        self.ids.append(set(current.track_id.tolist()))
+
+    def held(self) -> FloatArray:
+        """Whether each target has a track of its own, by its scans."""
+        rows = self.clear.matches.values()
+        return np.array([[track is not None for track in row[SETTLED:]] for row in rows], float)
+
+    def delay(self, target: int) -> float:
+        """Scans from the target's first to its first track, or to the end of the run."""
+        return self.delays.get(target, len(self.clear.matches[target]))
+
+
+def watches_of(
+    seen: Callable[[np.random.Generator], Seen],
+    gate: float,
+    options: Options,
+    runs: int,
+    **given: object,
+) -> list[Watch]:
+    """Run `score` on the scans of each run."""
+    found = []
+    for index in range(options.runs or runs):
+        made, watch = make_initiator("score", **{"plots": options.plots, **given}), Watch(gate)
+        for scan, truth in seen(np.random.default_rng([options.seed, index])):
+            made.process(scan)
+            watch.take(truth, sure(made.current, gate) if options.sure else made.current)
+        found.append(watch)
+    return found
+
+
+def harbour(
+    paths: at.Paths,
+    options: Options,
+    runs: int,
+    sensor: SensorModel = at.HARBOUR,
+    gate: float = 20.0,
+    **given: object,
+) -> list[Watch]:
+    """Runs of boats in the harbour."""
+    seen = partial(at.boats, sensor, paths)
+    return watches_of(seen, gate, options, runs, sensor=sensor, **given)
+
+
+def crowd(watches: list[Watch]) -> Row:
+    """The row of runs whose targets are there together."""
+    held = [watch.held() for watch in watches]
+    changes = [watch.clear.switches for watch in watches]
+    targets = np.array([watch.targets[SETTLED:] for watch in watches])
+    near = np.array([watch.near[SETTLED:] for watch in watches])
+    number = np.array([[len(ids) for ids in watch.ids[SETTLED:]] for watch in watches])
+    return {
+        "at most one change": proportion_interval(sum(n <= 1 for n in changes), len(changes)),
+        "changes a run": mean_count_interval(changes),
+        "held": mean_interval([one.mean() for one in held]),
+        "all held": mean_interval([one.all(axis=0).mean() for one in held]),
+        "third": mean_interval(np.maximum(near - targets, 0.0).mean(axis=1)),
+        "elsewhere": mean_interval((number - near).mean(axis=1)),
+        "per target": mean_interval(near.sum(axis=1) / targets.sum(axis=1)),
+        "delay": quantile_interval(
+            [w.delay(target) for w in watches for target in w.clear.matches], 0.5
+        ),
+    }
+
+
+def two(options: Options) -> Rows:
+    """Two boats that meet and part."""
+    yield "12 m apart, errors 3 m", crowd(harbour(at.together, options, 20))
+    watches = harbour(at.together, options, 20, at.ROUGH, plots="off")
+    yield "12 m apart, errors 5 m, plots off", crowd(watches)
+
+
+def three(options: Options) -> Rows:
+    """Three boats."""
+    yield "three boats, 15 to 30 m apart", crowd(harbour(at.abreast, options, 10))
+    yield "three boats that cross", crowd(harbour(at.crossing, options, 10))
+
+
+def second(options: Options) -> Rows:
+    """A second boat beside one that is held."""
+    fine, coarse = ("3 m", at.HARBOUR, 20.0), ("12 m", at.COARSE, 35.0)
+    cases = [(apart, fine, 10.0) for apart in (25.0, 50.0, 100.0)]
+    cases += [(50.0, coarse, rate) for rate in (1.0, 10.0)]
+    for apart, (errors, sensor, gate), rate in cases:
+        paths = at.joined(apart)
+        watches = harbour(paths, options, 12, sensor, gate, false_tracks_per_hour=rate)
+        delays = [watch.delay(1) for watch in watches]
+        row = {"delay": quantile_interval(delays, 0.5), "90 %": quantile_interval(delays, 0.9)}
+        row["at most 3"] = proportion_interval(sum(n <= 3 for n in delays), len(delays))
+        row["changes a run"] = mean_count_interval([watch.clear.switches for watch in watches])
+        yield f"second at {apart:g} m, errors {errors}, {rate:g}/h", row
+
+
+def box(options: Options) -> Rows:
+    """The box of the paper, with its target and without."""
+    for rate, runs in {1.0: 60, 10.0: 60, 100.0: 40}.items():
+        for name, scene in {"target": BOX, "clutter": replace(BOX, targets=())}.items():
+            near, far = [], []
+            for index in range(options.runs or runs):
+                made = make_initiator(
+                    "score", sensor=BOX.sensor, false_tracks_per_hour=rate, plots=options.plots
+                )
+                near.append([math.inf])
+                far.append([])
+                for ping, simulated in enumerate(Simulator(scene, [options.seed, index])):
+                    for track in made.process(simulated.scan):
+                        apart = [math.dist(track.position, s[0::2]) for s in simulated.truth]
+                        right = min(apart, default=math.inf) <= BOX_GATE
+                        (near if right else far)[-1].append(ping)
+            for pings in PINGS:
+                found = sum(min(starts) < pings for starts in near)
+                accepted = rate * pings * BOX.period / 3600.0
+                false = mean_count_interval(
+                    [sum(ping < pings for ping in starts) for starts in far]
+                )
+                row = {"P_D": proportion_interval(found, len(near) if scene.targets else 0)}
+                row |= {"false a run": false, "over accepted": false / accepted}
+                yield f"{name}, {rate:g}/h, {pings} pings, {accepted * len(far):.3g} expected", row
+
+
+def ends(options: Options) -> Rows:
+    """A target that vanishes."""
+    for period, (sensor, speed) in at.ENDS.items():
+        gate = 3.0 * max(sensor.range_std, 0.5 * sensor.max_range * sensor.azimuth_std)
+        seen = partial(at.vanishing, period)
+        watches = watches_of(seen, gate, options, 5, sensor=sensor, max_speed=4.0 * speed)
+        own = [watch.clear.last.get(0) for watch in watches]
+        shown_in = [
+            [n for n, ids in enumerate(watch.ids, 1) if id_ in ids]
+            for watch, id_ in zip(watches, own, strict=True)
+        ]
+        scans = [max(shown, default=0) - at.VANISHES for shown in shown_in]
+        left = [np.mean([len(ids) for ids in watch.ids[-20:]]) for watch in watches]
+        row = {"held": mean_interval([watch.held().mean() for watch in watches])}
+        row |= {
+            "scans to its end": quantile_interval(scans, 0.5),
+            "95 %": quantile_interval(scans, 0.95),
+        }
+        yield f"vanishes, {period:g} s", row | {"tracks 50 scans later": mean_interval(left)}
+
+
+def quay(options: Options) -> Rows:
+    """A swimmer at a quay, and slow boats, with `min_speed`."""
+    for name, glints in {"piles": 0.0, "glints": 12.0}.items():
+        scene = Scene(false=5.0, pings=160, glints=glints)
+        seen = partial(at.at_quay, scene)
+        watches = watches_of(seen, 6.0, options, 8, sensor=scene.sensor, min_speed=0.3)
+        yield f"swimmer 10 m off {name}", crowd(watches)
+    for speed in (1.0, 2.0):
+        yield f"boat at {speed:g} m/s", crowd(harbour(at.alone(speed), options, 8, min_speed=0.5))
+
+
+def several(options: Options) -> Rows:
+    """Targets of several echoes."""
+    one = Swimmers(pings=40)
+    rows = {f"swimmer, {n} echoes": (replace(one, echoes=(n, n)), 9.0) for n in (1, 5)}
+    rows["swimmer, 1 to 5 echoes"] = replace(one, echoes=(1, 5)), 9.0
+    rows["vessel of 40 m"] = replace(one, echoes=(3, 8), extent=40.0, speed=3.0), 25.0
+    for name, (scene, gate) in rows.items():
+        seen = partial(at.swimmers, scene)
+        yield name, crowd(watches_of(seen, gate, options, 6, sensor=scene.sensor, max_speed=5.0))
+    given = {"sensor": at.BASIN, "max_speed": 1.5, "false_tracks_per_hour": 10.0}
+    for name, plots in {"": {}, ", plots off": {"plots": "off"}}.items():
+        watches = watches_of(at.basin, 1.2, options, 6, **given, **plots)
+        yield f"five swimmers in a basin{name}", crowd(watches)
+
+
+def amplitude(options: Options) -> Rows:
+    """The box with amplitudes, at 10/h."""
+    for name in ("no amplitude", "0 dB", "3 dB", "6 dB", "10 dB"):
+        ratio, change = TARGETS[name]
+        jobs = [Job(with_target(ratio), change, [options.seed, n], 10.0) for n in range(12)]
+        outcomes = [run(job) for job in jobs[: options.runs or None]]
+        row = {"P_D": proportion_interval(sum(one.found for one in outcomes), len(outcomes))}
+        yield name, row | {"wrong a run": mean_count_interval([one.wrong for one in outcomes])}
+
+
+PARTS = {part.__name__: part for part in (two, second, three, box, ends, quay, several, amplitude)}
+
+
+def measured(options: Options) -> None:
+    """Run parts, print their tables, and write them."""
+    file = options.json
+    kept = json.loads(file.read_text())["parts"] if file and file.exists() else {}
+    for name in options.only:
+        start = time.process_time()
+        rows = dict(PARTS[name](options))
+        taken = time.process_time() - start
+        table = [
+            [title, *(value.text(".3g") for value in row.values())] for title, row in rows.items()
+        ]
+        printed([[name, *next(iter(rows.values()))], *table])
+        print(f"\n{name}: {taken:.0f} s of processor time\n", flush=True)
+        kept[name] = {
+            title: {column: [e.value, e.low, e.high] for column, e in row.items()}
+            for title, row in rows.items()
+        }
+        if file:
+            file.write_text(json.dumps({"tree": tsepm_ros.__path__[0], "parts": kept}, indent=1))
+
+
+def compared(options: Options) -> None:
+    """Print two files side by side; an asterisk marks intervals that do not overlap."""
+    before, after = (json.loads(file.read_text())["parts"] for file in options.files)
+    for part in [name for name in before if name in after]:
+        lines = [[part, "", *(file.stem for file in options.files), ""]]
+        for title, row in before[part].items():
+            for column in [name for name in row if name in after[part].get(title, {})]:
+                one, other = (
+                    IntervalEstimate(*row[column]),
+                    IntervalEstimate(*after[part][title][column]),
+                )
+                apart = "*" if one.high < other.low or other.high < one.low else ""
+                lines.append([title, column, one.text(".3g"), other.text(".3g"), apart])
+        printed(lines)
+        print()
+
+
+def main() -> None:
+    """Run or compare."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(required=True)
+    command = commands.add_parser("run")
+    command.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    command.add_argument("--runs", type=int, default=0, help="of each row; 0: the part's number")
+    command.add_argument("--seed", type=int, default=1)
+    command.add_argument("--sure", action="store_true")
+    command.add_argument("--plots", choices=("auto", "off"), default="auto")
+    command.add_argument("--json", type=Path)
+    command.set_defaults(run=measured)
+    command = commands.add_parser("compare")
+    command.add_argument("files", type=Path, nargs=2)
+    command.set_defaults(run=compared)
+    options = parser.parse_args()
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()
