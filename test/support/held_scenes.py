@@ -190,7 +190,7 @@ def compare(seed: int) -> Counter[str]:
             scene.looks_everywhere(),
             PlainStep(rule, plain_tracks(maintenance.confirmed)),
         )
-        noise = maintenance.manoeuvre.process_noise(options, elapsed)
+        noise = maintenance.manoeuvre.process_noise(options, 0.0)
         found = convert_measurements(Scan(**values), sensor, index)
         probability = maintenance.step(
             stamp, found, clutter, detectable, sensor, MAX_SPEED, whole=whole

@@ -178,12 +178,12 @@ class PlainStep:
         """
         for one in t.branches:
             predict(one, time, self.rule.settings.max_speed, noise)
-            if whole:
-                one.faded = 7.0 / 8.0 * one.faded + (1.0 - one.faded) / 25.0
         (x, p), f = t.fit, transition_matrix(time)
         t.fit = f @ x, f @ p @ f.T + white_noise(time, 1e-4)
         t.odds += 1.0 - math.exp(-time / 1e4)
         (p_d,) = detectable(t.mean()[0][None, [0, 2]])
+        for one in t.branches if whole or p_d > 0.0 else ():
+            one.faded = 7.0 / 8.0 * one.faded + (1.0 - one.faded) / 25.0
         t.seen = p_d > 0.0
         if whole or t.seen:
             stays = 49.0 / 50.0 if t.seen else 7.0 / 8.0

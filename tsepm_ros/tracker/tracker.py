@@ -217,6 +217,12 @@ class Tracker:
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
             self._learn_errors(detections)
+            self.maintenance.manoeuvre.update(
+                *self.maintenance.innovations,
+                self.common,
+                interval,
+                self.learned.scan_interval.median,
+            )
         detections["clutter_density"] = self._learn_clutter(confirmed)
         self._learn_extended_targets(active)
         self._clutter.learn_amplitudes(detections, self._reach)
@@ -290,6 +296,7 @@ class Tracker:
             self.common.max_speed,
             self.learned.scan_interval.median / (1.0 if whole else swept),
             amplitudes,
+            extent=self.extended_targets.extent.along if self.extended_targets.active else 0.0,
             whole=whole,
         )
         if not self.extended_targets.active:
@@ -410,7 +417,7 @@ class Tracker:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
             if self.method.most_tracks_true:
-                current, origin = self.maintenance.confirmed.tracks, self._poses.middle[:2]
+                current, origin = self.maintenance.current, self._poses.middle[:2]
                 step = step.where(~self.extended_targets.waits(step.tracks, current, origin))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))

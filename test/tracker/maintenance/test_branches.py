@@ -228,7 +228,7 @@ def test_prediction_and_mean_are_those_of_the_plain_version():
     rng = np.random.default_rng(5)
     tracks, _ = held(rng, 3)
     elapsed, counts = np.array([0.1, 4.0, 12.0]), np.array([True, False, True])
-    after = tracks.predicted(elapsed, 8.0, 0.01, counts)
+    after = tracks.predicted(elapsed, 8.0, 0.01).fading(counts)
     state, covariance = after.combined()
     for track, seconds in enumerate(elapsed):
         every = []
@@ -271,7 +271,7 @@ def test_covariances_stay_proper_and_means_slow_over_many_scans(kind):
     rng = np.random.default_rng(8)
     tracks, fits = held(rng, 4)
     for _ in range(40):
-        tracks = tracks.predicted(np.full(4, 1.0), 3.0, 1e-3, np.ones(4, bool))
+        tracks = tracks.predicted(np.full(4, 1.0), 3.0, 1e-3).fading(np.ones(4, bool))
         fits = fits.predicted(np.full(4, 1.0))
         rows = found_near(rng, tracks, 3, kind)
         evaluated, tracks, ratio, _ = taken(tracks, fits, rows, limit=3.0)

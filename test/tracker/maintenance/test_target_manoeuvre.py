@@ -31,7 +31,7 @@ def learned(density: float, sigma: float, interval: float, scans: int = 400, see
         innovation = truth[:, 0::2] + sigma * rng.standard_normal((5, 2)) - state[:, 0::2]
         gain = p @ h.T @ np.linalg.inv(s)
         state, p = state + innovation @ gain.T, p - gain @ s @ gain.T
-        manoeuvre.update(innovation, np.broadcast_to(s, (5, 2, 2)), OPTIONS, t)
+        manoeuvre.update(innovation, np.broadcast_to(s, (5, 2, 2)), OPTIONS, t, t)
     return manoeuvre.process_noise(OPTIONS, t)
 
 
@@ -57,21 +57,21 @@ def test_the_density_stays_within_its_bounds():
         manoeuvre = TargetManoeuvre()
         for _ in range(50):
             innovation = np.full((9, 2), scale)
-            manoeuvre.update(innovation, np.eye(2)[None].repeat(9, axis=0), OPTIONS, 12.0)
+            manoeuvre.update(innovation, np.eye(2)[None].repeat(9, axis=0), OPTIONS, 12.0, 12.0)
             assert least <= manoeuvre.process_noise(OPTIONS, 12.0) <= most
 
 
 def test_an_acceleration_that_is_given_is_not_learned():
     manoeuvre, given = TargetManoeuvre(), CommonOptions(max_speed=10.0, target_manoeuvre=0.2)
-    manoeuvre.update(np.full((9, 2), 5.0), np.eye(2)[None].repeat(9, axis=0), given, 12.0)
+    manoeuvre.update(np.full((9, 2), 5.0), np.eye(2)[None].repeat(9, axis=0), given, 12.0, 12.0)
     assert manoeuvre.process_noise(given, 12.0) == pytest.approx(0.2**2 * 12.0)
 
 
 @pytest.mark.parametrize("interval", [0.0, 1e-6, 0.1, 12.0, 1e5])
 def test_any_interval_and_no_innovations_give_a_number_above_zero(interval):
     manoeuvre = TargetManoeuvre()
-    manoeuvre.update(np.zeros((0, 2)), np.zeros((0, 2, 2)), OPTIONS, interval)
-    manoeuvre.update(np.zeros((1, 2)), 1e-6 * np.eye(2)[None], OPTIONS, interval)
+    manoeuvre.update(np.zeros((0, 2)), np.zeros((0, 2, 2)), OPTIONS, interval, interval)
+    manoeuvre.update(np.zeros((1, 2)), 1e-6 * np.eye(2)[None], OPTIONS, interval, interval)
     for options in (OPTIONS, CommonOptions(target_manoeuvre=1e-3)):
         found = manoeuvre.process_noise(options, interval)
         assert np.isfinite(found) and found > 0.0

@@ -92,15 +92,17 @@ class Branches(Rows):
             self.models.covariance.reshape(n, modes, 4, 4).swapaxes(0, 1),
         )
 
-    def predicted(
-        self, elapsed: FloatArray, max_speed: float, process_noise: float, counts: BoolArray
-    ) -> Branches:
-        """The branches after times (n,), s; targets fade where the next scan counts (n,)."""
+    def predicted(self, elapsed: FloatArray, max_speed: float, process_noise: float) -> Branches:
+        """The branches after times (n,), s."""
         track, place = self.places
         before = InteractingModels(*(values[track, place] for values in vars(self.models).values()))
         after = before.predicted(elapsed[track], max_speed, process_noise)
+        return self.with_models(track, place, after)
+
+    def fading(self, counts: BoolArray) -> Branches:
+        """The branches before a scan, which may find targets faded where it counts (n,)."""
         faded = np.where(counts[:, None], fading_predicted(self.faded), self.faded)
-        return changed(self.with_models(track, place, after), faded=faded)
+        return changed(self, faded=faded)
 
     def with_models(self, track: IntArray, place: IntArray, models: InteractingModels) -> Branches:
         """The branches with other models (k,) in some places."""

@@ -184,17 +184,15 @@ class ConfirmedTracks(Rows):
         max_speed: float,
         process_noise: float,
         stays: BoolArray,
-        counts: BoolArray,
     ) -> ConfirmedTracks:
         """The rows at the stamp of a scan (s), before its detections.
 
         A target that turns has a velocity that is unknown up to `max_speed`, m/s; between turns its
         acceleration has the spectral density `process_noise`, m^2/s^3. Rows that stay
-        (n,) are remembered as they are. A scan that does not count for a target (n,) tells nothing
-        of its fading.
+        (n,) are remembered as they are.
         """
         time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
-        branches = self.branches.predicted(time_step, max_speed, process_noise, counts)
+        branches = self.branches.predicted(time_step, max_speed, process_noise)
         state, covariance = branches.combined()
         return changed(
             self,
@@ -218,7 +216,12 @@ class ConfirmedTracks(Rows):
         """
         stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_FADED)
         stays = np.where(counts, stays, 1.0)
-        return changed(self, existence=self.existence * stays, proven=self.proven * stays)
+        return changed(
+            self,
+            existence=self.existence * stays,
+            proven=self.proven * stays,
+            branches=self.branches.fading(counts),
+        )
 
     def updated(
         self,
@@ -409,15 +412,17 @@ class ConfirmedTracks(Rows):
         limit = np.where(self.announced, SURE, PROBABLE)
         return np.asarray(self.tracks.stationary_probability > limit)
 
-    def statuses(self, options: CommonOptions, max_range: float) -> IntArray:
+    def statuses(self, options: CommonOptions, max_range: float, extent: float = 0.0) -> IntArray:
         """The `Status` of each track, (n,).
 
         It is located while the standard deviation of its position, along the major axis, is at most
-        `RECOGNISED` times that of its last detection or `target_extent` (m), and at most
+        `RECOGNISED` times that of its last detection, anywhere on a learned `extent` (m), or
+        `target_extent`, and at most
         `SHARE_OF_RANGE` of `max_range` (m).
         """
         sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
-        limit = np.maximum(RECOGNISED * self.hit_sigma, options.target_extent)
+        error = np.hypot(self.hit_sigma, extent / math.sqrt(12.0))
+        limit = np.maximum(RECOGNISED * error, options.target_extent)
         located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
         exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, PROBABLE)
         status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)

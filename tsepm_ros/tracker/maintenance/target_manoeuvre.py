@@ -58,15 +58,18 @@ class TargetManoeuvre:
         innovation: FloatArray,
         covariance: FloatArray,
         options: CommonOptions,
+        elapsed: float,
         interval: float,
     ) -> None:
-        """Learn from innovations (n, 2), m, of covariances (n, 2, 2), m^2, after an interval, s.
+        """Learn from innovations (n, 2), m, of covariances (n, 2, 2), m^2.
+
+        These come after a time `elapsed`, in scans of a median interval, s.
 
         Not while `target_manoeuvre` is given: the covariances are then of another q.
         """
         if options.target_manoeuvre or not len(innovation):
             return
-        growth = interval**3 / 3.0
+        growth = elapsed**3 / 3.0
         inverted = inverse_covariance(covariance)
         square = np.maximum(squared_mahalanobis_distance(innovation, covariance), 1e-12)
         pulled = np.square((inverted @ innovation[..., None])[..., 0]).sum(axis=1)

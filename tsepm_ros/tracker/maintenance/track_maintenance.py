@@ -100,6 +100,8 @@ class TrackMaintenance:
         Those that almost certainly are.
     probable_detections : OwnDetections
         Those that more probably are than not: at most one of each track.
+    innovations : tuple of (k, 2) and (k, 2, 2) ndarray
+        Those of detections that almost certainly are tracks' own, and their covariances.
     covered : tuple of (k,) ndarray
         Samples of the detection probability, see `ConfirmedTracks.updated`.
     released : TrackArrays
@@ -123,6 +125,7 @@ class TrackMaintenance:
         """Forget what the last step found."""
         none = np.zeros(0, np.int64)
         self.covered = np.zeros(0), np.zeros(0)
+        self.innovations = np.zeros((0, 2)), np.zeros((0, 2, 2))
         self.own_detections = self.probable_detections = none, none
         self.released = NO_TRACKS
 
@@ -159,6 +162,7 @@ class TrackMaintenance:
         interval: float = 0.0,
         amplitudes: ScanAmplitudes | None = None,
         *,
+        extent: float = 0.0,
         whole: bool = True,
     ) -> FloatArray:
         """Predict the tracks to a scan, associate its detections, update the tracks, and end some.
@@ -181,6 +185,8 @@ class TrackMaintenance:
             Median time between scans of the whole coverage, s; 0 if it is not known.
         amplitudes : ScanAmplitudes, optional
             What the amplitudes of the detections say.
+        extent : float, optional
+            Extent of targets, if it was learned, m.
         whole : bool, optional
             Whether the scan looked at the whole coverage; a target elsewhere is not away otherwise.
 
@@ -194,13 +200,11 @@ class TrackMaintenance:
         if not len(self.confirmed):
             return np.zeros(len(detections))
         clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
-        counts = whole & ~away
-        elapsed = stamp - float(self.confirmed.tracks.stamp.max())
-        noise = self.manoeuvre.process_noise(self.options, interval or elapsed)
-        confirmed = self.confirmed.predicted(stamp, max_speed, noise, away, counts)
+        noise = self.manoeuvre.process_noise(self.options, interval)
+        confirmed = self.confirmed.predicted(stamp, max_speed, noise, away)
         probability = detectable(confirmed.tracks.state[:, 0::2])
         covered = probability > 0.0
-        confirmed = confirmed.existing(covered, covered | counts)
+        confirmed = confirmed.existing(covered, covered | (whole & ~away))
         # Split, evaluate, prune.
         gated = self.gate(confirmed, stamp, detections, sensor)
         if amplitudes is not None and len(gated.row):
@@ -225,12 +229,12 @@ class TrackMaintenance:
         )
         confirmed = confirmed.judged(self.options)
         self._take_own(confirmed, own._replace(ratio=of_target), detections)
-        certain = own.track[of_target > SURE], own.row[of_target > SURE]
-        self.manoeuvre.update(*gated.innovations(*certain), self.options, elapsed)
+        certain = np.flatnonzero((of_target > SURE) & ~self._kept_by_tracker(confirmed)[own.track])
+        self.innovations = gated.innovations(own.track[certain], own.row[certain])
         # End.
         exists = confirmed.existence >= MIN_EXISTENCE
         self.end(exists, np.where(covered, "missed", "left"))
-        self._publish(sensor.max_range)
+        self._publish(sensor.max_range, extent)
         return confirmed_probability
 
     def gate(
@@ -256,11 +260,11 @@ class TrackMaintenance:
         self._remember(hit_keys(own), ids[pairs.track[probable]])
         self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
 
-    def _publish(self, max_range: float) -> None:
+    def _publish(self, max_range: float, extent: float) -> None:
         """Publish, withhold or fix each track; those that are published for the first time."""
         if self.options.min_speed:
             self._state()
-        status = self.confirmed.statuses(self.options, max_range)
+        status = self.confirmed.statuses(self.options, max_range, extent)
         listed = self._kept_by_tracker(self.confirmed)
         status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
         new = (status == Status.PUBLISHED) & ~self.confirmed.announced
