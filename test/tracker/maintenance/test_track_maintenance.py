@@ -247,7 +247,7 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
         assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
     step(hold, 100.0)
     assert hold.tracker is ExternalTracker.SILENT
-    assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
+    assert 8.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
 
 
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():
