@@ -47,6 +47,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     quantile_interval,
 )
 from tsepm_ros.tools.simulation import Simulator
+from tsepm_ros.whole_files import write_whole_text
 
 SETTLED = 15
 """Scan, of a run or of a target, from which on tracks are counted."""
@@ -288,7 +289,9 @@ def measured(options: Options) -> None:
             for title, row in rows.items()
         }
         if file:
-            file.write_text(json.dumps({"tree": tsepm_ros.__path__[0], "parts": kept}, indent=1))
+            write_whole_text(
+                file, json.dumps({"tree": tsepm_ros.__path__[0], "parts": kept}, indent=1)
+            )
 
 
 def compared(options: Options) -> None:

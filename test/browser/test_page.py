@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from support.browser import Browser, Tab, need_browser
+from support.browser import Tab, need_browser
 from support.pages import confirmed_track, live_state, numbered, put_moving, served
 
 from tsepm_ros.tools.bridge.nmea import nmea_closest_approach
@@ -18,12 +18,6 @@ need_browser()
 
 SCANS = 12
 EVIL = "<img src=x onerror=\"document.title='run'\"> sea"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as opened:
-        yield opened
 
 
 @pytest.fixture

@@ -53,6 +53,7 @@ from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance.branches import Gated
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.maintenance.data_association import Pairs
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.method import Method
@@ -341,15 +342,16 @@ class EncounterMaintenance(TrackMaintenance):
         meets = np.zeros((len(confirmed), len(confirmed)), bool)
         meets[first, second] = meets[second, first] = True
         # Of the filter, over its branches and modes, and of the straight fit.
-        weight = gated.weights(confirmed.branches)
-        likelihood = gated.likelihood.copy()
+        mean = gated.weights(confirmed.branches) * gated.likelihood
+        likelihood, number = gated.likelihood.copy(), len(detections)
         for rows in (np.flatnonzero(~gated.of_fits), np.flatnonzero(gated.of_fits)):
-            key = gated.track_of_pair[rows] * len(detections) + gated.row[rows]
-            key, index = np.unique(key, return_inverse=True)
-            mean = np.bincount(index, (weight * gated.likelihood)[rows], minlength=len(key))
-            cost = -2.0 * np.log(np.maximum(mean, np.finfo(float).tiny))
-            pairs = AssignmentPairs(*np.divmod(key, len(detections)), cost)
-            likelihood[rows] *= environment.factors(histories, meets, pairs)[index]
+            of_pair = gated.track_of_pair[rows], gated.row[rows]
+            track, row, mean_of_pair = Pairs.summed(*of_pair, mean[rows], number)
+            cost = -2.0 * np.log(np.maximum(mean_of_pair, np.finfo(float).tiny))
+            factors = environment.factors(histories, meets, AssignmentPairs(track, row, cost))
+            likelihood[rows] *= factors[
+                np.searchsorted(track * number + row, of_pair[0] * number + of_pair[1])
+            ]
         inside = np.flatnonzero(likelihood > 0.0)
         return gated._replace(
             parent=gated.parent[inside], row=gated.row[inside], likelihood=likelihood[inside]

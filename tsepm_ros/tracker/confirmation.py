@@ -104,7 +104,7 @@ def confirm(
     ----------
     tree : Tree
         After the scan.
-    window : DetectionWindow
+    window : MeasurementWindow
         The detections.
     threshold : float
         A; infinite where no evidence can reach it.

@@ -28,8 +28,8 @@ scan to scan::
     miss          f <- f (1 - b P_D P_G) / (1 - P_D v P_G)
 
 The score stays the likelihood ratio of a target drawn from this model. Over 15 scans of 12 s after
-the first detection it loses 0.5 where P_D is 0.9 as told. Where P_D is 0.6 and told as 0.9, it
-loses 0.7 instead of 4.7.
+the first detection it loses 0.4 where P_D is 0.9 as told. Where P_D is 0.6 and told as 0.9, it
+loses 2.6 instead of 4.7.
 
 The velocity prior ends at v_max. The filters have a Gaussian prior of the velocity, of variance
 v_max^2 / 4 on each axis. Of the Gaussian truncated at v_max, the likelihood ratio of a hypothesis

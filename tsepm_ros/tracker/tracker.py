@@ -84,7 +84,7 @@ class Tracker:
         Makes clusters of the detections.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
-    window : DetectionWindow
+    window : MeasurementWindow
         Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Confirmed tracks that a start of the last scan continued, as they are now: each with the

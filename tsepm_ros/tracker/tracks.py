@@ -288,7 +288,7 @@ def tracks_from_hits(
 
     Parameters
     ----------
-    window : DetectionWindow
+    window : MeasurementWindow
         With their hits.
     hits : (n, most) ndarray of int
         Detection ids of the hits of each, oldest first, then NO_HIT; at least one hit.

@@ -243,11 +243,11 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
     fast.covariance[:] = np.diag([5.0, 0.5, 5.0, 0.5]) ** 2
     for stamp in (0.0, 12.0):
         hold.follow(stamp, fast.predicted(stamp))
-        step(hold, stamp + 6.0)
+        step(hold, stamp + 6.0, interval=12.0)
         assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
-    step(hold, 100.0)
+    step(hold, 100.0, interval=12.0)
     assert hold.tracker is ExternalTracker.SILENT
-    assert 8.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
+    assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
 
 
 def test_the_new_tracks_kept_are_the_most_probable_and_then_the_best():

@@ -193,7 +193,7 @@ def evaluate_performance(
 
     Returns
     -------
-    list of Evaluated
+    list of PerformanceEvaluated
         Per scenario and horizon.
 
     Raises

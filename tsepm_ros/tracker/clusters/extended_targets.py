@@ -409,9 +409,9 @@ class ExtendedTargets:
         Whether the detections have shown that targets have several a ping.
     since : float
         Time of the scan that showed it, s.
-    scatter : ClusterDispersion
+    scatter : ExtendedTargetDispersion
         Of the detections about their clusters.
-    test : MultiDetectionTest
+    test : ExtendedTargetTest
         For several detections a target against clutter.
     """
 
@@ -606,7 +606,7 @@ def extended_target_density(
     confirmed : ConfirmedTracks
     positions : (d,) ndarray
         m.
-    extent : ClusterExtent
+    extent : GroupingExtent
     sensor_position : (2,) ndarray
         m.
 
@@ -647,7 +647,7 @@ def may_be_older_extended_target(
     ----------
     tracks : TrackArrays
         n, oldest first.
-    extent : ClusterExtent
+    extent : GroupingExtent
         Deviation by which positions may differ, and velocities over a track's age.
     sensor_position : (2,) ndarray
         m.

@@ -230,7 +230,7 @@ class Evaluated:
 
     @property
     def empty(self) -> FloatArray:
-        """B of each branch, (m,)."""
+        """The b of each branch, (m,)."""
         return 1.0 - self.detectable * GATE_PROBABILITY
 
     def of_tracks(self, branches: Branches, number: int) -> tuple[FloatArray, Pairs]:
@@ -238,10 +238,8 @@ class Evaluated:
         track, place = self.gated.track, self.gated.place
         weight = np.exp(branches.log_weight[track, place])
         empty = np.bincount(track, weight * self.empty, minlength=len(branches)).astype(float)
-        key = track[self.branch] * number + self.row
-        key, index = np.unique(key, return_inverse=True)
-        ratio = np.bincount(index, weight[self.branch] * self.ratio, minlength=len(key))
-        return empty, Pairs(*np.divmod(key, max(number, 1)), ratio.astype(float))
+        ratio = weight[self.branch] * self.ratio
+        return empty, Pairs.summed(track[self.branch], self.row, ratio, number)
 
 
 def evaluate(
@@ -360,9 +358,8 @@ def split(
     still_faded[of_track, slot] = faded
     after = branches.with_models(of_track, slot, InteractingModels(probability, state, covariance))
     after = changed(after, log_weight=weight, faded=still_faded)
-    key, index = np.unique(of_track[hit] * len(owner) + row[hit], return_inverse=True)
-    taken = np.bincount(index, np.exp(weight[of_track, slot][hit]), minlength=len(key))
-    return after, np.exp(total), Pairs(*np.divmod(key, max(len(owner), 1)), taken.astype(float))
+    taken = np.exp(weight[of_track, slot][hit])
+    return after, np.exp(total), Pairs.summed(of_track[hit], row[hit], taken, len(owner))
 
 
 def straight_fits(

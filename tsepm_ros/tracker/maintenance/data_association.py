@@ -55,6 +55,13 @@ class Pairs(NamedTuple):
     row: IntArray
     ratio: FloatArray
 
+    @classmethod
+    def summed(cls, track: IntArray, row: IntArray, ratio: FloatArray, number: int) -> Pairs:
+        """Each pair of a track and one of a number of detections once, with its summed ratios."""
+        key, index = np.unique(track * number + row, return_inverse=True)
+        total = np.bincount(index, ratio, minlength=len(key))
+        return cls(*np.divmod(key, max(number, 1)), np.asarray(total, float))
+
 
 OwnDetections = tuple[IntArray, IntArray]
 """Detections of a scan that are confirmed tracks', with more than some probability: id of the

@@ -79,7 +79,7 @@ class TrackMaintenance:
     """Maintains confirmed tracks.
 
     A scan is taken by predicting the tracks, associating the detections, updating the tracks, and
-    ending those whose target is gone, was not detected for a long time, or has an older track.
+    ending those whose target is gone or was not detected for a long time.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class TrackMaintenance:
     ) -> FloatArray:
         """Predict the tracks to a scan, associate its detections, update the tracks, and end some.
 
-        For the equations see `maintenance.data_association`.
+        For the equations see `maintenance.data_association` and `branches`.
 
         Parameters
         ----------
@@ -193,8 +193,8 @@ class TrackMaintenance:
         Returns
         -------
         (d,) ndarray
-            Density at each detection, 1/m^2, of the confirmed targets' detections, to be added to
-            the clutter density; see `data_association.associate`.
+            Probability that each detection is a confirmed track's, see
+            `data_association.confirmed_probability`.
         """
         away = self._begin(stamp, interval, detectable)
         if not len(self.confirmed):
@@ -228,9 +228,7 @@ class TrackMaintenance:
             own.track, of_target, detections["amplitude"][own.row]
         )
         confirmed = confirmed.judged(self.options)
-        self._take_own(confirmed, own._replace(ratio=of_target), detections)
-        certain = np.flatnonzero((of_target > SURE) & ~self._kept_by_tracker(confirmed)[own.track])
-        self.innovations = gated.innovations(own.track[certain], own.row[certain])
+        self._take_own(confirmed, own._replace(ratio=of_target), gated, detections)
         # End.
         exists = confirmed.existence >= MIN_EXISTENCE
         self.end(exists, np.where(covered, "missed", "left"))
@@ -248,7 +246,11 @@ class TrackMaintenance:
         return branches.gate(confirmed.branches, confirmed.fits, stamp, detections, sensor)
 
     def _take_own(
-        self, confirmed: ConfirmedTracks, pairs: Pairs, detections: NDArray[np.void]
+        self,
+        confirmed: ConfirmedTracks,
+        pairs: Pairs,
+        gated: Gated,
+        detections: NDArray[np.void],
     ) -> None:
         """Hold the updated rows, with the detections that are probably their own."""
         ids = confirmed.tracks.track_id
@@ -256,6 +258,8 @@ class TrackMaintenance:
         self.own_detections, self.probable_detections = (
             (ids[pairs.track[rows]], pairs.row[rows]) for rows in (certain, probable)
         )
+        certain = certain[~self._kept_by_tracker(confirmed)[pairs.track[certain]]]
+        self.innovations = gated.innovations(pairs.track[certain], pairs.row[certain])
         own = taken(detections, pairs.row[probable])
         self._remember(hit_keys(own), ids[pairs.track[probable]])
         self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
