@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.detector.image import DetectorOptions
+from tsepm_ros.detector.image import NO_LONGER, DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
@@ -167,6 +167,8 @@ def why_unused(name: str, rows: Collection[str]) -> str:
     rows : collection of str
         Full names of the node's parameters.
     """
+    if name in NO_LONGER and "range_extent" in rows:
+        return NO_LONGER[name]
     group, _, own = name.partition(".")
     if "method" in rows and group in METHODS:
         return "another method is chosen" * _has(method_class(group).Options, own)

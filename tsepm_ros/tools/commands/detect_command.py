@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tsepm_ros.detector.detector import Stages
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import NO_LONGER, SonarImage
 from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder, seed
 from tsepm_ros.tools.replay.image_folder import write_detections
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
@@ -24,7 +24,6 @@ OPTIONS = {
     "max_range": "farthest range that is used, m; default all",
     "azimuth_min": "start of the sector that is used, rad; default all round",
     "azimuth_max": "end of it, counter-clockwise, rad",
-    "clutter_map": "pings of a map of what stands, which is subtracted; default none",
 }
 """Options of the detector, in place of those in the folder."""
 
@@ -33,8 +32,9 @@ def add_detect_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm detect`."""
     parser.add_argument("folder", type=Path, help="geometry.yaml, times.csv and the images")
     for name, text in OPTIONS.items():
-        kind = int if name == "clutter_map" else float
-        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
+        parser.add_argument(f"--{name.replace('_', '-')}", type=float, help=text)
+    for name, text in NO_LONGER.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", help=text)
     parser.add_argument("--out", type=in_folder, default=Path(DETECTIONS_FILE), help="CSV file")
     parser.add_argument("--picture", type=in_folder, help="picture of an image at its stages")
     parser.add_argument("--image", type=seed, default=20, help="which, from 0; default 20 or last")
@@ -51,7 +51,8 @@ def run_detect(options: argparse.Namespace) -> None:
         If there is no image.
     """
     given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
-    found, drawn, notes = 0, None, list[str]()
+    found, drawn = 0, None
+    notes = [f"{one}: {NO_LONGER[one]}" for one in NO_LONGER if getattr(options, one) is not None]
     outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
         write_detections(options.folder, options.out, notes, outputs, **given)
@@ -84,9 +85,9 @@ def draw(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:
     figure = Figure(figsize=(12, 9), layout="constrained")
     panels = {
         "image": image.intensity,
-        "background, standardised": stages.background,
+        "background of the ring and of each cell": stages.background,
         f"smoothed; black: above the threshold {stages.threshold:.2f}": stages.smoothed,
-        f"{len(scan)} detections": stages.conditioned,
+        f"{len(scan)} detections": stages.standardised,
     }
     degrees, all_axes = np.degrees(image.azimuth), figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (title, values) in zip(all_axes.flat, panels.items(), strict=True):
