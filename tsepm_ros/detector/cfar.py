@@ -83,6 +83,8 @@ LONG = 4
 """Times as many pings before which clutter was as often, and a moving target elsewhere."""
 STANDS = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
+RECURS = 0.5
+"""Share of the pings with an echo in one place above which it is no false detection."""
 STANDING = 0.8
 """Share of the pings with an echo in one place above which it stands."""
 LIKE = 4.0, 0.01
@@ -214,7 +216,7 @@ class Threshold:
     def update(self, peaks: Peaks) -> tuple[float, FloatArray]:
         """The threshold for a ping, learned with it, and how far each peak stands, (n,)."""
         standing, again = self._again(peaks)
-        stands = standing > STANDING
+        stands = standing > RECURS
         self._pool.append((peaks, np.where(stands, 0.0, 1.0), np.where(stands, 0.0, again)))
         like = [
             entry
