@@ -37,6 +37,8 @@ KAPPA = 0.1
 """Part of the median deviation that is added to each."""
 RECENT = 5.0
 """Images over which it is said that something entered, or left."""
+CHANGE = 2.0
+"""Mean deviations by which the mean of these images is another then."""
 EACH = 30
 """Images after which a cell learns with every second one."""
 OFTEN = 4
@@ -122,12 +124,13 @@ class Background:
         step = 1 if self.images <= EACH else 2
         rows = slice(self.images % step, None, step)
         mean, e, age, changed, held = (state[rows] for state in self._state)
-        z, size = z[rows], np.abs(z[rows])
-        reach = np.maximum(e, np.float32(LEAST * self._median))
-        reach *= np.float32(REACH)
-        far = np.copysign((size > reach) & (age >= FIRST), z)
+        size, least = np.abs(z[rows]), np.float32(LEAST * self._median + 1e-6)
+        far = z[rows] / np.maximum(e, least)
+        counted = np.float32(REACH) / np.maximum(np.abs(far), np.float32(REACH))
+        far *= counted
+        far *= age >= FIRST
         changed += (far - changed) * np.float32(step / RECENT)
-        entered, left = changed > 0.5, changed < -0.5
+        entered, left = changed > CHANGE, changed < -CHANGE
         frozen = entered & (age >= SETTLED / step) & (held < HOLD)
         held += step
         held *= entered
@@ -138,13 +141,12 @@ class Background:
         if self.images < FIRST:
             e[:] = np.median(size[::STEP, ::STEP])
         else:
-            limited = np.minimum(size, reach)
+            limited = size * counted
             limited -= e
             limited *= np.float32(step / min(self.images - FIRST + PRIOR, MEMORY))
             limited *= free
             e += limited
-        rate = np.minimum(reach / np.maximum(size, np.float32(1e-6)), np.float32(1.0))
-        rate[age < FIRST] = 1.0
+        rate = np.where(age < FIRST, np.float32(1.0), counted)
         rate *= free
         rate /= age + np.float32(1.0)
         rate *= x[rows] - mean
@@ -152,6 +154,6 @@ class Background:
         np.minimum(age + np.float32(1.0), np.float32(MEMORY / step), out=age)
         self.images += 1
         if self.share < 0.5 and self.images > SETTLED:
-            many = np.abs(self._changed[::STEP, ::STEP]) > 0.5
+            many = np.abs(self._changed[::STEP, ::STEP]) > CHANGE
             if many.mean() > CHANGED:
                 self.images, self.share, self.power = 0, 0.0, 0.0
