@@ -51,6 +51,8 @@ BLOCK = 4
 """Cells, each way, of a block of the regression of means: their noise lowers it."""
 MOST = 9.0
 """Largest mean of a block that counts there."""
+ALIKE = 1e-4
+"""Variance of the logarithms of deviations that are alike."""
 STEP = 3
 """Cells, each way, of which one is taken for the regression of deviations."""
 
@@ -77,7 +79,7 @@ def power(z: Image, deviation: Image, median: float) -> float:
     v = np.log(deviation[some, some] + np.float32(KAPPA * median))
     u = np.log(np.maximum(np.abs(z[some, some]), np.float32(KAPPA * median)))
     v -= v.mean()
-    return float(np.clip(np.vdot(u, v) / max(float(np.vdot(v, v)), 1e-9), 0.0, 1.0))
+    return float(np.clip(np.vdot(u, v) / (float(np.vdot(v, v)) + ALIKE * v.size), 0.0, 1.0))
 
 
 class Background:
@@ -131,6 +133,7 @@ class Background:
         far *= age >= FIRST
         changed += (far - changed) * np.float32(step / RECENT)
         entered, left = changed > CHANGE, changed < -CHANGE
+        many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
         frozen = entered & (age >= SETTLED / step) & (held < HOLD)
         held += step
         held *= entered
@@ -153,7 +156,5 @@ class Background:
         mean += rate
         np.minimum(age + np.float32(1.0), np.float32(MEMORY / step), out=age)
         self.images += 1
-        if self.share < 0.5 and self.images > SETTLED:
-            many = np.abs(self._changed[::STEP, ::STEP]) > CHANGE
-            if many.mean() > CHANGED:
-                self.images, self.share, self.power = 0, 0.0, 0.0
+        if many:
+            self.images, self.share, self.power = 0, 0.0, 0.0

@@ -1,8 +1,9 @@
 """Bearings and ranges that are bright in every image: bytes of gain, lines of a display.
 
 What stands in the same column of every image at nearly all ranges is no echo. Such a line is left
-out from the first image on, and named once it was bright in each of the first images. A wide band
-of ranges is not left out: the ring of the transmission, and a flat bottom.
+out from the first images on, and named once it was bright in each of them. Of ranges these are
+thin lines whose cells keep their values: the ring of the transmission, a wall and a flat bottom
+may fill a range, with speckle.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ BRIGHT = 0.95
 """Share of an image's cells below a level that most cells of a bright line are above."""
 SOME = 64
 """Cells of a line by which its median is found."""
+STEADY = 0.15
+"""Part of the median of a range by which most of its cells change from image to image."""
 THIN = 4
 """Most ranges of a line."""
 MOST_NAMED = 8
@@ -52,26 +55,32 @@ class BrightLines:
     bearings : (b,) ndarray of bool
         Bright bearings.
     ranges : (m,) ndarray of bool
-        Bright ranges, in lines of at most `THIN`.
+        Bright ranges whose cells keep their values, in lines of at most `THIN`.
     """
 
     def __init__(self, b: int, m: int) -> None:
         self._images = 0
         self.bearings, self._all_ranges = np.ones(b, bool), np.ones(m, bool)
-        self.ranges = self._all_ranges
+        self._steady, self.ranges = np.ones(m, bool), np.zeros(m, bool)
+        self._before: NDArray[Any] = np.zeros((0, 0))
 
     def add(self, image: NDArray[Any], azimuth: FloatArray, distance: FloatArray) -> list[str]:
         """Take an image (b, m); sentences with the last of the first images."""
         self._images += 1
         if self._images > LOOKS and self._images % LOOKS:
             return []
-        values = measured_values(image)
+        values = measured_values(image).astype(np.float32)
         some = tuple(slice(None, None, max(n // SOME, 1)) for n in values.shape)
         level = np.quantile(values[some], BRIGHT, method="lower")
-        for lines, median in zip((self.bearings, self._all_ranges), medians(values), strict=True):
-            lines &= median > level
-        runs, count = ndimage.label(self._all_ranges)
-        self.ranges = self._all_ranges & (np.bincount(runs, minlength=count + 1) <= THIN)[runs]
+        along, across = medians(values)
+        self.bearings &= along > level
+        self._all_ranges &= across > level
+        before, self._before = self._before, values
+        if before.shape == values.shape:
+            change = medians(np.abs(values - before))[1]
+            self._steady &= change <= STEADY * across
+            runs, count = ndimage.label(self._all_ranges & self._steady)
+            self.ranges = (runs > 0) & (np.bincount(runs, minlength=count + 1) <= THIN)[runs]
         return self._sentences(azimuth, distance) if self._images == LOOKS else []
 
     def _sentences(self, azimuth: FloatArray, distance: FloatArray) -> list[str]:

@@ -195,8 +195,9 @@ class Threshold:
     ----------
     left_out : int
         Pings of the pool that are left out, since they have another statistic than the last one.
-    recurring : float
-        Detections so far that came again, or stand, less those by chance.
+    evidence : (n,) ndarray
+        Of the last ping's peaks: whether those above the threshold came again, less the chance, or
+        stand; 0 below.
     cells : int
         Peaks of the last ping, the most detections that there could be.
     """
@@ -207,7 +208,7 @@ class Threshold:
         self._pool: deque[tuple[Peaks, FloatArray, FloatArray]] = deque(maxlen=pings)
         self._detected: deque[FloatArray] = deque(maxlen=STANDS[1])
         self.kept = int(8 * number + 100)
-        self.recurring, self.cells, self.left_out = 0.0, 0, 0
+        self.evidence, self.cells, self.left_out = np.zeros(0), 0, 0
 
     def forget(self) -> None:
         """Clear the pool: peaks have another statistic from now on."""
@@ -236,7 +237,7 @@ class Threshold:
         level = float(height[order[last]]) if len(beyond) else 0.0
         self.left_out = len(self._pool) - len(like)
         detected = peaks.height > level
-        self.recurring += float((again + stands)[detected].sum())
+        self.evidence = np.where(detected, again + stands, 0.0)
         self.cells = peaks.number
         self._detected.append(peaks.place[detected])
         return level, standing

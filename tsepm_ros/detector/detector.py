@@ -29,7 +29,7 @@ from tsepm_ros.detector.cfar import (
 )
 from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import table
 from tsepm_ros.tracker.scan import Scan, wrap
 from tsepm_ros.tracker.sensor import Coverage
@@ -42,10 +42,10 @@ ENOUGH = 0.85
 """Part of the most recurring detections with which a smaller scale is chosen."""
 MIN_RECURRING = 0.5
 """Recurring detections a ping without which nothing is known of the extent."""
-TRIALS = 2.0, 4.0, 8.0
+TRIALS = np.array([2.0, 4.0, 8.0])
 """False detections a ping at which recurring ones are counted, whatever number is stated: at a low
 threshold walls and clutter recur at every scale."""
-MIN_CELLS = 2.0
+MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
@@ -97,7 +97,8 @@ class _Scale:
     def __init__(self, box: Box, number: float) -> None:
         self.box, self._background = box, Background()
         self.threshold, self._plain = Threshold(number), Threshold(number)
-        self.trials = [Threshold(few) for few in TRIALS]
+        self.trials = [Threshold(few) for few in TRIALS.tolist()]
+        self.recurring = np.zeros(len(TRIALS))
 
     def detect(self, x: Image, defined: BoolArray, modes: Modes, trial: bool) -> Found:
         """Detections above what the past of each cell predicts; before that is known, all."""
@@ -125,8 +126,9 @@ class _Scale:
             parts = zip(echoes, measured(whole, more, self.box, wraps), strict=True)
             echoes = Echoes(*map(np.concatenate, parts))
             standing = np.append(standing, np.ones(len(more)))
-        for one in self.trials if trial else ():
+        for number, one in enumerate(self.trials if trial else ()):
             one.update(peaks)
+            self.recurring[number] += _distinct(one.evidence, cell)
         return Found(echoes, standing, Stages(x, ring + past, even, level))
 
 
@@ -263,13 +265,9 @@ class Detector:
         """The smallest scale at which about as many echoes recur as at any."""
         if len(self._scales) == 1:
             return 0
-        least = MIN_CELLS * self.options.false_detections_per_ping
-        recurring = np.array(
-            [
-                [max(one.recurring, 0.0) * (one.cells >= least) for one in scale.trials]
-                for scale in self._scales
-            ]
-        )
+        few = np.array([[one.threshold.cells] for one in self._scales]) >= MIN_CELLS * TRIALS
+        recurring = np.maximum([one.recurring for one in self._scales], 0.0) * few
+        recurring = recurring[:, few.all(axis=0)] if few.all(axis=0).any() else recurring
         most = recurring.max(axis=0)
         if most.max() < MIN_RECURRING * (self.measured["images"] + 1 - self._begin):
             return 0
@@ -300,6 +298,14 @@ def make_detector(**options: Any) -> Detector:
             raise ValueError(f"a detector has no option {name!r}; it has {', '.join(known)}")
     limits = {name: options.pop(name) for name in [*options] if known[name] is Coverage}
     return Detector(DetectorOptions(**options), Coverage(**limits))
+
+
+def _distinct(evidence: FloatArray, cell: IntArray) -> float:
+    """Evidence of peaks at cells (n, 2), of which an echo of the largest scale counts one."""
+    _, group = np.unique(cell // np.array(SCALES[-1]), axis=0, return_inverse=True)
+    largest = np.zeros(group.max(initial=-1) + 1)
+    np.maximum.at(largest, group, evidence)
+    return float(largest.sum() + np.minimum(evidence, 0.0).sum())
 
 
 def _scan(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:

@@ -14,6 +14,7 @@ by its own surroundings along the bearing.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -46,8 +47,8 @@ PARTS = 8
 """Parts of a bearing."""
 NEIGHBOURS = 9
 """Bearings of which the middle one may be a streak."""
-RAISED = 0.15
-"""Least rise of a streak, in deviations of the amplitudes."""
+RAISED = 0.15, 3.5
+"""Least rise of a streak, in deviations of the amplitudes, and times the root of the ranges."""
 
 
 class Profile(NamedTuple):
@@ -160,8 +161,8 @@ def streaks(x: Image, wraps: bool) -> IntArray:
     cut = np.minimum(x[:, : width * parts], LIMIT).reshape(b, parts, width)
     cut = cut @ np.full(width, 1.0 / width, np.float32)
     around = ndimage.median_filter(cut, (NEIGHBOURS, 1), mode="wrap" if wraps else "nearest")
-    middle = (parts - 1) // 2
-    return np.flatnonzero(np.partition(cut - around, middle, axis=1)[:, middle] > RAISED)
+    middle, least = (parts - 1) // 2, max(RAISED[0], RAISED[1] / math.sqrt(m))
+    return np.flatnonzero(np.partition(cut - around, middle, axis=1)[:, middle] > least)
 
 
 def without_streaks(x: Image, defined: BoolArray, wraps: bool) -> Image:
