@@ -30,7 +30,7 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_its_assumptions(
     detector = images.detector
     images.configure(options)
     assert images.detector is detector, "nothing has changed"
-    images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 5.0}))
+    images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 8.0}))
     assert images.detector is not detector
 
 

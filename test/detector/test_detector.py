@@ -157,7 +157,7 @@ def test_an_image_of_one_value_is_an_empty_scan_and_counted(value):
     assert len(scan) == 0
     assert detector.measured["empty"] == detector.measured["images"] == 1
     rng = np.random.default_rng(1)
-    assert len(detector.process(SonarImage(1.0, RANGE, AZIMUTH, noise(rng)))) > 5
+    assert len(detector.process(SonarImage(1.0, RANGE, AZIMUTH, noise(rng)))) >= 4
 
 
 @pytest.mark.parametrize("shape", [(1, 300), (3, 100), (100, 2)])

@@ -222,6 +222,11 @@ class Detector:
             self._scales = [scale]
         return _scan(image, result.echoes, result.standing)
 
+    def kinds(self) -> str:
+        """The numbers of both kinds of detections, in words."""
+        moving, standing = (self.measured.get(name, 0.0) for name in ("detections", "standing"))
+        return f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
+
     def _say(self, sentences: list[str]) -> None:
         self.notes += [sentence for sentence in sentences if sentence not in self.notes]
 

@@ -29,9 +29,9 @@ class DetectorOptions(ParameterGroup):
     """Options of the detector."""
 
     false_detections_per_ping: float = parameter(
-        20.0,
-        "False detections per ping that the threshold keeps, at most a tenth of the independent "
-        "cells of an image",
+        5.0,
+        "False detections per ping that the threshold keeps, of those that do not stand; at most "
+        "a tenth of the independent cells of an image",
         minimum=0.1,
         maximum=1e4,
     )

@@ -14,7 +14,9 @@ by its own surroundings along the bearing.
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -59,18 +61,22 @@ class Profile(NamedTuple):
     images: int
 
 
-def profile_of(a: Image, measured: BoolArray) -> Profile:
-    """The profile of a single image: mean and deviation of what is within the limit by both."""
-    axis = 0 if len(a) >= MIN_CELLS else None
-    there = measured.astype(np.float32)
-    count, limited = np.maximum(there.sum(axis, keepdims=True), 1), a
+def within_limit(a: Image, there: Image, total: Callable[[Image], Image]) -> tuple[Image, Image]:
+    """Mean and deviation of the cells that are there, each taken within the limit by both."""
+    count, limited = np.maximum(total(there), np.float32(1e-3)), a
     for _ in range(PASSES):
-        mean = limited.sum(axis, keepdims=True) / count
-        apart = np.abs(limited - mean) * there
-        deviation = MEAN_DEVIATION * apart.sum(axis, keepdims=True) / count
+        mean = total(limited) / count
+        deviation = MEAN_DEVIATION * total(np.abs(limited - mean) * there) / count
         reach = LIMIT * deviation
         limited = np.clip(a, mean - reach, mean + reach) * there
-    return Profile(mean, deviation, 0)
+    return np.asarray(mean, np.float32), np.asarray(deviation, np.float32)
+
+
+def profile_of(a: Image, measured: BoolArray) -> Profile:
+    """The profile of a single image."""
+    axis = 0 if len(a) >= MIN_CELLS else None
+    total = functools.partial(np.sum, axis=axis, keepdims=True)
+    return Profile(*within_limit(a, measured.astype(np.float32), total), 0)
 
 
 def fitted(profile: Profile | None, a: Image, measured: BoolArray) -> Profile | None:
@@ -171,14 +177,9 @@ def without_streaks(x: Image, defined: BoolArray, wraps: bool) -> Image:
     if len(raised):
         rows, there = x[raised], defined[raised].astype(np.float32)
         window = max(rows.shape[1] // PARTS, MIN_CELLS)
-        count = np.maximum(ndimage.uniform_filter1d(there, window, axis=1), 1e-3)
-        limited = rows
-        for _ in range(PASSES):
-            mean = ndimage.uniform_filter1d(limited, window, axis=1) / count
-            apart = np.abs(limited - mean) * there
-            deviation = MEAN_DEVIATION * ndimage.uniform_filter1d(apart, window, axis=1) / count
-            limited = np.minimum(rows, mean + LIMIT * deviation) * there
-        rows = (rows - np.maximum(mean, 0.0)) / np.maximum(deviation, 1.0)
+        total = functools.partial(ndimage.uniform_filter1d, size=window, axis=1)
+        mean, deviation = within_limit(rows, there, total)
+        even = (rows - np.maximum(mean, 0.0)) / np.maximum(deviation, 1.0)
         x = x.copy()
-        x[raised] = np.maximum(rows, -LIMIT) * there
+        x[raised] = np.maximum(even, -LIMIT) * there
     return x

@@ -17,7 +17,7 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.whole_files import written_whole
 
 OPTIONS = {
-    "false_detections_per_ping": "kept by the threshold; default 20",
+    "false_detections_per_ping": "kept by the threshold; default 5",
     "range_extent": "of an echo, m; default learned",
     "azimuth_extent": "of an echo, rad; default learned",
     "min_range": "nearest range that is used, m; default 0",
@@ -67,7 +67,9 @@ def run_detect(options: argparse.Namespace) -> None:
     if options.picture:
         draw(options.picture, *drawn)
     measured = ", ".join(f"{name} {value:.3g}" for name, value in detector.measured.items())
+    number = detector.options.false_detections_per_ping
     print(f"{found} detections in {options.out}; {measured}", file=sys.stderr)
+    print(f"a ping: {detector.kinds()}; {number:g} false ones are stated", file=sys.stderr)
 
 
 def draw(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:
