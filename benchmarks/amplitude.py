@@ -40,18 +40,18 @@ from amplitude_scenes import (
 from result_tables import printed, write_table
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.commands.arguments import add_runs
+from tsepm_ros.tools.commands.arguments import add_runs_arguments
 from tsepm_ros.tools.evaluation.intervals import (
     RESAMPLES,
     TAILS_90,
-    Estimate,
-    mean,
-    mean_count,
-    proportion,
+    IntervalEstimate,
+    mean_count_interval,
+    mean_interval,
+    proportion_interval,
 )
-from tsepm_ros.tools.evaluation.result_files import add_result, mapped
+from tsepm_ros.tools.evaluation.result_files import add_result_file, mapped_results
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.terminal import terminal_progress
 
 RATES = (1.0, 10.0, 100.0)
 """Target false-track rates, per hour."""
@@ -66,7 +66,7 @@ def runs_of(
 ) -> list[Outcomes]:
     """Outcomes of the runs of a scene, in order."""
     jobs = [Job(scene, change, [options.seed, index], rate) for index in range(options.runs)]
-    return list(with_progress(mapped(run, jobs, options.workers), len(jobs)))
+    return list(terminal_progress(mapped_results(run, jobs, options.workers), len(jobs)))
 
 
 def counted(outcomes: Sequence[Outcomes]) -> FloatArray:
@@ -74,7 +74,7 @@ def counted(outcomes: Sequence[Outcomes]) -> FloatArray:
     return np.array([(one.found, one.wrong) for one in outcomes], float).T
 
 
-def gain_at_equal_rate(found: FloatArray, plain: FloatArray) -> Estimate:
+def gain_at_equal_rate(found: FloatArray, plain: FloatArray) -> IntervalEstimate:
     """P_D less that of plain runs at the same measured false rate, with one-sided 95 % bounds.
 
     Parameters
@@ -93,7 +93,7 @@ def gain_at_equal_rate(found: FloatArray, plain: FloatArray) -> Estimate:
         plain_share, plain_wrong = plain[:, :, row].mean(axis=2).T
         log_rate = np.log(np.maximum(np.append(plain_wrong, wrong), 0.5 / r))
         gains.append(share - np.interp(log_rate[-1], log_rate[:-1], plain_share))
-    return Estimate(float(gains[0]), *map(float, np.quantile(gains[1:], TAILS_90)))
+    return IntervalEstimate(float(gains[0]), *map(float, np.quantile(gains[1:], TAILS_90)))
 
 
 def detection_table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
@@ -117,19 +117,19 @@ def detection_table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
             known = name == NO_AMPLITUDE
             outcomes = around[1] if known else runs_of(with_target(ratio), change, rate, options)
             found = counted(outcomes)
-            nees = mean([value for one in outcomes for value in one.nees])
+            nees = mean_interval([value for one in outcomes for value in one.nees])
             yield (
                 name,
                 f"{rate:g}/h",
-                f"{proportion(int(found[0].sum()), options.runs):.3f}",
+                f"{proportion_interval(int(found[0].sum()), options.runs):.3f}",
                 "-" if known else f"{gain_at_equal_rate(found, plain):+.3f}",
-                f"{mean_count(found[1]):.3f}",
+                f"{mean_count_interval(found[1]):.3f}",
                 f"{found[1].sum():.0f}",
                 nees.text(".2f"),
             )
 
 
-def verdict(bounds: Estimate, limit: float) -> str:
+def verdict(bounds: IntervalEstimate, limit: float) -> str:
     """Whether a value is at most a limit, by its one-sided bounds."""
     if bounds.high <= limit:
         return "yes"
@@ -150,7 +150,7 @@ def false_table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
     for name, (law, change) in CLUTTER.items():
         for rate in options.rates if name in options.row else ():
             counts = [one.wrong for one in runs_of(clutter_alone(law), change, rate, options)]
-            a_run, allowed = mean_count(counts, TAILS_90), rate * hours
+            a_run, allowed = mean_count_interval(counts, TAILS_90), rate * hours
             more = a_run.mapped(lambda count, allowed=allowed: count - allowed)
             yield (
                 name,
@@ -171,10 +171,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     for name, (_, rows) in COMMANDS.items():
         command = commands.add_parser(name)
-        add_runs(command, 300, "runs of a row and rate")
+        add_runs_arguments(command, 300, "runs of a row and rate")
         command.add_argument("--rates", type=float, nargs="+", default=RATES, help="1/h")
         command.add_argument("--row", nargs="+", choices=rows, default=list(rows), help="rows")
-        add_result(command)
+        add_result_file(command)
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = parser.parse_args(given)
     line = f"python benchmarks/amplitude.py {shlex.join(given)}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tsepm_ros import Scan, make_initiator
-from tsepm_ros.tools.evaluation.simulated_run import Outcome, judge_starts
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, judge_simulated_starts
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 
@@ -131,7 +131,7 @@ def run(job: Job) -> Outcomes:
             scan = replace(scan, features={"intensity": amplitude})
         tracks += list(initiator.process(scan))
         origins.append(simulated.origin)
-    judged = judge_starts(simulator, tracks, origins)
+    judged = judge_simulated_starts(simulator, tracks, origins)
     true = [one for one in judged if one.outcome is Outcome.TRUE]
     wrong = [one for one in judged if one.outcome in (Outcome.FALSE, Outcome.MISPLACED)]
     return Outcomes(bool(true), len(wrong), tuple(one.nees for one in true))

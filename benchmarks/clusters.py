@@ -29,7 +29,7 @@ import numpy as np
 from clusters_scenes import Pool, Swimmers, box
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.clusters.extended_targets import LOG_RATIO
 
 MAX_SPEED = 5.0
@@ -63,7 +63,7 @@ class Run:
 def seeds_of(options: argparse.Namespace) -> Iterable[int]:
     """Seeds of the runs, with progress on a terminal."""
     first, number = options.seed, options.runs
-    return with_progress(range(first, first + number), number, "runs")
+    return terminal_progress(range(first, first + number), number, "runs")
 
 
 def run(

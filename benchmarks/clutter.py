@@ -19,7 +19,7 @@ from fixed_threads import BUILD
 from peer_timing import time_peers
 from scenes import DENSITIES, calm_density, make_scene
 
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 CALM = "calm"
 
@@ -71,7 +71,7 @@ def main() -> None:
     print("\n" + agreement_text(timings))
     options.output.mkdir(parents=True, exist_ok=True)
     content = as_json(timings, {key: str(value) for key, value in vars(options).items()})
-    write_text(options.output / "clutter.json", content + "\n")
+    write_whole_text(options.output / "clutter.json", content + "\n")
     print(f"\nwritten: {options.output / 'clutter.json'}")
 
 

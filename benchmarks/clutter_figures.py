@@ -16,7 +16,7 @@ from scenes import Scene
 from scipy.optimize import nnls
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.design.expected_counts import Expected, Gating, expected_counts
+from tsepm_ros.tools.design.expected_counts import Expected, ExpectedGating, expected_counts
 from tsepm_ros.tracker.options import CommonOptions
 
 REFERENCE = "tsepm-5/8"
@@ -80,7 +80,7 @@ def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
     """Expected counts of the contenders with method tsepm."""
     sea, sensor = scene.sea, scene.sea.sensor()
     speed, probability = sea.max_speed, sea.gate_probability
-    gating = Gating(
+    gating = ExpectedGating(
         sensor=sensor, max_speed=speed, interval=sea.period, gate_probability=probability
     )
     rules = {name: (CONTENDERS[name].min_hits, CONTENDERS[name].window) for name in names}

@@ -17,7 +17,7 @@ from typing import Any
 import clutter_figures as figures
 from clutter_figures import Summary, Timing, raw_before_cut, settled, summarise
 
-from tsepm_ros.tools.terminal import text_table
+from tsepm_ros.tools.terminal import terminal_table
 
 PACKAGES = ("numpy", "scipy", "stonesoup", "norfair")
 
@@ -45,7 +45,7 @@ def _times(summaries: dict[str, Summary]) -> str:
         first = str(item.first_of_target) if item.of_target else "-"
         tracks = [str(item.new), str(item.of_target), first]
         rows.append([name, str(item.scans), *times, *ratio, *memory, *tracks])
-    return text_table(head, rows)
+    return terminal_table(head, rows)
 
 
 def _counts(timing: Timing, summaries: dict[str, Summary]) -> str:
@@ -67,7 +67,7 @@ def _counts(timing: Timing, summaries: dict[str, Summary]) -> str:
             raw[1] = _number(theory.raw[part].mean())
             raw[3] = _number(theory.raw.max())
         rows.append([name, *potential, *raw, _number(mean["confirmed"]), str(item.cut)])
-    return text_table(head, rows)
+    return terminal_table(head, rows)
 
 
 def _number(value: float) -> str:
@@ -84,7 +84,7 @@ def growth_text(timings: Sequence[Timing]) -> str:
         [row, *("-" if math.isnan(value) else f"{value:.2f}" for value in values)]
         for row, values in figures.exponents(timings).items()
     ]
-    lines = [text_table(head, rows), ""]
+    lines = [terminal_table(head, rows), ""]
     for name in timings[0].theory:
         cost = figures.fit_cost(timings, name)
         if cost is not None:

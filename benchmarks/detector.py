@@ -33,11 +33,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
-from tsepm_ros.detector.cfar import found, smoothed
+from tsepm_ros.detector.cfar import cfar_peaks, cfar_smoothed
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
-from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
-from tsepm_ros.tools.terminal import markdown_table, with_progress
+from tsepm_ros.tools.simulation.scenario import (
+    ClutterStrength,
+    ScenarioOwnShipMotion,
+    TargetStrength,
+)
+from tsepm_ros.tools.terminal import terminal_markdown_table, terminal_progress
 
 Rows = Iterator[Sequence[str]]
 
@@ -200,17 +204,19 @@ def peaks_of(image: SonarImage, size: tuple[int, int]) -> tuple[np.ndarray, np.n
     """Heights and cells of the peaks with the true mean and deviation of Rayleigh amplitudes."""
     y = np.asarray((image.intensity - 0.5 * np.sqrt(np.pi)) / np.sqrt(1 - np.pi / 4), np.float32)
     modes = ("constant", "constant")
-    peaks, cell = found(smoothed(y, size, modes), np.ones(y.shape, bool), size, modes, 10_000)
+    peaks, cell = cfar_peaks(
+        cfar_smoothed(y, size, modes), np.ones(y.shape, bool), size, modes, 10_000
+    )
     return peaks.height, cell
 
 
 def tracks_table(options: argparse.Namespace) -> Rows:
     """False tracks behind the detector, and what intensities gain."""
     yield ["scene", "images", "expected", "false tracks", "over the target, 95 %"]
-    moving = OwnShipMotion(speed=0.5, turn_rate=0.02)
+    moving = ScenarioOwnShipMotion(speed=0.5, turn_rate=0.02)
     for name, own_ship, law in (
-        ("fixed, Rayleigh", OwnShipMotion(), None),
-        ("fixed, K 0.5", OwnShipMotion(), K),
+        ("fixed, Rayleigh", ScenarioOwnShipMotion(), None),
+        ("fixed, K 0.5", ScenarioOwnShipMotion(), K),
         ("moving, Rayleigh", moving, None),
     ):
         scene = scenario(options.images, own_ship=own_ship, clutter_strength=law)
@@ -227,7 +233,7 @@ def false_tracks(
     detector = make_detector(**stated((1, 1)))
     initiator = make_initiator("score", sensor=sensor, max_speed=2.0, false_tracks_per_hour=100.0)
     starts: set[int] = set()
-    for image in with_progress(images, number, "tracks", "image"):
+    for image in terminal_progress(images, number, "tracks", "image"):
         starts |= {track.track_id for track in initiator.process(detector.process(image))}
     expected = 100.0 * number * period / 3600.0
     low, high = chi2.ppf(0.025, 2 * len(starts)) / 2, chi2.ppf(0.975, 2 * len(starts) + 2) / 2
@@ -395,7 +401,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.part in ("pool", "radar") and options.data is None:
         parser.error("real data need --data FOLDER")
     rows = PARTS[options.part](options)
-    print(markdown_table(next(rows), []))
+    print(terminal_markdown_table(next(rows), []))
     for row in rows:
         print(f"| {' | '.join(row)} |", flush=True)
 

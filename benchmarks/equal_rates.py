@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.evaluation.intervals import RESAMPLES, TAILS, TAILS_90, Estimate
-from tsepm_ros.tools.evaluation.measures import RunSummary
-from tsepm_ros.tools.evaluation.performance import MIN_FALSE_STARTS, Curve
+from tsepm_ros.tools.evaluation.intervals import RESAMPLES, TAILS, TAILS_90, IntervalEstimate
+from tsepm_ros.tools.evaluation.measures import RunMeasures
+from tsepm_ros.tools.evaluation.performance import MIN_FALSE_STARTS, PerformanceCurve
 from tsepm_ros.tools.evaluation.simulated_run import Outcome
 
 
@@ -39,14 +39,14 @@ class Comparison:
     other: str
     false: float
     detection: float
-    other_detection: Estimate
-    detection_difference: Estimate
-    detection_bounds: Estimate
-    other_false: Estimate
-    false_ratio: Estimate
+    other_detection: IntervalEstimate
+    detection_difference: IntervalEstimate
+    detection_bounds: IntervalEstimate
+    other_false: IntervalEstimate
+    false_ratio: IntervalEstimate
 
 
-Points = Mapping[tuple[str, str], Sequence[RunSummary]]
+Points = Mapping[tuple[str, str], Sequence[RunMeasures]]
 """Summaries of the runs of each point, by method and label."""
 
 
@@ -65,7 +65,7 @@ def compare(points: Points) -> list[Comparison]:
     false, detection = _resampled(list(points.values()))
     methods = np.array([method for method, _ in points])
     curves = {  # through a method's points, in the sample and in its resamples
-        method: [Curve.of(*of_sample) for of_sample in zip(*pair, strict=True)]
+        method: [PerformanceCurve.of(*of_sample) for of_sample in zip(*pair, strict=True)]
         for method in methods.tolist()
         if (pair := [part[methods == method].T for part in (false, detection)])
     }
@@ -77,7 +77,7 @@ def compare(points: Points) -> list[Comparison]:
     ]
 
 
-def detection_at(curve: Curve, false: FloatArray) -> FloatArray:
+def detection_at(curve: PerformanceCurve, false: FloatArray) -> FloatArray:
     """P_D of a curve at rates of false starts per run, linear in their logarithm.
 
     nan below the lowest rate of the curve; constant above the highest.
@@ -85,7 +85,7 @@ def detection_at(curve: Curve, false: FloatArray) -> FloatArray:
     return np.interp(np.log(false), curve.log_false, curve.detection, left=np.nan)
 
 
-def false_at(curve: Curve, detection: FloatArray) -> FloatArray:
+def false_at(curve: PerformanceCurve, detection: FloatArray) -> FloatArray:
     """False starts per run of a curve at values of P_D.
 
     nan above the highest P_D of the curve; constant below the lowest.
@@ -97,7 +97,7 @@ def _compared(
     method: str,
     label: str,
     other: str,
-    curves: list[Curve],
+    curves: list[PerformanceCurve],
     false: FloatArray,
     detection: FloatArray,
 ) -> Comparison:
@@ -119,16 +119,16 @@ def _compared(
     )
 
 
-def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> Estimate:
+def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> IntervalEstimate:
     """The sample's value, (1 + b,) first, with the interval of its resamples."""
     resamples = values[1:][np.isfinite(values[1:])]
     if np.isnan(values[0]) or not len(resamples):
-        return Estimate.unknown()
+        return IntervalEstimate.unknown()
     low, high = np.quantile(resamples, tails)
-    return Estimate(float(values[0]), float(low), float(high))
+    return IntervalEstimate(float(values[0]), float(low), float(high))
 
 
-def _resampled(points: Sequence[Sequence[RunSummary]]) -> tuple[FloatArray, FloatArray]:
+def _resampled(points: Sequence[Sequence[RunMeasures]]) -> tuple[FloatArray, FloatArray]:
     """False starts per run and P_D of each point, (n, 1 + b): of the sample and its resamples."""
     counts = [
         [(run.count(Outcome.TRUE), run.targets, run.wrong) for run in summaries]

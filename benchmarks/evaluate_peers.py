@@ -23,11 +23,11 @@ import numpy as np
 from contenders import Contender, RawScan, Sea
 
 from tsepm_ros import ConfirmedTrack, Scan
-from tsepm_ros.tools.commands.evaluate_command import add_evaluation_arguments, run_evaluation
-from tsepm_ros.tools.evaluation.result_files import code_key
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.commands.evaluate_command import add_evaluate_arguments, run_evaluate
+from tsepm_ros.tools.evaluation.result_files import result_code_key
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 RULES = ((8, 12), (6, 8), (5, 8), (4, 5), (3, 4))
 """(min_hits, window) of a peer's sweep, from few to many false tracks."""
@@ -72,7 +72,7 @@ def sea_of(scenario: Scenario) -> Sea:
     Contenders support no moving sensor, no echo times and no constant range error.
     """
     sensor = scenario.sensor
-    if scenario.own_ship != OwnShipMotion() or scenario.sound_speed or sensor.range_std:
+    if scenario.own_ship != ScenarioOwnShipMotion() or scenario.sound_speed or sensor.range_std:
         raise ValueError(
             f"the peers cannot process {scenario.name}: they need own_ship at rest at the origin, "
             "sound_speed 0 and sensor.range_std 0 (--scene sound_speed:=0.0)"
@@ -94,13 +94,13 @@ def make_peer(scenario: Scenario, peer: str, options: Mapping[str, Any]) -> Peer
     return PeerStarter(contender(sea_of(scenario), **options))
 
 
-def peer_points(peer: str) -> Iterator[OperatingPoint]:
+def peer_points(peer: str) -> Iterator[SimulatedOperatingPoint]:
     """The sweep of a peer; an ImportError if its package is not installed."""
     package, module, _ = PEERS[peer]
     importlib.import_module(package)
     folder = Path(__file__).resolve().parent
     files = [folder / "evaluate_peers.py", folder / "contenders" / f"{module}.py"]
-    release = f"{package} {version(package)} {code_key(*files)}"
+    release = f"{package} {version(package)} {result_code_key(*files)}"
     rules: dict[str, dict[str, float]] = {
         f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
         for min_hits, window in RULES
@@ -108,10 +108,10 @@ def peer_points(peer: str) -> Iterator[OperatingPoint]:
     if peer == "jipda":
         rules = {f"{confirm:g}": {"confirm": confirm} for confirm in CONFIRM}
     for label, options in rules.items():
-        yield OperatingPoint(peer, label, options, make_peer, release)
+        yield SimulatedOperatingPoint(peer, label, options, make_peer, release)
 
 
-def installed(peers: list[str]) -> list[OperatingPoint]:
+def installed(peers: list[str]) -> list[SimulatedOperatingPoint]:
     """The sweeps of the peers with an installed package; the others are reported."""
     points = []
     for peer in peers:
@@ -125,12 +125,12 @@ def installed(peers: list[str]) -> list[OperatingPoint]:
 def main() -> int:
     """Evaluate, print and write; returns 2 if an argument is not allowed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_evaluation_arguments(parser)
+    add_evaluate_arguments(parser)
     parser.add_argument("--peer", action="append", choices=PEERS, help="default: every peer")
     options = parser.parse_args()
     options.line = shlex.join(["python", "benchmarks/evaluate_peers.py", *sys.argv[1:]])
     try:
-        run_evaluation(options, installed(options.peer or list(PEERS)))
+        run_evaluate(options, installed(options.peer or list(PEERS)))
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2

@@ -20,8 +20,8 @@ import numpy as np
 from fixed_echoes_scenes import Scene, Target, piles
 
 from tsepm_ros import make_initiator
-from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tracker.scan import chosen
+from tsepm_ros.tools.terminal import terminal_progress
+from tsepm_ros.tracker.scan import scan_of_rows
 
 MIN_SPEED, MAX_SPEED = 0.3, 10.0
 NEAR = 15.0
@@ -32,7 +32,7 @@ LEARNING, ENTERS = 60, 180
 
 def seeds(args: argparse.Namespace) -> Iterable[int]:
     """Seeds of the runs, with progress on a terminal."""
-    return with_progress(range(args.seed, args.seed + args.runs), args.runs, "runs")
+    return terminal_progress(range(args.seed, args.seed + args.runs), args.runs, "runs")
 
 
 def run_quay(args: argparse.Namespace) -> None:
@@ -83,7 +83,7 @@ def quay_run(kind: Scene, seed: int, args: argparse.Namespace) -> tuple[int, int
         scan, place = ping.scan, ping.truth[-1]
         present = number >= ENTERS
         if not present:
-            scan = chosen(scan, np.flatnonzero(ping.origin != len(places)))
+            scan = scan_of_rows(scan, np.flatnonzero(ping.origin != len(places)))
         away = [np.hypot(*(place - track.position)) for track in initiator.process(scan)]
         elsewhere += [number for distance in away if not (present and distance < NEAR)]
         tracks = initiator.current.state[:, 0::2]

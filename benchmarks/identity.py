@@ -38,9 +38,9 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.replay.offline import offline_recording_results
 from tsepm_ros.tools.replay.recording import Recording, read_recording
-from tsepm_ros.tools.terminal import text_table, with_progress
+from tsepm_ros.tools.terminal import terminal_progress, terminal_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.scan import wrap
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -212,7 +212,7 @@ def watched_recording(
     watched, of_confirmed = Watched(gate), Watched(gate)
     shown: dict[int, list[tuple[int, ConfirmedTrack]]] = {}
     session = Session(settings)
-    for index, result in enumerate(recording_results(recording, session, "north")):
+    for index, result in enumerate(offline_recording_results(recording, session, "north")):
         truth = truth_at(recording, result.stamp)
         watched.take(result.stamp, truth, result.new, result.current)
         of_confirmed.take(
@@ -238,7 +238,7 @@ def recordings(given: argparse.Namespace) -> None:
         ]
         rows += [row_of("all", published), row_of("all, confirmed tracks", held)]
         print(f"\nclutter density and detection probability {how}\n")
-        print(text_table(HEADER, rows))
+        print(terminal_table(HEADER, rows))
         if given.list:
             print("\n".join(["", *(line for part in lines for line in part)]))
 
@@ -379,7 +379,7 @@ def scenes(given: argparse.Namespace) -> None:
             if name not in given.scenes:
                 continue
             parts = []
-            for run in with_progress(range(given.runs), given.runs, "runs"):
+            for run in terminal_progress(range(given.runs), given.runs, "runs"):
                 rng = np.random.default_rng([given.seed, number, run])
                 paths = path_of(name, rng, sonde)
                 sigma = max(
@@ -404,10 +404,10 @@ def scenes(given: argparse.Namespace) -> None:
                     whole.errors.setdefault(of, []).extend(values)
             errors += [[name, of, *whole.mean_errors(of)] for of in ("new", "held")]
         print(f"\n{sonde_name}, {given.runs} runs of each scene, seed {given.seed}\n")
-        print(text_table(HEADER, rows), flush=True)
+        print(terminal_table(HEADER, rows), flush=True)
         print()
         header = ("", "", "position/m", "velocity/(m/s)", "NEES median", "mean")
-        print(text_table(header, errors), flush=True)
+        print(terminal_table(header, errors), flush=True)
 
 
 def main() -> None:

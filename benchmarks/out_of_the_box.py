@@ -29,8 +29,8 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.evaluation.result_files import add_result
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.evaluation.result_files import add_result_file
+from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.options import CommonOptions
 
 MAX_RANGE, HALF_SECTOR = 300.0, math.radians(60.0)
@@ -146,7 +146,7 @@ def table(options: argparse.Namespace) -> Iterator[list[str]]:
         ):
             if type_name == LASER and clutter > MAX_LASER_CLUTTER:
                 continue
-            shown = with_progress(scenes, len(scenes), f"{clutter:g} a ping, {name}")
+            shown = terminal_progress(scenes, len(scenes), f"{clutter:g} a ping, {name}")
             yield row(clutter, name, [run(settings, scene, type_name) for scene in shown])
 
 
@@ -157,7 +157,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--pings", type=int, default=120)
     parser.add_argument("--clutter", type=float, nargs="+", default=[0.2, 2.0, 20.0, 200.0])
-    add_result(parser)
+    add_result_file(parser)
     options = parser.parse_args()
     print(f"{options.runs} runs from seed {options.seed}, {options.pings} pings")
     clutter = " ".join(f"{value:g}" for value in options.clutter)

@@ -30,22 +30,26 @@ from equal_rates import Comparison, compare
 from result_tables import printed, write_table
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tools.commands.arguments import add_runs
+from tsepm_ros.tools.commands.arguments import add_runs_arguments
 from tsepm_ros.tools.design.prediction import (
-    Case,
-    clutter_scans,
-    false_tracks_per_hour,
-    first_estimate,
-    score_window,
-    target_statistics,
+    PredictionCase,
+    first_prediction,
+    predicted_false_tracks_per_hour,
+    predicted_score_window,
+    prediction_clutter_scans,
+    prediction_statistics,
 )
-from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.evaluation.performance import Evaluated, Plan, evaluate
-from tsepm_ros.tools.evaluation.result_files import add_result, code_key
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
+from tsepm_ros.tools.evaluation.performance import (
+    PerformanceEvaluated,
+    PerformancePlan,
+    evaluate_performance,
+)
+from tsepm_ros.tools.evaluation.result_files import add_result_file, result_code_key
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario, load_scenario
-from tsepm_ros.tools.simulation.scenario import TargetArea
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.simulation.scenario import ScenarioTargetArea
+from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
 Rows = Iterator[Sequence[str]]
@@ -89,25 +93,27 @@ CHANGED: dict[str, dict[str, float]] = {
 """Changes of the box by `equal-false-rate`; the box has 1e-6, 0.9, 1.5 % and 1 degree."""
 
 
-def score_at(rate: float, **options: Any) -> OperatingPoint:
+def score_at(rate: float, **options: Any) -> SimulatedOperatingPoint:
     """The default method at a target false-track rate, per hour, perhaps with other options."""
     label = ", ".join([f"{rate:g}/h", *(f"{name} {value}" for name, value in options.items())])
     options = {"false_tracks_per_hour": float(rate), **options}
-    return OperatingPoint("score", label, options, version=code_key())
+    return SimulatedOperatingPoint("score", label, options, version=result_code_key())
 
 
-def rate_ratio(density: float, rate: float, hours: float, seed: int, processes: int) -> Estimate:
+def rate_ratio(
+    density: float, rate: float, hours: float, seed: int, processes: int
+) -> IntervalEstimate:
     """Rate of false tracks over the target rate."""
     case = clutter_alone(density)
     scans = math.ceil(hours * case.scans_per_hour)
-    given = {"seed": seed, "processes": processes, "progress": with_progress}
+    given = {"seed": seed, "processes": processes, "progress": terminal_progress}
     options = {"false_tracks_per_hour": float(rate)}
-    return false_tracks_per_hour(case, "score", options, scans=scans, **given) / rate
+    return predicted_false_tracks_per_hour(case, "score", options, scans=scans, **given) / rate
 
 
-def clutter_alone(density: float) -> Case:
+def clutter_alone(density: float) -> PredictionCase:
     """The default sonar in clutter."""
-    return Case(sensor=replace(SensorModel(), clutter_density=density), scans=LEFT_OUT)
+    return PredictionCase(sensor=replace(SensorModel(), clutter_density=density), scans=LEFT_OUT)
 
 
 def false_rate_table(options: argparse.Namespace) -> Rows:
@@ -173,25 +179,27 @@ def speeds_table(options: argparse.Namespace, densities: Sequence[float] = (1e-8
         yield f"{density:g}", "all", str(number * options.runs), "", f"{mean_of(nees):.2f}"
 
 
-def mean_of(estimates: Sequence[Estimate]) -> Estimate:
+def mean_of(estimates: Sequence[IntervalEstimate]) -> IntervalEstimate:
     """Mean of independent estimates, with its interval."""
     number = len(estimates)
     mean = sum(one.value for one in estimates) / number
     down = math.hypot(*(one.value - one.low for one in estimates)) / number
     up = math.hypot(*(one.high - one.value for one in estimates)) / number
-    return Estimate(mean, mean - down, mean + up)
+    return IntervalEstimate(mean, mean - down, mean + up)
 
 
 def evaluated(
     scene: Scenario,
-    points: Sequence[OperatingPoint],
+    points: Sequence[SimulatedOperatingPoint],
     runs: int,
     options: argparse.Namespace,
     horizons: Sequence[int] = (),
-) -> list[Evaluated]:
+) -> list[PerformanceEvaluated]:
     """Results of a scene after each horizon and after all scans; missing runs are done."""
-    plan = Plan(scenarios=[scene], points=points, runs=runs, seed=options.seed, horizons=horizons)
-    return evaluate(plan, options.out / "runs", options.workers, with_progress)
+    plan = PerformancePlan(
+        scenarios=[scene], points=points, runs=runs, seed=options.seed, horizons=horizons
+    )
+    return evaluate_performance(plan, options.out / "runs", options.workers, terminal_progress)
 
 
 HORIZONS = (8, 16)
@@ -201,7 +209,10 @@ MARGIN = 0.01
 
 def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES) -> Rows:
     """`tsepm` at its own rule against the sweep of `score`."""
-    points = [OperatingPoint("tsepm", "5/8", version=code_key()), *map(score_at, rates)]
+    points = [
+        SimulatedOperatingPoint("tsepm", "5/8", version=result_code_key()),
+        *map(score_at, rates),
+    ]
     head = ["scene", "pings", "`tsepm` 5/8: P_D", "its false + misplaced per run"]
     head += ["`score` at as many: P_D", "`score` at its P_D: false + misplaced per run"]
     head += ["verdict", "its P_D less that of `score` (one-sided bounds)"]
@@ -212,7 +223,7 @@ def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES
             yield equal_rate_row(result)
 
 
-def equal_rate_row(result: Evaluated) -> list[str]:
+def equal_rate_row(result: PerformanceEvaluated) -> list[str]:
     """The row of a scene after some pings.
 
     With more false starts than the last point of its sweep `score` has *at least* that point's P_D;
@@ -257,7 +268,7 @@ def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
     return HOLDS if better else DOES_NOT
 
 
-def within_margin(loss: Estimate, *, beyond: bool) -> str:
+def within_margin(loss: IntervalEstimate, *, beyond: bool) -> str:
     """Whether a loss of P_D, by its one-sided bounds, is at most the margin.
 
     Where it is `beyond` the last point of the sweep, it may be less than it seems.
@@ -267,15 +278,15 @@ def within_margin(loss: Estimate, *, beyond: bool) -> str:
     return DOES_NOT if loss.low > MARGIN and not beyond else OPEN
 
 
-def difference(first: Estimate, second: Estimate) -> Estimate:
+def difference(first: IntervalEstimate, second: IntervalEstimate) -> IntervalEstimate:
     """Difference of two independent shares with Newcombe's interval (Statist. Med. 17, 1998)."""
     gap = first.value - second.value
     down = math.hypot(first.value - first.low, second.high - second.value)
     up = math.hypot(first.high - first.value, second.value - second.low)
-    return Estimate(gap, gap - down, gap + up)
+    return IntervalEstimate(gap, gap - down, gap + up)
 
 
-def closeness(gap: Estimate) -> str:
+def closeness(gap: IntervalEstimate) -> str:
     """Whether all, none or a part of the interval of a difference of P_D is small."""
     if gap.low >= -MAX_ERROR and gap.high <= MAX_ERROR:
         return HOLDS
@@ -299,18 +310,22 @@ def design_table(options: argparse.Namespace) -> Rows:
 def designed(density: float, scans: int, options: argparse.Namespace) -> list[str]:
     """The row of a density and a number of pings, at the window of the design."""
     sensor = replace(SensorModel(), clutter_density=density)
-    case = Case(sensor=sensor, scans=scans, target_speed=SPEED)
+    case = PredictionCase(sensor=sensor, scans=scans, target_speed=SPEED)
     score = ScoreOptions(false_tracks_per_hour=TARGET_RATE)
-    score = replace(score, window=score_window(case, score))
-    planned = first_estimate(case, score, given_window=True).found[-1]
+    score = replace(score, window=predicted_score_window(case, score))
+    planned = first_prediction(case, score, given_window=True).found[-1]
     given = {**asdict(case.common), **asdict(score)}
-    simulation = {"seed": options.seed, "processes": options.workers, "progress": with_progress}
-    simulated = target_statistics(case, "score", given, runs=options.runs, **simulation).detection
-    clutter = clutter_scans(case, TARGET_RATE)
-    false = false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
-    anywhere = TargetArea(1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED)
+    simulation = {"seed": options.seed, "processes": options.workers, "progress": terminal_progress}
+    simulated = prediction_statistics(
+        case, "score", given, runs=options.runs, **simulation
+    ).detection
+    clutter = prediction_clutter_scans(case, TARGET_RATE)
+    false = predicted_false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
+    anywhere = ScenarioTargetArea(
+        1, (sensor.min_range, sensor.max_range), (-math.pi, math.pi), SPEED
+    )
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
-    point = OperatingPoint("score", "designed", given, version=code_key())
+    point = SimulatedOperatingPoint("score", "designed", given, version=result_code_key())
     [measures] = evaluated(whole, [point], options.runs, options)[0].measures
     gap = difference(simulated, measures.detection)
     shares = [f"{share:.3f}" for share in (planned, simulated, measures.detection, gap)]
@@ -333,11 +348,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     for name, (_, runs, what) in COMMANDS.items():
         command = commands.add_parser(name)
-        add_runs(command, runs, what)
+        add_runs_arguments(command, runs, what)
         command.add_argument(
             "--scene", action="append", choices=CHANGED, help="of equal-false-rate; default all"
         )
-        add_result(command)
+        add_result_file(command)
         command.add_argument(
             "--warm-up", type=int, default=WARM_UP, help="scans before the box's target appears"
         )

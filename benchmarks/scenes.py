@@ -10,7 +10,7 @@ from contenders import Hits, RawScan, Sea
 from numpy.typing import NDArray
 
 from tsepm_ros.tools.simulation import Scenario, Simulator
-from tsepm_ros.tools.simulation.scenario import TargetArea
+from tsepm_ros.tools.simulation.scenario import ScenarioTargetArea
 
 DENSITIES = (2.5e-7, 5e-7, 1e-6, 2e-6, 3e-6, 5e-6, 1e-5)
 """Clutter densities, per scan and m^2."""
@@ -48,7 +48,11 @@ def make_scene(clutter_density: float, scans: int, seed: int) -> Scene:
         scans=scans,
         period=sea.period,
         sensor=sea.sensor(),
-        areas=(TargetArea(1, (MIN_TARGET_RANGE, sea.max_range), ALL_AZIMUTHS, sea.target_speed),),
+        areas=(
+            ScenarioTargetArea(
+                1, (MIN_TARGET_RANGE, sea.max_range), ALL_AZIMUTHS, sea.target_speed
+            ),
+        ),
     )
     drawn = list(Simulator(scenario, seed))
     scans = [RawScan(item.scan.stamp, item.scan.range, item.scan.azimuth) for item in drawn]

@@ -23,7 +23,7 @@ import numpy as np
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 PACKAGES = ("@signalk/signalk-schema", "@signalk/streams")
 LONGITUDES = (10.63, 179.99, -179.99)
@@ -78,8 +78,8 @@ def scene(longitude: float) -> tuple[list[str], np.ndarray]:
     tracks = TrackArrays.from_tracks(held)
     places = GeographicReference(59.65, longitude).geographic(state[:, 0::2])
     instance = uuid.uuid5(uuid.NAMESPACE_URL, str(longitude))
-    told = nmea.Reports()
-    lines = told.texts(set(range(TRACKS)), STAMP, nmea.deltas(tracks, instance, places))
+    told = nmea.NmeaReports()
+    lines = told.texts(set(range(TRACKS)), STAMP, nmea.nmea_deltas(tracks, instance, places))
     lines += told.texts(set(), STAMP + 1.0, {})
     course = np.arctan2(state[:, 1], state[:, 3]) % (2 * np.pi)
     truth = np.column_stack([places[:, ::-1], course, np.hypot(state[:, 1], state[:, 3])])
@@ -97,7 +97,7 @@ def main() -> int:
     for name in PACKAGES:
         package = json.loads((folder / "node_modules" / name / "package.json").read_text())
         print(name, package["version"])
-    write_text(folder / "reader.js", READER)
+    write_whole_text(folder / "reader.js", READER)
     scenes = [scene(longitude) for longitude in LONGITUDES]
     lines = [line for lines, _ in scenes for line in lines]
     truth = np.concatenate([truth for _, truth in scenes])

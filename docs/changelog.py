@@ -13,7 +13,7 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / "CHANGELOG.rst"
@@ -84,4 +84,4 @@ def current() -> str:
 
 
 if __name__ == "__main__":
-    write_text(TARGET, current())
+    write_whole_text(TARGET, current())

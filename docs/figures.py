@@ -29,12 +29,12 @@ from tsepm_ros import __version__
 from tsepm_ros.diagnostics.health import ENTRIES, Rule
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS
 from tsepm_ros.session.drop_reasons import DROP_REASONS
-from tsepm_ros.settings.parameter_files import yaml_text
-from tsepm_ros.settings.settings import NODES, Groups, full_table, with_method
-from tsepm_ros.tools.evaluation.result_files import Result, Row, goldens_digest, read_result
-from tsepm_ros.tools.terminal import markdown_table
+from tsepm_ros.settings.parameter_files import parameter_file_text
+from tsepm_ros.settings.settings import NODES, Groups, settings_table, settings_with_method
+from tsepm_ros.tools.evaluation.result_files import Result, Row, read_result, result_goldens_digest
+from tsepm_ros.tools.terminal import terminal_markdown_table
 from tsepm_ros.tracker.method import ScanStatistics
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -136,11 +136,11 @@ def diagnostics_page() -> str:
     """The page of the diagnostics: conditions with remedies, and reasons for drops."""
     conditions = [
         f"### `{task}`\n\n"
-        + markdown_table(["level", "condition", "remedy"], _rule_rows(entry.rules))
+        + terminal_markdown_table(["level", "condition", "remedy"], _rule_rows(entry.rules))
         for task, entry in ENTRIES.items()
     ]
     counts = {f"`{field.name}`": SCAN_COUNTS[field.name] for field in fields(ScanStatistics)}
-    figures = markdown_table(["figure", "meaning"], (counts | DIAGNOSTICS_FIGURES).items())
+    figures = terminal_markdown_table(["figure", "meaning"], (counts | DIAGNOSTICS_FIGURES).items())
     parts = [DIAGNOSTICS_BEGIN, "\n\n".join(conditions), "", "## Figures", "", figures, ""]
     return "\n".join([*parts, DIAGNOSTICS_END, _drop_reasons()]) + "\n"
 
@@ -153,7 +153,7 @@ def _drop_reasons() -> str:
         alike = causes.setdefault((reason.task, reason.lost, reason.remedy), [])
         alike.append(f"`{name}`: {reason.meaning}")
     rows = [("<br>".join(told), lost, remedy) for (_, lost, remedy), told in causes.items()]
-    return markdown_table(["reason: cause", "lost", "remedy"], rows)
+    return terminal_markdown_table(["reason: cause", "lost", "remedy"], rows)
 
 
 def _rule_rows(rules: Sequence[Sequence[Rule]]) -> list[tuple[str, str, str]]:
@@ -185,7 +185,7 @@ def parameters_page() -> str:
     for node, groups in NODES.items():
         parts.append(f"## `{node}`")
         for method in METHODS:
-            groups = with_method(groups, method)
+            groups = settings_with_method(groups, method)
         for prefix in dict.fromkeys(prefix for prefix, _ in groups):
             method = prefix.removesuffix(".")
             if prefix:
@@ -205,7 +205,7 @@ def parameters_page() -> str:
 def _parameter_rows(groups: Groups) -> list[str]:
     """Lines of a table of all parameters."""
     lines = ["| parameter | default | meaning |", "|---|---|---|"]
-    for row in full_table(groups):
+    for row in settings_table(groups):
         unit = f" {row.unit}" if row.unit else ""
         told = row.choices and all(f"{choice}:" in row.description for choice in row.choices)
         bounds = row.bounds.removeprefix("from ")
@@ -213,7 +213,7 @@ def _parameter_rows(groups: Groups) -> list[str]:
         fixed = " *Fixed.*" if row.read_only else ""
         meaning = row.description.rstrip(".")
         lines.append(
-            f"| `{row.name}` | `{yaml_text(row.default)}`{unit} | {meaning}.{bounds}{fixed} |"
+            f"| `{row.name}` | `{parameter_file_text(row.default)}`{unit} | {meaning}.{bounds}{fixed} |"
         )
     return lines
 
@@ -251,7 +251,7 @@ def curve(result: Result, points: Sequence[str] = ()) -> str:
         for name in rows[horizons[0]]
         if not points or name in points
     ]
-    return markdown_table(header, lines)
+    return terminal_markdown_table(header, lines)
 
 
 def _cells(row: Row) -> list[str]:
@@ -307,12 +307,12 @@ def compared(result: Result) -> str:
     for name, (text, spec) in MEASURES.items():
         cells = [[spec.format(part) for part in row[name]] for row in rows]
         lines.append([text, *(f"{value} ({low} to {high})" for value, low, high in cells)])
-    return markdown_table(header, lines)
+    return terminal_markdown_table(header, lines)
 
 
 def as_printed(result: Result) -> str:
     """The table that the command prints."""
-    return markdown_table(result.header, result.rows)
+    return terminal_markdown_table(result.header, result.rows)
 
 
 VIEWS: dict[str, Callable[[Result], str]] = {
@@ -356,7 +356,7 @@ def filled(text: str) -> str:
 
 def stale() -> list[Path]:
     """Result files that were measured with other golden outputs than these."""
-    now = goldens_digest()
+    now = result_goldens_digest()
     return [path for path in sorted(RESULTS.glob("*.json")) if read_result(path).goldens != now]
 
 
@@ -394,7 +394,7 @@ def problems() -> list[str]:
 def fill() -> None:
     """Fill every page's tables."""
     for page in unfilled():
-        write_text(page, made(page))
+        write_whole_text(page, made(page))
         print(f"filled: {page.relative_to(ROOT)}")
 
 

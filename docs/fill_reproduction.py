@@ -11,7 +11,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-from tsepm_ros.whole_files import write_text, written_whole
+from tsepm_ros.whole_files import write_whole_text, written_whole
 
 PAGE = Path(__file__).parent / "reproduction.md"
 PAGE_WIDTH = 120
@@ -43,7 +43,7 @@ def fill_page(page: Path, report: Path) -> list[Path]:
         wrapped = "\n".join(map(_wrapped, linked.rstrip().splitlines()))
         before, after = place.split(text, maxsplit=1)
         text = f"{before}{wrapped}\n\n{after}"
-    write_text(page, text.rstrip() + "\n")
+    write_whole_text(page, text.rstrip() + "\n")
     for picture in pictures:
         with written_whole(picture) as temporary:
             shutil.copyfile(report.parent / picture.name, temporary)

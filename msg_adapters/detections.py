@@ -40,12 +40,12 @@ from msg_adapters import messages
 from msg_adapters.ping import (
     Ping,
     ReadingOptions,
-    along_axes,
     check_supported,
-    fitted,
+    fitted_to_ping,
     good_detections,
-    in_plane,
     intensity_feature,
+    ping_along_axes,
+    ping_in_plane,
     read_by,
     stated_sound_speed,
     turn_about_z,
@@ -53,9 +53,9 @@ from msg_adapters.ping import (
 from msg_adapters.point_cloud import read_point_cloud, write_point_cloud
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.own_ship.registration import AXES, stated_axes
-from tsepm_ros.tracker.scan import Arc, Scan
-from tsepm_ros.tracker.sensor import SensorModel, goes_on
+from tsepm_ros.own_ship.registration import AXES, registration_axes
+from tsepm_ros.tracker.scan import Scan, ScanArc
+from tsepm_ros.tracker.sensor import SensorModel, sensor_rays_go_on
 
 NO_TIMES = (
     "the scan has no time_increment and sound_speed is 0: all detections are assumed valid at the "
@@ -109,9 +109,9 @@ def read_laser_scan(scan: messages.LaserScan, options: ReadingOptions) -> Ping:
     limit = float(scan.range_max)
     if not limit > max(float(scan.range_min), 0.0):
         limit, assumptions = math.inf, (*assumptions, NO_RANGE_MAX)
-    nothing = no_returns(range, limit)
+    nothing = rays_without_detection(range, limit)
     seen = np.where(np.any(list(nothing.values()), axis=0), np.inf, range)
-    jumps = ~goes_on(seen[:-1], seen[1:], increment, options.sensor)  # to another object
+    jumps = ~sensor_rays_go_on(seen[:-1], seen[1:], increment, options.sensor)  # to another object
     with np.errstate(invalid="ignore"):  # 0 * inf is dropped as azimuth_ or time_offset_not_finite
         azimuth = np.asarray(first + rays * increment, np.float64)
         leaving = echo = rays * scan.time_increment if scan.time_increment else None
@@ -136,11 +136,11 @@ def read_laser_scan(scan: messages.LaserScan, options: ReadingOptions) -> Ping:
             "sector (rad)": len(range) * abs(increment),
         },
         assumptions=assumptions,
-        beams=_fan(first, increment, len(range)),
+        beams=_detection_fan(first, increment, len(range)),
     )
 
 
-def no_returns(range: FloatArray, limit: float) -> dict[str, BoolArray]:
+def rays_without_detection(range: FloatArray, limit: float) -> dict[str, BoolArray]:
     """Rays without a return, by the value that says so.
 
     A constant is the largest range of many rays, in a scan that has no other value for no return.
@@ -176,13 +176,13 @@ def no_returns(range: FloatArray, limit: float) -> dict[str, BoolArray]:
     }
 
 
-def _fan(first: float, increment: float, rays: int) -> Arc | None:
+def _detection_fan(first: float, increment: float, rays: int) -> ScanArc | None:
     """The azimuths of all rays; None where they are not known."""
     turn = (rays - 1) * increment
     if not rays or not math.isfinite(first + turn):
         return None
     start = math.remainder(first + min(turn, 0.0), 2 * math.pi)
-    return Arc(start, min(abs(turn), 2 * math.pi), whole=True)
+    return ScanArc(start, min(abs(turn), 2 * math.pi), whole=True)
 
 
 def write_laser_scan(header: messages.Header, scan: Scan, sound_speed: float) -> messages.LaserScan:
@@ -231,12 +231,12 @@ def read_sonar_detections(message: messages.SonarDetections, options: ReadingOpt
     MessageError
         If travel times or receive angles are missing, or an array has another length.
     """
-    n = _number_of_beams(
+    n = _detection_beams(
         two_way_travel_times=message.two_way_travel_times, rx_angles=message.rx_angles
     )
-    travel = _of_beams("two_way_travel_times", message.two_way_travel_times, n)
-    rx = _of_beams("rx_angles", message.rx_angles, n)
-    tx = _of_beams("tx_angles", message.tx_angles, n)
+    travel = _detection_of_beams("two_way_travel_times", message.two_way_travel_times, n)
+    rx = _detection_of_beams("rx_angles", message.rx_angles, n)
+    tx = _detection_of_beams("tx_angles", message.tx_angles, n)
     with np.errstate(invalid="ignore"):
         up, starboard = np.sin(tx), np.sin(rx)
         ahead = 1.0 - up**2 - starboard**2
@@ -248,7 +248,7 @@ def read_sonar_detections(message: messages.SonarDetections, options: ReadingOpt
         options,
         slant_range=0.5 * speed * travel,
         half_travel_time=0.5 * travel,
-        delay=_of_beams("tx_delays", message.tx_delays, n),
+        delay=_detection_of_beams("tx_delays", message.tx_delays, n),
         direction=direction,
         undefined=undefined,
         assumptions=assumptions,
@@ -278,10 +278,10 @@ def read_sonar_ranges(message: messages.SonarRanges, options: ReadingOptions) ->
     MessageError
         If ranges or vectors are missing, or an array has another length.
     """
-    n = _number_of_beams(ranges=message.ranges, beam_unit_vec=message.beam_unit_vec)
-    slant_range = _of_beams("ranges", message.ranges, n)
+    n = _detection_beams(ranges=message.ranges, beam_unit_vec=message.beam_unit_vec)
+    slant_range = _detection_of_beams("ranges", message.ranges, n)
     vectors = [(vector.x, vector.y, vector.z) for vector in message.beam_unit_vec]
-    beam = _of_beams("beam_unit_vec", vectors, n).reshape(n, 3)
+    beam = _detection_of_beams("beam_unit_vec", vectors, n).reshape(n, 3)
     with np.errstate(all="ignore"):
         largest = np.abs(beam).max(axis=1, initial=0.0, keepdims=True)  # its square may overflow
         direction = beam / largest
@@ -292,14 +292,14 @@ def read_sonar_ranges(message: messages.SonarRanges, options: ReadingOptions) ->
         options,
         slant_range=slant_range,
         half_travel_time=slant_range / speed,
-        delay=_of_beams("transmit_delays", message.transmit_delays, n),
+        delay=_detection_of_beams("transmit_delays", message.transmit_delays, n),
         direction=direction,
         undefined=~np.isfinite(direction).all(axis=1),
         assumptions=assumptions,
     )
 
 
-def _number_of_beams(**arrays: Any) -> int:
+def _detection_beams(**arrays: Any) -> int:
     """Return the number of beams of the arrays that give ranges and directions."""
     lengths = {name: len(values) for name, values in arrays.items()}
     missing = [name for name, length in lengths.items() if not length]
@@ -308,9 +308,9 @@ def _number_of_beams(**arrays: Any) -> int:
     return max(lengths.values())
 
 
-def _of_beams(name: str, values: Any, n: int) -> FloatArray:
+def _detection_of_beams(name: str, values: Any, n: int) -> FloatArray:
     """Return one value per beam; zeros if the array is not reported."""
-    per_beam = fitted(name, values, n)
+    per_beam = fitted_to_ping(name, values, n)
     return np.zeros(n) if per_beam is None else per_beam
 
 
@@ -327,7 +327,7 @@ def _detections(
 ) -> Ping:
     """Return the detections of beams: m, s, s after the stamp, unit vectors (n, 3)."""
     n = len(slant_range)
-    flags = _of_beams("flags", [flag.flag for flag in message.flags], n)
+    flags = _detection_of_beams("flags", [flag.flag for flag in message.flags], n)
     features, more = intensity_feature(message.intensities, n)
     up, starboard, ahead = direction.T
     with np.errstate(invalid="ignore"):  # dropped as not finite or direction_undefined
@@ -408,13 +408,17 @@ def read_detection_array(array: messages.Detection3DArray, options: ReadingOptio
     """
     detections, frame = array.detections, array.header.frame_id
     names = ("", frame.lstrip("/"))
-    best = [max(detection.results, key=_score, default=None) for detection in detections]
-    position = [_position(*both) for both in zip(detections, best, strict=True)]
-    ahead, port, up = along_axes(frame, *np.array(position, np.float64).reshape(-1, 3).T)
-    range_std, azimuth_std = _deviations(best, ahead, port, AXES[stated_axes(frame)])
+    best = [max(detection.results, key=_detection_score, default=None) for detection in detections]
+    position = [_detection_position(*both) for both in zip(detections, best, strict=True)]
+    ahead, port, up = ping_along_axes(frame, *np.array(position, np.float64).reshape(-1, 3).T)
+    range_std, azimuth_std = _detection_deviations(
+        best, ahead, port, AXES[registration_axes(frame)]
+    )
     stamp_ns = time_to_ns(array.header.stamp)
-    times = np.array([_time_after(stamp_ns, detection) for detection in detections])
-    intensity = np.array([np.nan if result is None else _score(result) for result in best])
+    times = np.array([_detection_time_after(stamp_ns, detection) for detection in detections])
+    intensity = np.array(
+        [np.nan if result is None else _detection_score(result) for result in best]
+    )
     with np.errstate(over="ignore"):  # dropped as range_not_finite
         range = np.hypot(ahead, port)
     return good_detections(
@@ -431,36 +435,40 @@ def read_detection_array(array: messages.Detection3DArray, options: ReadingOptio
         transmit_offset=times if times.any() else None,
         features={"intensity": intensity},
         faults={
-            "other_frame": _each(detections, lambda d: d.header.frame_id.lstrip("/") not in names),
-            "no_position": _each(detections, lambda d: not (_has_box(d) or d.results)),
+            "other_frame": _each_detection(
+                detections, lambda d: d.header.frame_id.lstrip("/") not in names
+            ),
+            "no_position": _each_detection(
+                detections, lambda d: not (_detection_has_box(d) or d.results)
+            ),
         },
     )
 
 
-def _each(detections: Any, condition: Callable[[Any], bool]) -> BoolArray:
+def _each_detection(detections: Any, condition: Callable[[Any], bool]) -> BoolArray:
     return np.array([condition(detection) for detection in detections], bool)
 
 
-def _score(result: Any) -> float:
+def _detection_score(result: Any) -> float:
     """Return the score of a result; -inf if it is nan. Older versions have no hypothesis."""
     score = float(getattr(result, "hypothesis", result).score)
     return score if score == score else -np.inf
 
 
-def _has_box(detection: messages.Detection3D) -> bool:
+def _detection_has_box(detection: messages.Detection3D) -> bool:
     center, size = detection.bbox.center.position, detection.bbox.size
     return any(value != 0.0 for at in (center, size) for value in (at.x, at.y, at.z))
 
 
-def _position(detection: messages.Detection3D, best: Any) -> tuple[float, float, float]:
+def _detection_position(detection: messages.Detection3D, best: Any) -> tuple[float, float, float]:
     """Return x, y, z, m; zeros without a box and a result."""
     at = detection.bbox.center.position
-    if best is not None and not _has_box(detection):
+    if best is not None and not _detection_has_box(detection):
         at = best.pose.pose.position
     return at.x, at.y, at.z
 
 
-def _time_after(stamp_ns: int, detection: messages.Detection3D) -> float:
+def _detection_time_after(stamp_ns: int, detection: messages.Detection3D) -> float:
     """Return the time after the array's stamp, s; 0 without a stamp, nan for an invalid stamp."""
     try:
         own = time_to_ns(detection.header.stamp)
@@ -469,7 +477,7 @@ def _time_after(stamp_ns: int, detection: messages.Detection3D) -> float:
     return (own - stamp_ns) / NANOSECONDS_PER_SECOND if own else 0.0
 
 
-def _deviations(
+def _detection_deviations(
     best: list[Any], ahead: FloatArray, port: FloatArray, axes: FloatArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Return the standard deviations of range (m) and azimuth (rad), if every result has them."""
@@ -530,7 +538,7 @@ def read_radar_scan(scan: messages.RadarScan, options: ReadingOptions) -> Ping:
         np.array(rows, np.float64).reshape(-1, 5).T
     )
     turn = turn_about_z(scan.header.frame_id)
-    range, height = in_plane(slant_range, turn * elevation)
+    range, height = ping_in_plane(slant_range, turn * elevation)
     return good_detections(
         time_to_ns(scan.header.stamp),
         scan.header.frame_id,

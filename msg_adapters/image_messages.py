@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter1d
 
 from msg_adapters import messages
-from msg_adapters.ping import fitted, read_by, stated_sound_speed
+from msg_adapters.ping import fitted_to_ping, read_by, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.numerics.arrays import FloatArray
@@ -95,7 +95,9 @@ def read_image(
     return replace(ping, range=ping.range[first:], intensity=ping.intensity[:, first:])
 
 
-def _projected(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
+def _projected_image(
+    message: Any, layout: ImageLayout, _: Coverage, sound_speed: float
+) -> ImagePing:
     """ProjectedSonarImage: z ahead, x up, y to starboard; or, with z = 0, x ahead, y to port."""
     beams = np.array([(beam.x, beam.y, beam.z) for beam in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
@@ -112,21 +114,21 @@ def _projected(message: Any, layout: ImageLayout, _: Coverage, sound_speed: floa
         message.header.frame_id,
         range_,
         np.asarray(np.unwrap(np.arctan2(-beams[:, 1], beams[:, 2])), float),
-        _table(message.image, len(beams), len(range_), layout.rows == "beams"),
+        _image_table(message.image, len(beams), len(range_), layout.rows == "beams"),
         sound_speed=speed,
         is_part=len(beams) == 1,
         assumptions=assumptions,
     )
 
 
-def _raw(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
+def _raw_image(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RawSonarImage: angles to starboard, samples from the transmission on."""
     angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
     if not message.sample_rate > 0.0:
         raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
-    table = _table(message.image, len(angles), samples, layout.rows != "ranges")
+    table = _image_table(message.image, len(angles), samples, layout.rows != "ranges")
     speed, assumptions = stated_sound_speed(message, sound_speed)
-    delays = fitted("tx_delays", message.tx_delays, len(angles))
+    delays = fitted_to_ping("tx_delays", message.tx_delays, len(angles))
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
@@ -143,7 +145,9 @@ def _raw(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> 
     )
 
 
-def _spokes(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
+def _image_of_spokes(
+    message: Any, layout: ImageLayout, _: Coverage, sound_speed: float
+) -> ImagePing:
     """RadarSector: rays to port, each at its own time."""
     rays = [np.asarray(ray.echoes, np.float32) for ray in message.intensities]
     lengths = sorted({len(ray) for ray in rays})
@@ -163,7 +167,7 @@ def _spokes(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) 
     )
 
 
-def _echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
+def _image_of_echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """SonarEcho of a Ping360: one bearing, cells from 0 to the range."""
     intensity = np.frombuffer(bytes(message.intensities), np.uint8)
     if len(intensity) < 2 or not message.range > 0:
@@ -180,9 +184,9 @@ def _echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) ->
     )
 
 
-def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
+def _image_of_picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
     """Image: of ranges and beams over the sensor's sector, or a fan in x and y."""
-    picture = _pixels(message)
+    picture = _image_pixels(message)
     near, far = layout.near_range, layout.far_range
     assumptions: tuple[str, ...] = ()
     if near < 0.0 and far < 0.0 and sensor.max_range != Coverage.max_range:
@@ -200,7 +204,7 @@ def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> I
             "sensor.azimuth_min and sensor.azimuth_max, as in the file of tsepm init --images yes",
         )
     sector = sensor.azimuth_min, sensor.azimuth_max
-    range_, azimuth, intensity = located(picture, layout, (near, far), sector)
+    range_, azimuth, intensity = located_image(picture, layout, (near, far), sector)
     return ImagePing(
         time_to_ns(message.header.stamp),
         message.header.frame_id,
@@ -208,11 +212,11 @@ def _picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> I
         azimuth,
         intensity,
         assumptions=assumptions,
-        corners=in_words(picture, layout, range_, azimuth),
+        corners=image_in_words(picture, layout, range_, azimuth),
     )
 
 
-def _pixels(message: Any) -> NDArray[Any]:
+def _image_pixels(message: Any) -> NDArray[Any]:
     """Rows and columns of an Image of one channel, or of equal channels."""
     kind, channels = ENCODINGS.get(message.encoding.lower(), ("", 0))
     if not channels:
@@ -232,10 +236,12 @@ def _pixels(message: Any) -> NDArray[Any]:
             f"{message.encoding} values",
         )
     rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :row])
-    return grey(rows.view(form).astype(form.newbyteorder("=")).reshape(height, width, channels))
+    return grey_image(
+        rows.view(form).astype(form.newbyteorder("=")).reshape(height, width, channels)
+    )
 
 
-def grey(picture: NDArray[Any]) -> NDArray[Any]:
+def grey_image(picture: NDArray[Any]) -> NDArray[Any]:
     """The one channel of a picture (rows, columns), or (rows, columns, channels) of equal ones.
 
     Raises
@@ -255,13 +261,13 @@ def grey(picture: NDArray[Any]) -> NDArray[Any]:
     return channels[..., 0]
 
 
-def by_beam(picture: NDArray[Any], layout: ImageLayout) -> NDArray[Any]:
+def image_by_beam(picture: NDArray[Any], layout: ImageLayout) -> NDArray[Any]:
     """Intensities (b, m) of a picture of beams and ranges, from the nearest range on."""
     beams = picture if layout.rows == "beams" else picture.T
     return beams[:, :: 1 if layout.near_first else -1]
 
 
-def located(
+def located_image(
     picture: NDArray[Any],
     layout: ImageLayout,
     ends: tuple[float, float],
@@ -279,13 +285,17 @@ def located(
         Its edges, rad.
     """
     if layout.rows == "fan":
-        return _unwarped(picture, layout, ends, sector)
-    intensity = by_beam(picture, layout)
+        return _unwarped_image(picture, layout, ends, sector)
+    intensity = image_by_beam(picture, layout)
     b, m = intensity.shape
-    return np.linspace(*ends, m), _bearings(sector, b)[:: -1 if layout.port_first else 1], intensity
+    return (
+        np.linspace(*ends, m),
+        _image_bearings(sector, b)[:: -1 if layout.port_first else 1],
+        intensity,
+    )
 
 
-def in_words(
+def image_in_words(
     picture: NDArray[Any], layout: ImageLayout, range_: FloatArray, azimuth: FloatArray
 ) -> str:
     """A sentence that says where the corners of a picture, or the sides of a fan, are.
@@ -311,27 +321,29 @@ def in_words(
     by_range = ("top left", "top right", "bottom left", "bottom right")
     names = [by_range[k] for k in (0, 2, 1, 3)] if layout.rows == "beams" else by_range
     corners = zip(names, itertools.product(ranges, azimuth[[0, -1]]), strict=True)
-    return text + ", ".join(f"{name} is {r:.4g} m at {to_side(a)}" for name, (r, a) in corners)
+    return text + ", ".join(
+        f"{name} is {r:.4g} m at {image_side_in_words(a)}" for name, (r, a) in corners
+    )
 
 
-def to_side(azimuth: float) -> str:
+def image_side_in_words(azimuth: float) -> str:
     """A bearing in words."""
     return f"{abs(math.degrees(azimuth)):.4g} degrees to {'port' if azimuth >= 0 else 'starboard'}"
 
 
-def _bearings(sector: tuple[float, float], number: int) -> FloatArray:
+def _image_bearings(sector: tuple[float, float], number: int) -> FloatArray:
     """Middles of beams over the sector, (number,), rad, ascending."""
     part = (np.arange(number) + 0.5) / number
     return np.asarray(sector[0] + (sector[1] - sector[0]) * part, float)
 
 
-def _unwarped(
+def _unwarped_image(
     picture: NDArray[Any],
     layout: ImageLayout,
     ends: tuple[float, float],
     sector: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """As `located`, of a fan, ahead upwards; NaN outside of it.
+    """As `located_image`, of a fan, ahead upwards; NaN outside of it.
 
     The sonar is in the middle of the lowest row, or of all of the picture where the sector is more
     than half a turn.
@@ -342,7 +354,7 @@ def _unwarped(
     pixel = ends[1] / (cells - 0.5)
     range_ = (np.arange(max(math.ceil(ends[0] / pixel - 0.5), 0), cells) + 0.5) * pixel
     beams = round((sector[1] - sector[0]) * cells / 2.0)
-    azimuth = _bearings(sector, min(max(beams, 2), 2 * width + 2))
+    azimuth = _image_bearings(sector, min(max(beams, 2), 2 * width + 2))
     down = picture[:: -1 if layout.near_first and not whole else 1]
     displayed = down[:, :: 1 if layout.port_first else -1].astype(float)
     ahead, port = (turn(azimuth)[:, None] * range_ / pixel for turn in (np.cos, np.sin))
@@ -350,7 +362,7 @@ def _unwarped(
     return range_, azimuth, map_coordinates(displayed, cell, order=1, cval=np.nan)
 
 
-def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
+def _image_table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
     """Intensities (beams, cells) of a SonarImageData."""
     if not 0 <= image.dtype < len(DTYPES):
         raise MessageError("bad_encoding", f"dtype must be from 0 to 9; got {image.dtype}")
@@ -428,10 +440,10 @@ def normalised_image(header: messages.Header, image: NDArray[Any]) -> messages.I
 
 
 IMAGES: dict[str, Reader] = {
-    "marine_acoustic_msgs/msg/ProjectedSonarImage": _projected,
-    "marine_acoustic_msgs/msg/RawSonarImage": _raw,
-    "marine_sensor_msgs/msg/RadarSector": _spokes,
-    "ping360_sonar_msgs/msg/SonarEcho": _echo,
-    "sensor_msgs/msg/Image": _picture,
+    "marine_acoustic_msgs/msg/ProjectedSonarImage": _projected_image,
+    "marine_acoustic_msgs/msg/RawSonarImage": _raw_image,
+    "marine_sensor_msgs/msg/RadarSector": _image_of_spokes,
+    "ping360_sonar_msgs/msg/SonarEcho": _image_of_echo,
+    "sensor_msgs/msg/Image": _image_of_picture,
 }
 """Readers by the message type."""

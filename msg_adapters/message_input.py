@@ -13,7 +13,7 @@ from msg_adapters import (
     read_own_ship,
     tracker_report,
 )
-from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.session.drop_reasons import drop_reason_of
 from tsepm_ros.session.inputs import Now
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
@@ -61,7 +61,7 @@ class MessageInput:
             self._session.drop(error.reason, f"detections dropped: {error}")
             return
         for reason, number in ping.dropped.items():
-            meaning = reason_of(reason).meaning or reason
+            meaning = drop_reason_of(reason).meaning or reason
             self._session.drop(reason, f"{number} detections dropped: {meaning}", number)
         for assumption in ping.assumptions:
             self._say(assumption)

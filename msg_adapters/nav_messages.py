@@ -26,8 +26,14 @@ from msg_adapters.stamps import (
     time_to_ns,
 )
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of, stated_axes
+from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
+from tsepm_ros.own_ship.registration import (
+    AXES,
+    registration_angles,
+    registration_axes,
+    registration_east_north_up,
+    registration_rotation,
+)
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
@@ -84,7 +90,7 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
     frame. The quaternion need not have unit length. As usual in ROS, a covariance of zeros is
     unknown, and so are variances that are not finite or below 0, except that a heading of infinite
     variance beside a known position is no heading; a velocity or yaw rate of exactly 0 is unknown
-    too, see `known_rates`. A variance above `MAX_VARIANCE`, which sources write for unknown
+    too, see `known_pose_rates`. A variance above `MAX_VARIANCE`, which sources write for unknown
     quantities, is read as `MAX_VARIANCE`.
 
     Both frames may have other axes by their names: see `own_ship.registration`. In a fixed
@@ -111,18 +117,21 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
     """
     pose, twist = message.pose.pose, message.twist.twist
     with refusing("frame_axes"):
-        world = east_north_up(message.header.frame_id or fixed_frame)
-    x, y = (float(v) for v in world[:2, :2] @ _finite("pose.position", pose.position, "xy"))
-    quaternion = _finite("pose.orientation", pose.orientation, "xyzw")
+        world = registration_east_north_up(message.header.frame_id or fixed_frame)
+    x, y = (
+        float(v)
+        for v in world[:2, :2] @ _finite_nav_components("pose.position", pose.position, "xy")
+    )
+    quaternion = _finite_nav_components("pose.orientation", pose.orientation, "xyzw")
     with refusing("zero_quaternion", "pose.orientation"):
-        rotation = world @ rotation_of(quaternion)
-    linear = _finite("twist.linear", twist.linear, "xyz")
-    angular = _finite("twist.angular", twist.angular, "xyz")
-    axes = stated_axes(message.child_frame_id)
+        rotation = world @ registration_rotation(quaternion)
+    linear = _finite_nav_components("twist.linear", twist.linear, "xyz")
+    angular = _finite_nav_components("twist.angular", twist.angular, "xyz")
+    axes = registration_axes(message.child_frame_id)
     upside_down = world[2, 2] < 0.0 and rotation[2, 2] < 0.0
     body = AXES["down" if axes == "body" and upside_down else axes]
     with refusing("undefined_heading", "pose.orientation"):
-        yaw, pitch, roll = angles_of(rotation @ body)
+        yaw, pitch, roll = registration_angles(rotation @ body)
     with np.errstate(over="ignore", invalid="ignore"):  # refused by `PoseSample.check`
         vx, vy, _ = (float(value) for value in rotation @ linear)
     _, rate_y, rate_z = (float(value) for value in body.T @ angular)
@@ -132,8 +141,8 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
         x=x,
         y=y,
         yaw=yaw,
-        covariance=_pose_covariance(message.pose.covariance, world),
-        rates=known_rates(vx, vy, yaw_rate),
+        covariance=_nav_pose_covariance(message.pose.covariance, world),
+        rates=known_pose_rates(vx, vy, yaw_rate),
         roll=roll,
         pitch=pitch,
         frame_id=message.header.frame_id.lstrip("/"),
@@ -141,7 +150,7 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
     )
 
 
-def _finite(name: str, vector: Any, components: str) -> list[float]:
+def _finite_nav_components(name: str, vector: Any, components: str) -> list[float]:
     """Return components of a vector message."""
     values = [float(getattr(vector, component)) for component in components]
     for component, value in zip(components, values, strict=True):
@@ -150,7 +159,7 @@ def _finite(name: str, vector: Any, components: str) -> list[float]:
     return values
 
 
-def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
+def _nav_pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
     axes = (X, Y, YAW)
     block = np.reshape(np.asarray(values, np.float64), (6, 6))[np.ix_(axes, axes)]
     variance = np.diagonal(block)
@@ -300,12 +309,12 @@ def read_land(message: messages.OccupancyGrid) -> LandMask | None:
         return None
     place, q = info.origin.position, info.origin.orientation
     with refusing("land_invalid", "info.origin.orientation"):
-        yaw, pitch, roll = angles_of(rotation_of((q.x, q.y, q.z, q.w)))
+        yaw, pitch, roll = registration_angles(registration_rotation((q.x, q.y, q.z, q.w)))
         if not max(abs(pitch), abs(roll)) <= MAX_TILT:
             raise ValueError("must be level")
     occupied = np.asarray(message.data, np.int8).reshape(height, width) >= OCCUPIED
     origin = place.x, place.y, yaw
-    if stated_axes(message.header.frame_id) == "down":
+    if registration_axes(message.header.frame_id) == "down":
         occupied, origin = occupied.T, (place.y, place.x, -yaw)
     with refusing("land_invalid", "info:"):
         return LandMask(occupied, float(info.resolution), origin)

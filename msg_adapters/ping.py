@@ -18,12 +18,12 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import (
     AXES,
     MessageFacts,
-    SensorScan,
-    stated_axes,
-    without_suffix,
+    UnregisteredScan,
+    registration_axes,
+    registration_frame,
 )
 from tsepm_ros.session.drop_reasons import NUMBERS
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, arc_of, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, ScanArc, scan_arc_of, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
 BEARING_REFERENCES = ("bow", "north")
@@ -98,7 +98,7 @@ class Ping:
         messages of a driver.
     """
 
-    sensor_scan: SensorScan
+    sensor_scan: UnregisteredScan
     dropped: dict[str, int]
     index: NDArray[np.int64]
     assumptions: tuple[str, ...] = ()
@@ -133,7 +133,7 @@ def good_detections(
     nothing: Mapping[str, BoolArray] | None = None,
     states: Mapping[str, float] | None = None,
     assumptions: tuple[str, ...] = (),
-    beams: Arc | None = None,
+    beams: ScanArc | None = None,
 ) -> Ping:
     """Leave out the bad detections of a message and count them; the last step of every reader.
 
@@ -211,8 +211,8 @@ def good_detections(
         for fault in NUMBERS[name][1]
     }
     kept = np.ones(len(range), bool)
-    no_return = _left_out(nothing or {}, kept)
-    dropped = _left_out({**(faults or {}), **common}, kept)
+    no_return = _left_out_of_ping(nothing or {}, kept)
+    dropped = _left_out_of_ping({**(faults or {}), **common}, kept)
     # Copies, independent of the message's buffer.
     own = {name: np.asarray(values, np.float64)[kept] for name, values in given.items()}
     transmitted, number = own.pop("transmit_offset", None), len(range)
@@ -226,21 +226,21 @@ def good_detections(
         },
         group=None if group is None else group[kept],
     )
-    sensor_scan = SensorScan(
+    sensor_scan = UnregisteredScan(
         scan=scan,
         frame_id=frame_id.lstrip("/"),  # as tf2
         north_referenced=north_referenced,
         stamp_ns=stamp_ns,
         transmit_offset=transmitted,
         height=None if height is None else height[kept],
-        axes=axes or stated_axes(frame_id),
-        beams=beams or arc_of(azimuth),
+        axes=axes or registration_axes(frame_id),
+        beams=beams or scan_arc_of(azimuth),
         facts=MessageFacts(beyond_turn, number, no_return, states or {}),
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
 
 
-def _left_out(causes: Mapping[str, BoolArray], kept: BoolArray) -> dict[str, int]:
+def _left_out_of_ping(causes: Mapping[str, BoolArray], kept: BoolArray) -> dict[str, int]:
     """Remove elements from those that are kept, and return their numbers by the first cause."""
     numbers: dict[str, int] = {}
     for cause, bad in causes.items():
@@ -319,7 +319,7 @@ def stated_sound_speed(message: Any, otherwise: float) -> tuple[float, tuple[str
     return speed, (f"{name} has no sound speed: {speed:g} m/s is assumed; {source}",)
 
 
-def fitted(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:
+def fitted_to_ping(name: str, values: Sequence[Any] | NDArray[Any], n: int) -> FloatArray | None:
     """Values of an optional array of a message, one for each of its n detections.
 
     Parameters
@@ -357,7 +357,7 @@ def intensity_feature(
     Parameters
     ----------
     values : (0,), (1,) or (n,) array_like
-        As for `fitted`.
+        As for `fitted_to_ping`.
     n : int
         Number of detections.
 
@@ -369,7 +369,7 @@ def intensity_feature(
         A sentence if there is another number of values.
     """
     try:
-        intensity = fitted("intensities", values, n)
+        intensity = fitted_to_ping("intensities", values, n)
     except MessageError:
         return {}, ("the numbers of intensities and detections differ: intensities are not used",)
     return ({} if intensity is None else {"intensity": intensity}), ()
@@ -380,9 +380,9 @@ def azimuth_of_bearing(bearing: FloatArray, reference: str) -> FloatArray:
     return np.pi / 2 - bearing if reference == "north" else -bearing
 
 
-def along_axes(frame_id: str, *position: FloatArray) -> tuple[FloatArray, ...]:
+def ping_along_axes(frame_id: str, *position: FloatArray) -> tuple[FloatArray, ...]:
     """Return ahead, port and up of positions x, y, z in a frame whose name may state its axes."""
-    columns = AXES[stated_axes(frame_id)].T
+    columns = AXES[registration_axes(frame_id)].T
     rows = np.abs(columns).argmax(axis=1)
     return tuple(column[row] * position[row] for column, row in zip(columns, rows, strict=True))
 
@@ -395,17 +395,17 @@ def turn_about_z(frame_id: str) -> float:
     MessageError
         If z is ahead by the name: angles about it are not horizontal.
     """
-    axes = stated_axes(frame_id)
+    axes = registration_axes(frame_id)
     if axes == "optical":
         raise MessageError(
             "frame_axes",
             f"frame {frame_id!r} has z ahead by its name, and angles about z are not horizontal: "
-            f"use a frame with z up, such as {without_suffix(frame_id)!r}",
+            f"use a frame with z up, such as {registration_frame(frame_id)!r}",
         )
     return -1.0 if axes == "down" else 1.0
 
 
-def in_plane(slant_range: FloatArray, elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
+def ping_in_plane(slant_range: FloatArray, elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return range and height of detections at elevations (rad) above the sensor's x-y plane."""
     with np.errstate(invalid="ignore"):  # dropped as range_not_finite or elevation_not_finite
         return slant_range * np.cos(elevation), slant_range * np.sin(elevation)

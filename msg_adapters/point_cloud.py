@@ -44,14 +44,14 @@ from msg_adapters import messages
 from msg_adapters.ping import (
     Ping,
     ReadingOptions,
-    along_axes,
     azimuth_of_bearing,
     good_detections,
-    in_plane,
+    ping_along_axes,
+    ping_in_plane,
 )
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.registration import stated_axes
+from tsepm_ros.own_ship.registration import registration_axes
 from tsepm_ros.tracker.scan import FEATURES, Scan
 
 # The numbers are those of the message definition of sensor_msgs/PointField.
@@ -121,12 +121,12 @@ def read_fields(
         is not inside the point; if the rows are shorter than their points, or the data than the
         rows.
     """
-    fields = _fields(cloud, names, integers)
+    fields = _cloud_fields(cloud, names, integers)
     if cloud.height * cloud.width == 0:
         return {one.name: np.empty(0) for one, _ in fields}
     if not fields:
         return {}
-    _check_sizes(cloud, fields)
+    _check_cloud_sizes(cloud, fields)
     order = ">" if cloud.is_bigendian else "<"
     layout = {
         "names": [field.name for field, _ in fields],
@@ -148,7 +148,7 @@ def read_fields(
         }
 
 
-def _fields(
+def _cloud_fields(
     cloud: messages.PointCloud2, names: Iterable[str], integers: Collection[str]
 ) -> list[tuple[messages.PointField, str]]:
     """The only field of each name, and its NumPy format without byte order."""
@@ -192,7 +192,7 @@ def _fields(
     return [(one, form) for one, _, form in fields]
 
 
-def _check_sizes(
+def _check_cloud_sizes(
     cloud: messages.PointCloud2, fields: list[tuple[messages.PointField, str]]
 ) -> None:
     """Check that fields lie in the point and do not overlap, and rows and data hold the points."""
@@ -390,13 +390,13 @@ def detections_of_fields(
     """
     position = _position_fields(set(values))
     first, second = position
-    axes = stated_axes(frame_id)
+    axes = registration_axes(frame_id)
     height, faults, travel = values.get("z"), {}, values.get("two_way_travel_time")
     if position == ("x", "y"):
         if axes == "optical" and height is None:
             raise MessageError("missing_field", f"frame {frame_id!r} has z ahead: 'z' is needed")
         z = np.zeros_like(values["x"]) if height is None else height
-        ahead, port, up = along_axes(frame_id, values["x"], values["y"], z)
+        ahead, port, up = ping_along_axes(frame_id, values["x"], values["y"], z)
         height = None if height is None else up
         with np.errstate(over="ignore", invalid="ignore"):  # dropped as range_not_finite
             range, azimuth = np.hypot(ahead, port), np.arctan2(port, ahead)
@@ -406,7 +406,7 @@ def detections_of_fields(
             azimuth = azimuth_of_bearing(azimuth, options.bearing_reference)
         assumptions += () if axes == "body" else (OTHER_AXES,)
     if "elevation" in values:
-        range, height = in_plane(range, values["elevation"])
+        range, height = ping_in_plane(range, values["elevation"])
         faults = {"elevation_not_finite": ~np.isfinite(values["elevation"])}
     echo = values.get("time_offset", None if travel is None else 0.5 * travel)
     with np.errstate(invalid="ignore"):  # dropped as not finite
@@ -494,11 +494,11 @@ def detections_cloud(
                 f"{name} must have one dimension and the length of range; got {values.shape}"
             )
     if bearing is not None and bearing_reference != "bow":
-        return write_cloud(header, _points(fields, ()))
+        return write_cloud(header, _cloud_points(fields, ()))
     angle = fields["azimuth"] if bearing is None else azimuth_of_bearing(fields["bearing"], "bow")
-    points, plane = _points(fields, ("x", "y", "z")), fields["range"]
+    points, plane = _cloud_points(fields, ("x", "y", "z")), fields["range"]
     if "elevation" in fields:
-        plane, points["z"] = in_plane(plane, fields["elevation"])
+        plane, points["z"] = ping_in_plane(plane, fields["elevation"])
     with np.errstate(invalid="ignore"):  # an infinite azimuth has no position
         points["x"], points["y"] = plane * np.cos(angle), plane * np.sin(angle)
     return write_cloud(header, points)
@@ -517,7 +517,7 @@ def write_point_cloud(
     )
 
 
-def _points(fields: dict[str, FloatArray], coordinates: tuple[str, ...]) -> NDArray[np.void]:
+def _cloud_points(fields: dict[str, FloatArray], coordinates: tuple[str, ...]) -> NDArray[np.void]:
     dtype = np.dtype(
         [*((name, np.float32) for name in coordinates), *((name, np.float64) for name in fields)],
         align=True,

@@ -42,8 +42,8 @@ from msg_adapters import messages
 from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, YAW, X, Y, odometry_covariance
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.numerics.arrays import FloatArray, summed
-from tsepm_ros.own_ship.registration import exchanged
+from tsepm_ros.numerics.arrays import FloatArray, array_log_sums
+from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
@@ -237,7 +237,9 @@ def tracker_report(cloud: messages.PointCloud2) -> TrackerReport:
     records["age"] = np.clip(records["age"], 0.0, MAX_AGE)
     tracks = track_arrays(records, stamp)
     frame_id = cloud.header.frame_id.lstrip("/")
-    return TrackerReport(stamp=stamp, frame_id=frame_id, tracks=exchanged(tracks, frame_id))
+    return TrackerReport(
+        stamp=stamp, frame_id=frame_id, tracks=exchanged_after_registration(tracks, frame_id)
+    )
 
 
 def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
@@ -304,7 +306,7 @@ def radar_tracks(
         If radar_msgs is not installed.
     """
     message = messages.RadarTracks(header=header)
-    unknown = _upper(UNOBSERVED_VARIANCE * np.eye(2))
+    unknown = _upper_track_covariance(UNOBSERVED_VARIANCE * np.eye(2))
     for track in tracks:
         made, stands = messages.RadarTrack(), track.stationary_probability
         made.uuid.uuid = track_uuid(instance, track.track_id)
@@ -313,8 +315,8 @@ def radar_tracks(
         if not math.isnan(stands):
             # NO_CLASSIFICATION, STATIC and DYNAMIC are 0, 1 and 2.
             made.classification = 1 if stands >= STANDS else 2 if stands <= MOVES else 0
-        made.position_covariance = _upper(track.position_covariance)
-        made.velocity_covariance = _upper(track.covariance[1::2, 1::2])
+        made.position_covariance = _upper_track_covariance(track.position_covariance)
+        made.velocity_covariance = _upper_track_covariance(track.covariance[1::2, 1::2])
         made.acceleration_covariance = made.size_covariance = unknown
         message.tracks.append(made)
     return message
@@ -344,12 +346,12 @@ def tracked_objects(
         )
         made.classification = [messages.ObjectClassification(label=0, probability=1.0)]  # UNKNOWN
         made.shape.type = 1  # CYLINDER
-        _set_kinematics(made.kinematics, track)
+        _set_track_kinematics(made.kinematics, track)
         message.objects.append(made)
     return message
 
 
-def _set_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
+def _set_track_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     """Fill in geometry_msgs of a tracked object."""
     x, vx, y, vy = track.state.tolist()
     course = math.atan2(vy, vx)
@@ -371,7 +373,7 @@ def _set_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     kinematics.is_stationary = track.stationary_probability >= STANDS
 
 
-def _upper(block: np.ndarray) -> Sequence[float]:
+def _upper_track_covariance(block: np.ndarray) -> Sequence[float]:
     """The upper triangle of a covariance about x, y and z, of which z is not observed."""
     (xx, xy), (_, yy) = block.tolist()
     return [xx, xy, 0.0, yy, 0.0, UNOBSERVED_VARIANCE]
@@ -441,12 +443,12 @@ def track_markers(
     shapes = [
         marker
         for track in tracks
-        for marker in _shapes(header, track, minimum_size, lead_time, color)
+        for marker in _track_shapes(header, track, minimum_size, lead_time, color)
     ]
     if afresh:
-        return _afresh(header, shapes)
+        return _track_markers_afresh(header, shapes)
     ended = [
-        _marker(header, namespace, track_id, "DELETE")
+        _track_marker(header, namespace, track_id, "DELETE")
         for track_id in ended_ids
         for namespace in NAMESPACES
     ]
@@ -493,13 +495,17 @@ def potential_track_markers(
     begin = arrays.state[:, 0::2]
     ends = np.stack([begin, begin + lead_time * arrays.state[:, 1::2]], axis=1)
     size = max(minimum_size, _THICKNESS)
-    positions = _marker(header, "position", kind="POINTS", scale=(size, size, 0.0), opacity=1.0)
-    positions.points, positions.colors = _points(begin), colors
+    positions = _track_marker(
+        header, "position", kind="POINTS", scale=(size, size, 0.0), opacity=1.0
+    )
+    positions.points, positions.colors = _track_marker_points(begin), colors
     width = _POTENTIAL_LINE * size
-    velocities = _marker(header, "velocity", kind="LINE_LIST", scale=(width, 0.0, 0.0), opacity=1.0)
-    velocities.points = _points(ends.reshape(-1, 2))
+    velocities = _track_marker(
+        header, "velocity", kind="LINE_LIST", scale=(width, 0.0, 0.0), opacity=1.0
+    )
+    velocities.points = _track_marker_points(ends.reshape(-1, 2))
     velocities.colors = [color for color in colors for _ in range(2)]
-    return _afresh(header, [positions, velocities])
+    return _track_markers_afresh(header, [positions, velocities])
 
 
 def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -515,7 +521,7 @@ def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np
     # As complex numbers, which are sorted as pairs are, and much faster.
     keys = np.array(newest) @ np.array([1.0, 1.0j])
     _, best, group = np.unique(keys, return_index=True, return_inverse=True)
-    total = summed(tracks.score[best_first], group, len(best))
+    total = array_log_sums(tracks.score[best_first], group, len(best))
     rows = best_first[best]
     threshold = tracks.score[rows] - tracks.evaluation[rows]
     likely = total > 0.0
@@ -524,21 +530,23 @@ def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np
 
 def clear_markers(header: messages.Header) -> messages.MarkerArray:
     """Build the message that removes every marker of the topic."""
-    return _afresh(header, [])
+    return _track_markers_afresh(header, [])
 
 
-def _afresh(header: messages.Header, markers: list[messages.Marker]) -> messages.MarkerArray:
+def _track_markers_afresh(
+    header: messages.Header, markers: list[messages.Marker]
+) -> messages.MarkerArray:
     """Markers that replace all of the topic."""
-    return messages.MarkerArray(markers=[_marker(header, action="DELETEALL"), *markers])
+    return messages.MarkerArray(markers=[_track_marker(header, action="DELETEALL"), *markers])
 
 
-def _points(places: FloatArray) -> list[messages.Point]:
+def _track_marker_points(places: FloatArray) -> list[messages.Point]:
     """Points at places, (n, 2), m."""
     point = messages.Point
     return [point(x=x, y=y) for x, y in places.tolist()]
 
 
-def ellipses(covariance: FloatArray) -> FloatArray:
+def track_ellipses(covariance: FloatArray) -> FloatArray:
     """Return the 95 % ellipses of Gaussian positions.
 
     Parameters
@@ -562,7 +570,7 @@ def ellipses(covariance: FloatArray) -> FloatArray:
     return np.column_stack([ELLIPSE_SCALE * np.sqrt(variances), angle])
 
 
-def _marker(
+def _track_marker(
     header: messages.Header,
     namespace: str = "",
     number: int = 0,
@@ -587,7 +595,7 @@ def _marker(
     return marker
 
 
-def _shapes(
+def _track_shapes(
     header: messages.Header,
     track: ConfirmedTrack,
     minimum_size: float,
@@ -595,39 +603,45 @@ def _shapes(
     color: Color,
 ) -> list[messages.Marker]:
     """Position, velocity, ellipse and label of a track."""
-    major, minor, angle = ellipses(track.position_covariance[None])[0].tolist()
+    major, minor, angle = track_ellipses(track.position_covariance[None])[0].tolist()
     sigma, coasting = major / ELLIPSE_SCALE, track.time_since_hit > 0.0
     size = max(minimum_size, sigma, _THICKNESS)
     height, dash = _LABEL_HEIGHT * size, _DASH_WIDTH * size
     opacity = _COASTING_OPACITY if coasting else 1.0
     own: dict[str, Any] = {"number": track.track_id, "color": color, "opacity": opacity}
     place, (x, y) = track.position, track.position.tolist()
-    sphere = _marker(header, "position", kind="SPHERE", scale=(size,) * 3, place=place, **own)
+    sphere = _track_marker(header, "position", kind="SPHERE", scale=(size,) * 3, place=place, **own)
     # Scale of an arrow between two points: diameters of shaft and head, length of the head.
-    arrow = _marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
-    arrow.points = _points(np.array([place, place + lead_time * track.velocity]))
+    arrow = _track_marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
+    arrow.points = _track_marker_points(np.array([place, place + lead_time * track.velocity]))
     if coasting:  # every second segment, along the ellipse
         scale = (dash, 0.0, 0.0)
-        ellipse = _marker(header, "ellipse", kind="LINE_LIST", scale=scale, place=place, **own)
+        ellipse = _track_marker(
+            header, "ellipse", kind="LINE_LIST", scale=scale, place=place, **own
+        )
         turn = np.linspace(0.0, math.tau, 2 * _DASHES, endpoint=False)
-        ellipse.points = _points(np.column_stack([major * np.cos(turn), minor * np.sin(turn)]))
+        ellipse.points = _track_marker_points(
+            np.column_stack([major * np.cos(turn), minor * np.sin(turn)])
+        )
     else:
         own["opacity"] = _ELLIPSE_OPACITY
         scale = (max(2 * major, _THICKNESS), max(2 * minor, _THICKNESS), _THICKNESS)
-        ellipse = _marker(header, "ellipse", kind="CYLINDER", scale=scale, place=place, **own)
+        ellipse = _track_marker(header, "ellipse", kind="CYLINDER", scale=scale, place=place, **own)
     turned = ellipse.pose.orientation
     turned.z, turned.w = math.sin(angle / 2), math.cos(angle / 2)
     own |= {"opacity": opacity, "scale": (0.0, 0.0, height), "place": (x, y + height)}
-    label = _marker(header, "label", kind="TEXT_VIEW_FACING", **own)
+    label = _track_marker(header, "label", kind="TEXT_VIEW_FACING", **own)
     # ASCII only: RViz's font has no Greek letters.
     speed = math.hypot(*track.velocity)
-    label.text = f"{track.track_id}: {_digits(speed, 1)} m/s, sigma {_digits(sigma, 0)} m"
+    label.text = (
+        f"{track.track_id}: {_track_digits(speed, 1)} m/s, sigma {_track_digits(sigma, 0)} m"
+    )
     if track.revision:
         label.text += f", revision {track.revision}"
     return [sphere, arrow, ellipse, label]
 
 
-def _digits(value: float, decimals: int) -> str:
+def _track_digits(value: float, decimals: int) -> str:
     """A length or speed with some decimals, and with more where it has not two digits."""
     return f"{value:.{max(decimals, 1 - math.floor(math.log10(max(value, 0.01))))}f}"
 
@@ -690,17 +704,17 @@ def fixed_echo_markers(
     own: dict[str, Any] = {"color": FIXED_ECHO_COLOR, "opacity": 1.0}
     sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
     size = max(minimum_size, float(np.median(sigma)), _THICKNESS)
-    cubes = _marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
-    cubes.points = _points(arrays.state[:, 0::2])
+    cubes = _track_marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
+    cubes.points = _track_marker_points(arrays.state[:, 0::2])
     markers = [cubes]
     own |= {"kind": "TEXT_VIEW_FACING", "scale": (0.0, 0.0, size)}
     for number, row in enumerate(np.argsort(-arrays.age, kind="stable")[:MAX_LABELS].tolist()):
         echo = arrays[row]
         x, y = echo.position.tolist()
-        label = _marker(header, "label", number, place=(x, y + size), **own)
+        label = _track_marker(header, "label", number, place=(x, y + size), **own)
         label.text = f"{echo.track_id}: {echo.age / 60.0:.1f} min"
         markers.append(label)
-    return _afresh(header, markers)
+    return _track_markers_afresh(header, markers)
 
 
 def detection_markers(header: messages.Header, scan: Scan, size: float) -> messages.MarkerArray:
@@ -716,7 +730,7 @@ def detection_markers(header: messages.Header, scan: Scan, size: float) -> messa
     """
     if not len(scan):
         return clear_markers(header)
-    points = _marker(
+    points = _track_marker(
         header,
         "detection",
         kind="SPHERE_LIST",
@@ -725,5 +739,5 @@ def detection_markers(header: messages.Header, scan: Scan, size: float) -> messa
         opacity=1.0,
     )
     ahead, port = np.cos(scan.azimuth), np.sin(scan.azimuth)
-    points.points = _points(scan.range[:, None] * np.column_stack([ahead, port]))
-    return _afresh(header, [points])
+    points.points = _track_marker_points(scan.range[:, None] * np.column_stack([ahead, port]))
+    return _track_markers_afresh(header, [points])

@@ -17,9 +17,9 @@ from tsepm_ros.ending_signals import (
     INTERRUPTED,
     TERMINATED,
     ending_on_termination,
+    ending_signals_held,
     ends_at_once,
-    handled,
-    signals_held,
+    handling_ending_signals,
 )
 
 ROOT = Path(__file__).parents[1]
@@ -43,7 +43,7 @@ def arrived():
 
 def test_signals_that_are_held_arrive_after_the_block(arrived):
     before = handlers()
-    with signals_held():
+    with ending_signals_held():
         for number in ENDING_SIGNALS:
             signal.raise_signal(number)
         assert arrived == []
@@ -58,7 +58,8 @@ def test_termination_is_an_exception_of_its_code_within_the_block(arrived):
 
 
 @pytest.mark.parametrize(
-    "block", [signals_held, ending_on_termination, lambda: handled(ends_at_once())]
+    "block",
+    [ending_signals_held, ending_on_termination, lambda: handling_ending_signals(ends_at_once())],
 )
 def test_another_thread_leaves_the_handlers_as_they_are(block):
     before, seen = handlers(), []

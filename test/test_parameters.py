@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tsepm_ros.parameters import ParameterGroup, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter, parameter_table
 from tsepm_ros.tracker.options import CommonOptions
 
 
@@ -24,7 +24,7 @@ class Example(ParameterGroup):
     name: str = parameter("", "A name")
 
 
-ROWS = {row.name: row for row in table(Example)}
+ROWS = {row.name: row for row in parameter_table(Example)}
 
 
 def test_the_table_has_every_field_in_order_with_its_default_and_type():

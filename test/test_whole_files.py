@@ -9,7 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.whole_files import opened_whole, temporary_beside, write_text, written_whole
+from tsepm_ros.whole_files import (
+    opened_whole,
+    temporary_beside_file,
+    write_whole_text,
+    written_whole,
+)
 
 ROOT = Path(__file__).parents[1]
 
@@ -44,7 +49,7 @@ def test_the_file_of_a_living_writer_is_left_to_it(tmp_path):
         for process in (os.getpid(), os.getppid(), 1):  # the first process is root's
             beside = tmp_path / f".a.csv.{process}-01234567.part.csv"
             beside.touch()
-            temporary_beside(path)
+            temporary_beside_file(path)
             assert beside.exists()
             beside.unlink()
     assert path.read_text() == "one"
@@ -82,9 +87,9 @@ def test_a_kill_leaves_what_was_there_and_the_next_writer_cleans_up(tmp_path):
     assert ended.returncode == -signal.SIGKILL
     assert path.read_text() == "earlier"
     assert len(os.listdir(tmp_path)) == 2
-    other = temporary_beside(tmp_path / "a.txt.b")  # of another file, and in use
+    other = temporary_beside_file(tmp_path / "a.txt.b")  # of another file, and in use
     other.touch()
-    write_text(path, "later")
+    write_whole_text(path, "later")
     assert path.read_text() == "later"
     assert sorted(os.listdir(tmp_path)) == sorted(["a.txt", other.name])
 
@@ -92,13 +97,13 @@ def test_a_kill_leaves_what_was_there_and_the_next_writer_cleans_up(tmp_path):
 def test_links_devices_permissions_and_suffixes_are_as_with_a_plain_file(tmp_path):
     plain, path = tmp_path / "plain", tmp_path / "a.txt"
     plain.write_text("x")
-    write_text(path, "x")
+    write_whole_text(path, "x")
     assert path.stat().st_mode == plain.stat().st_mode
     link = tmp_path / "link"
     link.symlink_to(path)
-    write_text(link, "y")
+    write_whole_text(link, "y")
     assert link.is_symlink() and path.read_text() == "y"
-    write_text(Path(os.devnull), "z")
+    write_whole_text(Path(os.devnull), "z")
     assert not Path(os.devnull).is_file()
     with written_whole(tmp_path / "a.png") as temporary:
         assert temporary.suffix == ".png" and temporary.parent == tmp_path

@@ -21,7 +21,9 @@ Handler = Callable[[int, Any], Any]
 
 
 @contextmanager
-def handled(handler: Handler, numbers: Sequence[int] = ENDING_SIGNALS) -> Iterator[None]:
+def handling_ending_signals(
+    handler: Handler, numbers: Sequence[int] = ENDING_SIGNALS
+) -> Iterator[None]:
     """Handle signals until the end of the block; in the main thread, which alone runs handlers."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -38,14 +40,14 @@ def handled(handler: Handler, numbers: Sequence[int] = ENDING_SIGNALS) -> Iterat
 def ending_on_termination() -> Iterator[None]:
     """End by an exception, also at SIGTERM: temporary files are removed, other processes end."""
     with (
-        handled(lambda number, _: sys.exit(TERMINATED), [signal.SIGTERM]),
-        handled(signal.default_int_handler, [signal.SIGINT]),
+        handling_ending_signals(lambda number, _: sys.exit(TERMINATED), [signal.SIGTERM]),
+        handling_ending_signals(signal.default_int_handler, [signal.SIGINT]),
     ):
         yield
 
 
 @contextmanager
-def signals_held() -> Iterator[None]:
+def ending_signals_held() -> Iterator[None]:
     """Hold SIGINT and SIGTERM back until the end of the block, which starts processes.
 
     The exception of a signal handler is lost if it is raised in the functions that Python calls
@@ -54,7 +56,7 @@ def signals_held() -> Iterator[None]:
     """
     held: list[int] = []
     try:
-        with handled(lambda number, _: held.append(number)):
+        with handling_ending_signals(lambda number, _: held.append(number)):
             yield
     finally:
         for arrived in held:
@@ -77,7 +79,7 @@ def ends_at_once(interrupted: int = INTERRUPTED, terminated: int = TERMINATED) -
     return end
 
 
-def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
+def _ending_executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
     """The function of an executable: the `main` of a module, imported when it is called.
 
     A signal before the module has its own handlers ends the executable with the given code.
@@ -95,11 +97,11 @@ def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], 
     return main
 
 
-tsepm = _executable("tsepm_ros.tools.commands.cli", INTERRUPTED, TERMINATED)
-tsepm_demo = _executable("tsepm_ros.tools.demo", INTERRUPTED, TERMINATED)
-track_initiator = _executable("tsepm_ros.nodes.track_initiator", 0, 0)
-sonar_simulator = _executable("tsepm_ros.tools.players.sonar_simulator", 0, 0)
-scan_player = _executable("tsepm_ros.tools.players.scan_player", 0, 0)
-track_viewer = _executable("tsepm_ros.tools.viewer.track_viewer", 0, 0)
-track_bridge = _executable("tsepm_ros.tools.bridge.track_bridge", 0, 0)
-sonar_detector = _executable("tsepm_ros.nodes.sonar_detector", 0, 0)
+tsepm = _ending_executable("tsepm_ros.tools.commands.cli", INTERRUPTED, TERMINATED)
+tsepm_demo = _ending_executable("tsepm_ros.tools.demo", INTERRUPTED, TERMINATED)
+track_initiator = _ending_executable("tsepm_ros.nodes.track_initiator", 0, 0)
+sonar_simulator = _ending_executable("tsepm_ros.tools.players.sonar_simulator", 0, 0)
+scan_player = _ending_executable("tsepm_ros.tools.players.scan_player", 0, 0)
+track_viewer = _ending_executable("tsepm_ros.tools.viewer.track_viewer", 0, 0)
+track_bridge = _ending_executable("tsepm_ros.tools.bridge.track_bridge", 0, 0)
+sonar_detector = _ending_executable("tsepm_ros.nodes.sonar_detector", 0, 0)

@@ -106,7 +106,7 @@ class Parameter:
         name = name or self.name
         typed: Value = self._typed(value, name)
         if self.choices and typed not in self.choices:
-            raise ValueError(f"{name} must be {self.bounds}; got {shown(value)}")
+            raise ValueError(f"{name} must be {self.bounds}; got {shown_parameter(value)}")
         if isinstance(typed, int | float) and not isinstance(typed, bool):
             inside = self.minimum <= typed <= self.maximum and not (self.positive and typed <= 0)
             if not inside:
@@ -116,7 +116,9 @@ class Parameter:
 
     def out_of_bounds(self, value: Any, name: str = "") -> str:
         """The sentence that refuses a number, with a question if it may be in degrees."""
-        sentence = f"{name or self.name} must be {self.bounds or 'a number'}; got {shown(value)}"
+        sentence = (
+            f"{name or self.name} must be {self.bounds or 'a number'}; got {shown_parameter(value)}"
+        )
         radians = math.radians(value) if abs(value) <= MAX_DEGREES else math.nan
         if self.unit != "rad" or not (self.minimum <= radians <= self.maximum):
             return sentence
@@ -152,7 +154,7 @@ class Parameter:
         if type(value) is not self.type:
             kinds = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
             expected = kinds[self.type] + (f", {self.bounds}" if self.choices else "")
-            raise ValueError(f"{name} must be {expected}; got {shown(value)}")
+            raise ValueError(f"{name} must be {expected}; got {shown_parameter(value)}")
         return value
 
 
@@ -168,17 +170,18 @@ def unknown_parameter(name: str, known: Collection[str]) -> str:
 
     A name without its group is close to every name that ends in it.
     """
-    return f"{name} is not a parameter{meant_name(name, known)}"
+    return f"{name} is not a parameter{meant_parameter(name, known)}"
 
 
-def meant_name(name: str, known: Collection[str]) -> str:
+def meant_parameter(name: str, known: Collection[str]) -> str:
     """The question for the known names that an unknown name may be meant for; may be empty."""
-    return _question(
-        [other for other in known if _leaf(other) == _leaf(name)] or _nearest(name, known)
+    return _parameter_question(
+        [other for other in known if _parameter_leaf(other) == _parameter_leaf(name)]
+        or _nearest_parameters(name, known)
     )
 
 
-def check_value(name: str, value: Any, rows: Mapping[str, Parameter]) -> Value:
+def check_parameter(name: str, value: Any, rows: Mapping[str, Parameter]) -> Value:
     """Return the value of a parameter in its type; see `Parameter.check`.
 
     Parameters
@@ -203,14 +206,14 @@ def check_value(name: str, value: Any, rows: Mapping[str, Parameter]) -> Value:
             other
             for other, row in rows.items()
             if other != name
-            and _leaf(other) == _leaf(name)
+            and _parameter_leaf(other) == _parameter_leaf(name)
             and row.type is not rows[name].type
             and row.allows(value)
         ]
-        raise ValueError(f"{error}{_question(fitting)}") from None
+        raise ValueError(f"{error}{_parameter_question(fitting)}") from None
 
 
-def refuse_integer(row: Parameter, value: Any, where: str = "") -> None:
+def refuse_integer_parameter(row: Parameter, value: Any, where: str = "") -> None:
     """Refuse an integer for a number, as ROS does in parameter files and at the start of a node.
 
     Raises
@@ -224,32 +227,32 @@ def refuse_integer(row: Parameter, value: Any, where: str = "") -> None:
         )
 
 
-def shown(value: object) -> str:
+def shown_parameter(value: object) -> str:
     """A refused value for a message, at most `MAX_SHOWN` characters of it."""
     text = repr(value)
     return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
 
 
-def _leaf(name: str) -> str:
+def _parameter_leaf(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def _nearest(name: str, known: Collection[str]) -> list[str]:
+def _nearest_parameters(name: str, known: Collection[str]) -> list[str]:
     """The names closest to an unknown name, compared with and without their groups."""
-    texts = {text for other in known for text in (other, _leaf(other))}
+    texts = {text for other in known for text in (other, _parameter_leaf(other))}
     given = name.lower().replace("-", "_")
     close = difflib.get_close_matches(given, texts, len(texts), MIN_LIKENESS)
     likeness = [difflib.SequenceMatcher(None, text, given).ratio() for text in close]
     best = {text for text, ratio in zip(close, likeness, strict=True) if ratio == likeness[0]}
-    return [other for other in known if {other, _leaf(other)} & best]
+    return [other for other in known if {other, _parameter_leaf(other)} & best]
 
 
-def _question(names: Sequence[str]) -> str:
+def _parameter_question(names: Sequence[str]) -> str:
     named = ", ".join([*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])])
     return f"; did you mean {named}?" if names else ""
 
 
-def table(group: type | object) -> Iterator[Parameter]:
+def parameter_table(group: type | object) -> Iterator[Parameter]:
     """Iterate over the parameters of a group, in their order of declaration."""
     for field in dataclasses.fields(group):  # type: ignore[arg-type]
         if "description" in field.metadata:
@@ -271,5 +274,5 @@ class ParameterGroup:
     """
 
     def __post_init__(self) -> None:
-        for row in table(self):
+        for row in parameter_table(self):
             object.__setattr__(self, row.name, row.check(getattr(self, row.name)))

@@ -21,7 +21,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)-[0-9a-f]{8}\.part(\.\w+)?")
 
 
-def temporary_beside(path: Path) -> Path:
+def temporary_beside_file(path: Path) -> Path:
     """A free path in the folder of a file, with the same suffix, for its content until it is whole.
 
     Temporary files and folders that processes which no longer exist have left of the same file are
@@ -29,8 +29,8 @@ def temporary_beside(path: Path) -> Path:
     """
     for other in path.parent.glob(f".{glob.escape(path.name)}.*"):
         found = _TEMPORARY.fullmatch(other.name)
-        if found and found["name"] == path.name and not _exists(int(found["process"])):
-            remove(other)
+        if found and found["name"] == path.name and not _file_process_exists(int(found["process"])):
+            remove_whole_file(other)
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part{path.suffix}")
 
 
@@ -45,17 +45,17 @@ def written_whole(path: Path) -> Iterator[Path]:
     if path.exists() and not path.is_file():
         yield path
         return
-    temporary = temporary_beside(path)
+    temporary = temporary_beside_file(path)
     try:
-        with naming(path):
+        with naming_file(path):
             yield temporary
             move_whole(temporary, path)
     finally:
-        remove(temporary)
+        remove_whole_file(temporary)
 
 
 @contextmanager
-def naming(path: Path | str) -> Iterator[None]:
+def naming_file(path: Path | str) -> Iterator[None]:
     """Give the error of a full disk, which names no file, the name of the file that is written."""
     try:
         yield
@@ -75,7 +75,7 @@ def opened_whole(path: Path) -> Iterator[TextIO]:
         yield file
 
 
-def spare(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
+def spare_files(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
     """Refuse outputs that are inputs, by whatever name.
 
     Raises
@@ -89,7 +89,7 @@ def spare(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
             raise ValueError(f"{path} is read here and is not overwritten: give another output")
 
 
-def write_text(path: Path, text: str) -> None:
+def write_whole_text(path: Path, text: str) -> None:
     """Write a text as UTF-8; see `written_whole`."""
     with opened_whole(path) as file:
         file.write(text)
@@ -97,12 +97,12 @@ def write_text(path: Path, text: str) -> None:
 
 def move_whole(temporary: Path, path: Path) -> None:
     """Synchronise a temporary file to the disk and move it to its path on the same disk."""
-    _synchronise(temporary)
+    _synchronise_file(temporary)
     os.replace(temporary, path)
-    _synchronise(path.parent)
+    _synchronise_file(path.parent)
 
 
-def remove(path: Path) -> None:
+def remove_whole_file(path: Path) -> None:
     """Remove a file or a folder with its content, if it exists."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
@@ -110,7 +110,7 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _synchronise(path: Path) -> None:
+def _synchronise_file(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -118,7 +118,7 @@ def _synchronise(path: Path) -> None:
         os.close(descriptor)
 
 
-def _exists(process: int) -> bool:
+def _file_process_exists(process: int) -> bool:
     """Whether a process of this machine has this id."""
     try:
         os.kill(process, 0)

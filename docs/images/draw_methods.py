@@ -18,8 +18,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
-from tsepm_ros.tools.terminal import markdown_table
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate, interval_error_bars
+from tsepm_ros.tools.terminal import terminal_markdown_table
 from tsepm_ros.whole_files import written_whole
 
 Row = Mapping[str, str]
@@ -27,9 +27,9 @@ COLUMNS = 5
 FULL, HOLLOW, BACKGROUND = "#0072B2", "#D55E00", "0.85"
 
 
-def estimate(row: Row, name: str) -> Estimate:
+def estimate(row: Row, name: str) -> IntervalEstimate:
     """A figure of a row."""
-    return Estimate(*(float(row[f"{name}{end}"]) for end in ("", "_low", "_high")))
+    return IntervalEstimate(*(float(row[f"{name}{end}"]) for end in ("", "_low", "_high")))
 
 
 def false_per_hour(row: Row) -> float:
@@ -67,7 +67,7 @@ def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str])
         axis.errorbar(
             [false_per_hour(row) for row in own],
             values,
-            yerr=error_bars(values, shares),
+            yerr=interval_error_bars(values, shares),
             fmt="o",
             color=colour,
             markerfacecolor=face,
@@ -112,7 +112,9 @@ def table(rows: Sequence[Row], method: str, horizons: Sequence[str]) -> str:
             cells.append(f"{share.value:.2f} ({share.low:.2f}-{share.high:.2f})")
             cells.append(with_interval(row, "false_per_hour"))
         lines.append([*cells, *(with_interval(row, key) for key in ("redundant_per_run", "nees"))])
-    return markdown_table(["method and setting", *heads, "redundant per run", "NEES"], lines)
+    return terminal_markdown_table(
+        ["method and setting", *heads, "redundant per run", "NEES"], lines
+    )
 
 
 def main() -> None:

@@ -14,12 +14,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
-from tsepm_ros.tools.demo import target_rows
-from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
-from tsepm_ros.tools.pictures.plan_position import draw, save
-from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.commands.run_command import add_run_source_arguments, open_run
+from tsepm_ros.tools.demo import demo_target_rows
+from tsepm_ros.tools.evaluation.result_files import Result, add_result_file, write_result
+from tsepm_ros.tools.pictures.plan_position import draw_plan, save_plan
+from tsepm_ros.tools.pictures.run_scene import RunScene, SceneScan
+from tsepm_ros.tools.terminal import terminal_progress
 
 IMAGES = Path(__file__).parent
 SEED = 2
@@ -30,12 +30,12 @@ RADAR += ["sensor.range_std:=15.0", "sensor.range_std_fraction:=0.0"]
 def scene_of(*arguments: str) -> RunScene:
     """A run as `tsepm run` draws it, with the same arguments."""
     parser = argparse.ArgumentParser()
-    add_source_arguments(parser)
+    add_run_source_arguments(parser)
     with ExitStack() as stack:
         run = open_run(parser.parse_args(arguments), stack)
         scene = RunScene(run.title, truth=run.truth)
-        for result in with_progress(run.results, run.scans, "scans", "scan"):
-            view = ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
+        for result in terminal_progress(run.results, run.scans, "scans", "scan"):
+            view = SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
             scene.scans.append(view)
         run.judge(scene)
     return scene
@@ -43,10 +43,10 @@ def scene_of(*arguments: str) -> RunScene:
 
 def animate(scene: RunScene, path: Path) -> None:
     """Draw a judged run as a GIF: the picture of the scans so far, each for half a second."""
-    frames, size = [], draw(scene).get_size_inches()
-    for number in with_progress(range(1, len(scene.scans) + 1), len(scene.scans), "frames"):
+    frames, size = [], draw_plan(scene).get_size_inches()
+    for number in terminal_progress(range(1, len(scene.scans) + 1), len(scene.scans), "frames"):
         judged = [one for one in scene.judged if scene.start_scans[one.track.track_id] <= number]
-        figure = draw(replace(scene, scans=scene.scans[:number], judged=judged))
+        figure = draw_plan(replace(scene, scans=scene.scans[:number], judged=judged))
         figure.set(size_inches=size, dpi=60)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
@@ -62,15 +62,15 @@ def main() -> None:
     """Draw, and write the demo's table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--recording", help="folder of the recording joyride")
-    add_result(parser)
+    add_result_file(parser)
     options = parser.parse_args()
     demo = scene_of("four_targets", "--seed", str(SEED))
-    save(demo, IMAGES / "demo.png")
+    save_plan(demo, IMAGES / "demo.png")
     animate(demo, IMAGES / "demo.gif")
     if options.recording:
         values = [part for value in RADAR for part in ("-p", value)]
-        save(scene_of(options.recording, *values), IMAGES / "joyride.png")
-    header, *rows = target_rows(demo)
+        save_plan(scene_of(options.recording, *values), IMAGES / "joyride.png")
+    header, *rows = demo_target_rows(demo)
     line = "python docs/images/draw_pictures.py"
     if options.result:
         write_result(

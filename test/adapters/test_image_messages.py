@@ -17,7 +17,7 @@ from support.image_messages import BEAMS, CELLS, HEADER, TABLE, projected, raw
 from msg_adapters import MessageError
 from msg_adapters.image_messages import (
     DTYPES,
-    grey,
+    grey_image,
     normalised_image,
     plan_message,
     plan_of,
@@ -330,8 +330,8 @@ def test_cells_that_are_not_measured_are_no_colours(channels):
     shown = np.repeat(
         np.array([[1.0, np.nan], [2.0, 3.0]], np.float32)[..., None], channels, axis=2
     )
-    np.testing.assert_array_equal(grey(shown), shown[..., 0])
+    np.testing.assert_array_equal(grey_image(shown), shown[..., 0])
     if channels == 3:
         shown[0, 1, 1] = 5.0
         with pytest.raises(MessageError, match="colours"):
-            grey(shown)
+            grey_image(shown)

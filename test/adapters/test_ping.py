@@ -20,12 +20,12 @@ from msg_adapters import (
 )
 from msg_adapters.ping import (
     ReadingOptions,
-    along_axes,
     azimuth_of_bearing,
-    fitted,
+    fitted_to_ping,
     good_detections,
-    in_plane,
     intensity_feature,
+    ping_along_axes,
+    ping_in_plane,
     stated_sound_speed,
     turn_about_z,
 )
@@ -92,11 +92,11 @@ def test_a_later_reader_needs_one_row_and_no_installed_package(monkeypatch):
 
 
 def test_one_value_holds_for_all_detections_and_another_number_is_refused():
-    assert fitted("flags", [], 3) is None
-    assert fitted("flags", [2.0], 3).tolist() == [2.0, 2.0, 2.0]
-    assert fitted("flags", [[1.0, 2.0]] * 3, 3).shape == (3, 2)
+    assert fitted_to_ping("flags", [], 3) is None
+    assert fitted_to_ping("flags", [2.0], 3).tolist() == [2.0, 2.0, 2.0]
+    assert fitted_to_ping("flags", [[1.0, 2.0]] * 3, 3).shape == (3, 2)
     with pytest.raises(MessageError, match="flags has 2 values for 3 detections") as error:
-        fitted("flags", [1.0, 2.0], 3)
+        fitted_to_ping("flags", [1.0, 2.0], 3)
     assert error.value.reason == "wrong_length"
     assert intensity_feature([1.0, 2.0], 3)[0] == {}
 
@@ -125,14 +125,14 @@ def test_a_frame_states_its_axes_by_its_name():
         "sonar_optical": (-port, -up, ahead),
     }
     for frame, position in frames.items():
-        assert along_axes(frame, *position) == (ahead, port, up)
+        assert ping_along_axes(frame, *position) == (ahead, port, up)
     assert (turn_about_z("sonar"), turn_about_z("sonar_frd")) == (1.0, -1.0)
     with pytest.raises(MessageError, match="z ahead"):
         turn_about_z("sonar_optical")
 
 
 def test_a_slant_range_has_a_part_in_the_plane_and_a_height():
-    range_, height = in_plane(np.array([100.0, 10.0]), np.array([math.pi / 6, 0.0]))
+    range_, height = ping_in_plane(np.array([100.0, 10.0]), np.array([math.pi / 6, 0.0]))
     np.testing.assert_allclose(range_, [100.0 * math.sqrt(0.75), 10.0])
     np.testing.assert_allclose(height, [50.0, 0.0])
 

@@ -14,7 +14,7 @@ from sensor_msgs.msg import PointField
 from support.raw_cloud import raw_cloud
 
 from msg_adapters import MessageError, detections_cloud, read_detections, read_fields, write_cloud
-from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
+from tsepm_ros.session.drop_reasons import DROP_REASONS, drop_reason_of
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, wrap
 
 POINTS = [(1.5, -2.25, 30.0), (4.0, 5.5, -6.75), (7.0, -8.125, 9.5), (10.0, 11.5, 12.25)]
@@ -249,7 +249,7 @@ def test_any_cloud_is_read_or_refused(cloud, speed):
     try:
         ping = read_detections(cloud, sound_speed=speed)
     except MessageError as error:
-        assert reason_of(error.reason).lost == "scan"
+        assert drop_reason_of(error.reason).lost == "scan"
         assert error.reason in DROP_REASONS
         return
     scan = ping.sensor_scan.scan

@@ -6,7 +6,7 @@ import detector
 import numpy as np
 import pytest
 
-from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
 
 
@@ -25,7 +25,8 @@ def test_gain_is_judged_at_the_same_false_rate_and_the_verdict_by_bounds():
         assert gain.value == pytest.approx(better, abs=0.01)
         assert gain.low <= gain.value <= gain.high < gain.low + 0.03
     verdicts = [
-        amplitude.verdict(Estimate(1.0, *ends), 2.0) for ends in ((0, 1.9), (1, 3), (2.1, 3))
+        amplitude.verdict(IntervalEstimate(1.0, *ends), 2.0)
+        for ends in ((0, 1.9), (1, 3), (2.1, 3))
     ]
     assert verdicts == ["yes", "undecided", "no"]
 

@@ -8,10 +8,10 @@ from equal_rates import compare, detection_at, false_at
 from result_tables import printed, write_table
 from support.run_summaries import run_of, start
 
-from tsepm_ros.tools.evaluation.performance import Curve
+from tsepm_ros.tools.evaluation.performance import PerformanceCurve
 from tsepm_ros.tools.evaluation.result_files import Result, read_result
 
-CURVE = Curve.of(np.array([10.0, 1.0, 5.0, 0.1]), np.array([0.9, 0.7, 0.6, 0.3]))
+CURVE = PerformanceCurve.of(np.array([10.0, 1.0, 5.0, 0.1]), np.array([0.9, 0.7, 0.6, 0.3]))
 
 
 def test_a_curve_has_its_best_points_is_linear_in_the_logarithm_and_says_nothing_beyond():

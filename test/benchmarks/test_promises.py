@@ -10,10 +10,10 @@ import pytest
 from promises import closeness, difference, equal_rate_row
 from support.run_summaries import run_of, start
 
-from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 from tsepm_ros.tools.evaluation.measures import measures_of
-from tsepm_ros.tools.evaluation.performance import Evaluated
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.performance import PerformanceEvaluated
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
 
 SCENE = replace(load_scenario("box"), scans=4)
@@ -34,10 +34,10 @@ def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) ->
         for name, (true, wrong) in points.items()
     }
     return equal_rate_row(
-        Evaluated(
+        PerformanceEvaluated(
             SCENE,
             4,
-            [OperatingPoint(*name) for name in records],
+            [SimulatedOperatingPoint(*name) for name in records],
             list(records.values()),
             [measures_of(SCENE, runs, 4) for runs in records.values()],
         )
@@ -75,7 +75,7 @@ def test_equal_false_rates_are_linear_in_the_logarithm_of_false_starts(
     ],
 )
 def test_loss_of_detection_is_decided_on_its_margin(loss, beyond, found):
-    assert promises.within_margin(Estimate(0.0, *loss), beyond=beyond) == found
+    assert promises.within_margin(IntervalEstimate(0.0, *loss), beyond=beyond) == found
 
 
 def test_more_targets_than_the_sweep_finds_are_not_compared_and_a_loss_has_its_interval():
@@ -85,11 +85,11 @@ def test_more_targets_than_the_sweep_finds_are_not_compared_and_a_loss_has_its_i
 
 
 def test_a_difference_of_shares_is_close_far_or_open():
-    same = difference(Estimate(0.8, 0.77, 0.83), Estimate(0.8, 0.76, 0.84))
+    same = difference(IntervalEstimate(0.8, 0.77, 0.83), IntervalEstimate(0.8, 0.76, 0.84))
     assert (same.value, same.low, same.high) == pytest.approx((0.0, -0.05, 0.05))
     assert closeness(same) == "cannot tell"
-    assert closeness(Estimate(0.01, -0.01, 0.03)) == "holds"
-    assert closeness(Estimate(-0.05, -0.07, -0.031)) == "does not"
+    assert closeness(IntervalEstimate(0.01, -0.01, 0.03)) == "holds"
+    assert closeness(IntervalEstimate(-0.05, -0.07, -0.031)) == "does not"
 
 
 @pytest.mark.long
@@ -114,7 +114,7 @@ def test_starts_are_about_as_good_as_their_bound_and_are_kept(tmp_path):
 
 
 def test_the_mean_over_all_speeds_has_the_interval_of_independent_estimates():
-    mean = promises.mean_of([Estimate(3.0, 2.7, 3.4), Estimate(5.0, 4.6, 5.3)])
+    mean = promises.mean_of([IntervalEstimate(3.0, 2.7, 3.4), IntervalEstimate(5.0, 4.6, 5.3)])
     assert (mean.value, mean.low, mean.high) == pytest.approx((4.0, 3.75, 4.25))
 
 

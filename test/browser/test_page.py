@@ -11,8 +11,8 @@ import pytest
 from support.browser import Browser, Tab, need_browser
 from support.pages import confirmed_track, live_state, numbered, put_moving, served
 
-from tsepm_ros.tools.bridge.nmea import closest_approach
-from tsepm_ros.tools.viewer.page_content import image_frame, track_facts, write_page
+from tsepm_ros.tools.bridge.nmea import nmea_closest_approach
+from tsepm_ros.tools.viewer.page_content import page_image_frame, page_track_facts, write_page
 
 need_browser()
 
@@ -42,7 +42,7 @@ def recording() -> str:
         frames[-1]["potential"] = [[50_000, 150_000, 1000, 2000, 70], [70_000, 90_000, 0, 0, None]]
         frames[-1]["fixed"] = [[80, 100_000, -150_000, 0, 0, 1000, 1000, 0, 100]]
     hits = [[[12.0, 100.0, 5.0], [24.0, 200.0, -5.0], [48.0, 400.0, 0.0]]]
-    facts = track_facts(
+    facts = page_track_facts(
         [confirmed_track(3, 0.0, 0.0)], 48.0, reasons=["3 hits in 4 pings by the test"], hits=hits
     )
     facts["5"] = {"ended": [84.0, "its target was missed too often"]}
@@ -194,7 +194,7 @@ def test_each_thing_is_drawn_in_its_place_and_colour_and_layers_can_be_hidden(re
 def test_the_sonar_image_is_drawn_from_the_sensor_once_it_is_switched_on(replay):
     levels = np.full((64, 64), -1, np.int8)
     levels[40:44, 40:44] = 100  # ahead and to port
-    image = image_frame(24.0, 50.0, levels.tobytes())
+    image = page_image_frame(24.0, 50.0, levels.tobytes())
     replay.value(f"scene.merge({{ images: [{json.dumps(image)}] }}); showPanels()")
     # Own ship heads north: ahead and to port is north-west.
     where = -0.5 * (8 + 12) * 50.0, 500.0 + 0.5 * (8 + 12) * 50.0
@@ -349,7 +349,7 @@ def test_the_closest_approach_is_that_of_the_closed_form(replay):
         }})"""
     )
     relative = numbers[:, :4] - numbers[:, 4:]
-    expected = closest_approach(relative[:, :2], relative[:, 2:])
+    expected = nmea_closest_approach(relative[:, :2], relative[:, 2:])
     np.testing.assert_allclose(np.array(found).T, expected, rtol=1e-9)
     assert replay.value("closestApproach([1, 5, 0, 0, 0], [0, 0, 0, null, null])") is None
 

@@ -38,7 +38,7 @@ os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "test/support
 from support.interrupts import heed_interrupts
 
 from tsepm_ros.ending_signals import ending_on_termination
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 SAVING_PERIOD = 5.0
 """Time between two writings of the state, s."""
@@ -76,7 +76,7 @@ class State:
     def write(self, path: Path) -> None:
         """Write the state whole."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(vars(self), indent=1) + "\n")
+        write_whole_text(path, json.dumps(vars(self), indent=1) + "\n")
 
 
 def main(

@@ -29,7 +29,7 @@ from support.bag_files import simulated, small_scenario, storage_file, write_bag
 from tsepm_ros.settings.parameter_files import ANY_NODE
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.cli import COMMANDS, main
-from tsepm_ros.tools.commands.given_parameters import as_yaml, values_for
+from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml, given_parameters_for
 from tsepm_ros.tools.simulation import shipped_scenarios
 
 LIMIT = 60
@@ -98,7 +98,9 @@ def originals() -> Path:
     for name in shipped_scenarios():
         text = (scenarios / f"{name}.yaml").read_text()
         (folder / f"{name}.yaml").write_text(re.sub(r"scans: \d+", "scans: 3", text))
-    (folder / "parameters.yaml").write_text(as_yaml("track_initiator", TRACK_INITIATOR, ANY_NODE))
+    (folder / "parameters.yaml").write_text(
+        given_parameters_as_yaml("track_initiator", TRACK_INITIATOR, ANY_NODE)
+    )
     (folder / "learned.json").write_text(learned_texts.learned_text(learned_texts.SCENES[0]))
     out = folder / "runs"
     code, _, error = run([*WRONG_RUN, "--workers", "1", "--out", str(out)], folder)
@@ -156,7 +158,9 @@ def _called(function: Callable[[], object]) -> int:
 
 def _parameters(folder: Path) -> Callable[[], object]:
     path = folder / "parameters.yaml"
-    return lambda: settings_from(make_groups(TRACK_INITIATOR, values_for(path, "/track_initiator")))
+    return lambda: settings_from(
+        make_groups(TRACK_INITIATOR, given_parameters_for(path, "/track_initiator"))
+    )
 
 
 def _learned(folder: Path) -> Callable[[], object]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from campaign import Finding
 
-from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
+from tsepm_ros.session.drop_reasons import DROP_REASONS, drop_reason_of
 from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -76,7 +76,7 @@ class TrackBook:
 
 def lost_scans(dropped: Mapping[str, int]) -> int:
     """Number of scans among the drops."""
-    return sum(number for name, number in dropped.items() if reason_of(name).lost == "scan")
+    return sum(number for name, number in dropped.items() if drop_reason_of(name).lost == "scan")
 
 
 def check_reasons(dropped: Counter[str]) -> None:

@@ -27,10 +27,10 @@ from tsepm_ros.settings.node_options import InitiatorNodeOptions
 from tsepm_ros.settings.settings import (
     TRACK_INITIATOR,
     Settings,
-    full_table,
     make_groups,
     settings_from,
-    with_method,
+    settings_table,
+    settings_with_method,
 )
 
 METHODS = available_methods()
@@ -51,8 +51,8 @@ SLOW = ("learned_file",)
 @functools.cache
 def rows() -> dict[str, Parameter]:
     """The table of the node, with the parameters of every method."""
-    every = functools.reduce(with_method, METHODS, TRACK_INITIATOR)
-    return {row.name: row for row in full_table(every) if row.name not in SLOW}
+    every = functools.reduce(settings_with_method, METHODS, TRACK_INITIATOR)
+    return {row.name: row for row in settings_table(every) if row.name not in SLOW}
 
 
 def values_of(row: Parameter) -> list[Value]:

@@ -78,10 +78,10 @@ def test_a_lost_message_an_internal_error_and_a_nameless_drop_are_findings():
     pytest.importorskip("sensor_msgs")
     from messages import Fed, settings_of
 
-    from tsepm_ros.own_ship.registration import SensorScan
+    from tsepm_ros.own_ship.registration import UnregisteredScan
 
     fed = Fed(settings_of("tsepm", "none"))
-    fed.session.add_scan(SensorScan(scan_at(1.0, [(100.0, 0.0)]), "sonar"), 0.0)
+    fed.session.add_scan(UnregisteredScan(scan_at(1.0, [(100.0, 0.0)]), "sonar"), 0.0)
     fed.sent = 2
     with pytest.raises(Finding, match="2 messages: 0 results, 0 drops, 1 waiting"):
         fed.check_counts()

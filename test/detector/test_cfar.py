@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SonarImage, make_detector
-from tsepm_ros.detector.cfar import Peaks, Threshold, found, measured
+from tsepm_ros.detector.cfar import CfarThreshold, Peaks, cfar_echoes, cfar_peaks
 
 B, M = 64, 200
 
@@ -61,24 +61,24 @@ EDGES = ("constant", "constant")
 def test_the_highest_cells_of_a_box_are_found_from_the_highest_on():
     z = np.zeros((20, 30), np.float32)
     z[4, 5], z[5, 6], z[12, 20] = 5.0, 4.0, 9.0
-    peaks, cell = found(z, np.ones(z.shape, bool), BOX, EDGES, most=10)
+    peaks, cell = cfar_peaks(z, np.ones(z.shape, bool), BOX, EDGES, most=10)
     assert cell.tolist() == [[12, 20], [4, 5]], "the second lies in the box of the first"
     assert peaks.height.tolist() == [9.0, 5.0]
-    assert found(z, np.ones(z.shape, bool), BOX, EDGES, most=1)[1].tolist() == [[12, 20]]
+    assert cfar_peaks(z, np.ones(z.shape, bool), BOX, EDGES, most=1)[1].tolist() == [[12, 20]]
     hidden = z < 9.0
-    assert found(z, hidden, BOX, EDGES, most=10)[1].tolist() == [[4, 5]]
+    assert cfar_peaks(z, hidden, BOX, EDGES, most=10)[1].tolist() == [[4, 5]]
 
 
 def test_a_peak_is_measured_at_its_centroid_also_across_the_seam():
     y = np.zeros((20, 30), np.float32)
     y[0, 10:12] = y[19, 10:12] = 2.0
-    echoes = measured(y, np.array([[0, 10]]), BOX, wraps=True)
+    echoes = cfar_echoes(y, np.array([[0, 10]]), BOX, wraps=True)
     np.testing.assert_allclose(np.mod(echoes.cell, (20, 30)), [[19.5, 10.5]])
     np.testing.assert_allclose(echoes.width, [[2.0, 2.0]])
 
 
 def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
-    rng, threshold, above = np.random.default_rng(3), Threshold(4.0), []
+    rng, threshold, above = np.random.default_rng(3), CfarThreshold(4.0), []
     for ping in range(60):
         height = np.sort(rng.exponential(1.0, 200))[::-1]
         place = rng.uniform(0.0, 1000.0, (200, 2))

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from tsepm_ros.diagnostics.health import ENTRIES, MAX_RECORDS, SENSOR, Health
-from tsepm_ros.diagnostics.health_figures import Connections, Latency, Level, Status
-from tsepm_ros.parameters import table
+from tsepm_ros.diagnostics.health_figures import Connections, LatencyFigures, Level, Status
+from tsepm_ros.parameters import parameter_table
 from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
-from tsepm_ros.session.inputs import waited
+from tsepm_ros.session.inputs import input_waited
 from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.method import ScanStatistics
 
@@ -51,7 +51,7 @@ class Run:
         one = ScanStatistics(scans=1, detections=detections)
         self.figures = dataclasses.replace(self.figures, totals=self.figures.totals + one)
         self.health.arrived(time if stamp is None else stamp, time)
-        self.health.processed(detections, Latency(**latency), time)
+        self.health.processed(detections, LatencyFigures(**latency), time)
 
     def scans(self, *times: float) -> None:
         for time in times:
@@ -115,9 +115,9 @@ def test_silence_counts_on_the_clock_on_which_it_is_shorter_and_that_was_not_set
     for now, level in [((100.0, 1.0), Level.OK), ((100.0, 61.0), Level.STALE)]:
         (found,) = (one for one in health.report(GOOD, now) if one.task == "detections")
         assert found.level == level
-    assert waited((0.0, 0.0), (5.0, 3.0)) == 3.0
-    assert waited((0.0, 10.0), (5.0, 3.0)) == 5.0
-    assert waited(10.0, 3.0) == math.inf
+    assert input_waited((0.0, 0.0), (5.0, 3.0)) == 3.0
+    assert input_waited((0.0, 10.0), (5.0, 3.0)) == 5.0
+    assert input_waited(10.0, 3.0) == math.inf
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ def test_types_that_are_read_after_a_new_start_are_told_from_those_that_are_not(
 def test_learned_sensor_figures_are_reported_once_they_are_known():
     run = Run()
     assert not {"seen_max_range", "fitted_range_std"} & set(run.status(SENSOR, 0.0).values)
-    seen = Extent(20.0, 300.0, -1.0, 1.0)
+    seen = ClutterExtent(20.0, 300.0, -1.0, 1.0)
     errors = FittedErrors(0.0, 0.01, 0.02, 1.0, 1.0, 200.0)
     run.set(sensor_figures=SensorFigures(seen=seen, seen_detections=5, errors=errors, confirmed=3))
     values = run.status(SENSOR, 0.0).values
@@ -381,7 +381,7 @@ def test_what_is_remembered_of_scans_is_the_window_and_bounded():
 
 
 PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")
-THRESHOLDS = {row.name for row in table(DiagnosticsOptions)}
+THRESHOLDS = {row.name for row in parameter_table(DiagnosticsOptions)}
 
 
 RULES = [rule for entry in ENTRIES.values() for some in entry.rules for rule in some]

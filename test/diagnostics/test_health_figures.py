@@ -8,9 +8,9 @@ import pytest
 
 from tsepm_ros.diagnostics.health_figures import (
     Connections,
-    Counts,
+    CountFigures,
     HealthFigures,
-    Latency,
+    LatencyFigures,
     Level,
     ScanRecord,
     Status,
@@ -25,7 +25,7 @@ def figures(scans=(), arrivals=(), time=100.0, dropped=None, **snapshot) -> Heal
         options=DiagnosticsOptions(),
         snapshot=SimpleNamespace(**snapshot),
         connections=Connections(),
-        recent=Counts(detections=60, dropped=Counter(dropped or {})),
+        recent=CountFigures(detections=60, dropped=Counter(dropped or {})),
         scans=scans,
         arrivals=arrivals,
         since_scan=0.0,
@@ -57,17 +57,19 @@ def test_the_overall_status_is_the_worst_and_silence_is_less_than_an_error(level
 
 
 def test_latency_is_from_the_arrival_to_the_end_of_publishing():
-    assert Latency(to_tracks=0.5, to_all=1.0, waiting=2.0).total == 3.0
+    assert LatencyFigures(to_tracks=0.5, to_all=1.0, waiting=2.0).total == 3.0
 
 
 def test_counts_of_a_period_are_differences_and_a_reset_gives_no_negative_ones():
-    before, now = Counts(100, 2, Counter(a=3)), Counts(140, 5, Counter(a=4, b=1))
-    assert now - before == Counts(40, 3, Counter(a=1, b=1))
+    before, now = CountFigures(100, 2, Counter(a=3)), CountFigures(140, 5, Counter(a=4, b=1))
+    assert now - before == CountFigures(40, 3, Counter(a=1, b=1))
     assert (before - now).detections == 0
 
 
 def test_latencies_are_those_of_the_window():
-    late = [ScanRecord(time, 5, Latency(to_all=to)) for time, to in ((1.0, 9.0), (99.0, 1.0))]
+    late = [
+        ScanRecord(time, 5, LatencyFigures(to_all=to)) for time, to in ((1.0, 9.0), (99.0, 1.0))
+    ]
     now = figures(late)
     assert now.longest_latency(lambda latency: latency.to_all) == 1.0
     assert now.median_latency(lambda latency: latency.total) == 1.0
@@ -83,7 +85,7 @@ def test_a_gap_is_an_interval_beyond_the_factor_of_the_median_and_no_return_of_a
 
 
 def test_the_density_is_that_of_the_detections_over_the_exposure():
-    scans = [ScanRecord(99.0, n, Latency()) for n in (10, 30)]
+    scans = [ScanRecord(99.0, n, LatencyFigures()) for n in (10, 30)]
     now = figures(scans, coverage_area=1e6, clutter_density=1e-5)
     assert (now.detections, now.exposure) == (40, 2e6)
     assert now.detection_density == 2e-5

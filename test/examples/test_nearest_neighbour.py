@@ -8,7 +8,7 @@ from support.builders import scan_at
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0)
 STATE = np.array([3000.0, 4.0, 1500.0, -2.0])
@@ -25,7 +25,7 @@ def track(name: int = 7, state: np.ndarray = STATE, stamp: float = 0.0) -> Confi
 
 
 def measured(scan: Scan) -> Seen:
-    found = convert(scan, SENSOR, 0)
+    found = convert_measurements(scan, SENSOR, 0)
     return found["position"], found["covariance"], found["time"] - scan.stamp
 
 

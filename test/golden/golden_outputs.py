@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength, load_scenario
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.scan import Arc
+from tsepm_ros.tracker.scan import ScanArc
 
 FOLDER = Path(__file__).parent
 TOLERANCE = 1e-9
@@ -58,7 +58,7 @@ def box_results(method: str, scans: int = 14, **changes: Any) -> Iterator[ScanRe
 def simulated_results(scenario: Scenario, **session: Any) -> Iterator[ScanResult]:
     """A simulated scenario, seed 1."""
     settings = Settings(session=SessionOptions(**session), sensor=scenario.sensor)
-    scans = [SensorScan(one.scan, "sonar") for one in Simulator(scenario, 1)]
+    scans = [UnregisteredScan(one.scan, "sonar") for one in Simulator(scenario, 1)]
     return results(settings, scans)
 
 
@@ -72,7 +72,7 @@ def cluster_results() -> Iterator[ScanResult]:
             centre = np.array([x + 0.2 * index * vx, y + 0.2 * index * vy])
             points.append(centre + rng.uniform(-0.6, 0.6, (rng.integers(2, 5), 2)))
         x, y = np.concatenate(points).T
-        scans.append(SensorScan(Scan(0.2 * index, np.hypot(x, y), np.arctan2(y, x)), "sonar"))
+        scans.append(UnregisteredScan(Scan(0.2 * index, np.hypot(x, y), np.arctan2(y, x)), "sonar"))
     common = CommonOptions(max_speed=2.5, target_extent=1.5, plots="on", min_speed=0.2)
     return results(Settings(sensor=FAST, common=common), scans)
 
@@ -100,12 +100,12 @@ def sweep_results() -> Iterator[ScanResult]:
         seen += [(rng.uniform(2.0, 99.0), start + 0.5 * width)] * (rng.random() < 0.1)
         range_, azimuth = np.array(seen, float).reshape(-1, 2).T
         range_ = range_ + 0.2 * rng.standard_normal(len(range_))
-        beams = Arc(start, width, True)
-        messages.append(SensorScan(Scan(time, range_, azimuth), "sonar", beams=beams))
+        beams = ScanArc(start, width, True)
+        messages.append(UnregisteredScan(Scan(time, range_, azimuth), "sonar", beams=beams))
     return results(Settings(session=SessionOptions(sweep="auto"), sensor=sensor), messages)
 
 
-def results(settings: Settings, scans: list[SensorScan]) -> Iterator[ScanResult]:
+def results(settings: Settings, scans: list[UnregisteredScan]) -> Iterator[ScanResult]:
     """Results of a session that takes the scans one by one."""
     session = Session(settings)
     for scan in scans:

@@ -13,7 +13,7 @@ from msg_adapters import (
     track_odometry,
     tracker_report,
 )
-from tsepm_ros.session.inputs import usable
+from tsepm_ros.session.inputs import usable_input_tracks
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.scan import FEATURES
 
@@ -25,7 +25,7 @@ def test_what_is_tracked_goes_back_as_it_came(make_track, over_the_wire):
     new = track_cloud(make_header(STAMP, "odom"), [make_track(track_id=7), make_track(track_id=9)])
     followed = page["starts"](over_the_wire(new))
     report = tracker_report(over_the_wire(page["tracked"](STAMP, "odom", followed)))
-    taken, dropped = usable(report.tracks)
+    taken, dropped = usable_input_tracks(report.tracks)
     assert dropped == {}
     assert report.frame_id == "odom"
     assert taken.track_id.tolist() == [7, 9]

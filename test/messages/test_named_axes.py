@@ -15,7 +15,7 @@ from support.raw_cloud import raw_cloud
 from support.registered import places
 
 from msg_adapters import MessageError, make_header, read_detections, read_own_ship
-from tsepm_ros.own_ship.registration import Mounting, stated_axes, without_suffix
+from tsepm_ros.own_ship.registration import Mounting, registration_axes, registration_frame
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -49,7 +49,7 @@ IN_AXES = {
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_suffix_states_the_axes_and_belongs_to_a_frame_without(name):
-    assert (stated_axes(name), without_suffix(name)) == NAMES[name]
+    assert (registration_axes(name), registration_frame(name)) == NAMES[name]
 
 
 def cloud(frame, x, y, z):
@@ -96,7 +96,7 @@ def test_a_place_is_ahead_and_to_port_in_whatever_axes_it_is_given(make, frame):
         assert found.beams.middle == pytest.approx(math.atan2(PORT, AHEAD), rel=1e-5)
     else:
         np.testing.assert_allclose(found.height, [UP], rtol=1e-3)
-    assert found.axes == stated_axes(frame)
+    assert found.axes == registration_axes(frame)
 
 
 def test_angles_keep_their_sense_in_other_axes_and_a_flat_cloud_in_an_optical_frame_is_refused():

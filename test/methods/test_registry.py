@@ -9,8 +9,8 @@ from tsepm_ros.methods.registry import (
     available_methods,
     make_initiator,
     make_method,
-    method_class,
-    option_names,
+    registered_method,
+    registered_option_names,
 )
 from tsepm_ros.methods.score import Score
 from tsepm_ros.methods.tsepm import Tsepm
@@ -19,16 +19,16 @@ from tsepm_ros.tracker.method import Method
 
 def test_each_name_is_that_of_a_class_and_an_unknown_one_is_refused_with_all_names():
     assert available_methods() == tuple(METHODS)
-    assert (method_class("tsepm"), method_class("score")) == (Tsepm, Score)
-    assert all(issubclass(method_class(name), Method) for name in METHODS)
+    assert (registered_method("tsepm"), registered_method("score")) == (Tsepm, Score)
+    assert all(issubclass(registered_method(name), Method) for name in METHODS)
     assert set(NODE_METHODS) <= set(METHODS)
     with pytest.raises(ValueError, match=r"method must be one of .*score.*; got 'scores'"):
-        method_class("scores")
+        registered_method("scores")
 
 
 def test_a_method_has_the_common_options_and_its_own():
-    assert {"max_speed", "false_tracks_per_hour"} <= option_names("score")
-    assert "false_tracks_per_hour" not in option_names("tsepm")
+    assert {"max_speed", "false_tracks_per_hour"} <= registered_option_names("score")
+    assert "false_tracks_per_hour" not in registered_option_names("tsepm")
 
 
 def test_options_go_to_the_group_that_has_them():

@@ -12,7 +12,7 @@ from support.scenes import Scene, random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
-from tsepm_ros.tools.commands.given_parameters import values_for
+from tsepm_ros.tools.commands.given_parameters import given_parameters_for
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -73,7 +73,7 @@ def test_equals_the_plain_version(first: int) -> None:
 
 
 def test_the_parameter_file_of_the_paper_runs_the_method_as_the_paper_has_it():
-    values = values_for(PAPER, "/track_initiator")
+    values = given_parameters_for(PAPER, "/track_initiator")
     initiator = settings_from(make_groups(TRACK_INITIATOR, values)).make_tracker()
     scenario = load_scenario("box", {"scans": 10, "sensor.clutter_density": 5e-7})
     scans = [one.scan for one in Simulator(scenario, 1)]

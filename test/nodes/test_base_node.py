@@ -34,14 +34,14 @@ from support.ros_world import BEST_EFFORT, LATCHED, as_messages, remapped
 from support.sonar_driver import pings
 
 from tsepm_ros import available_methods
-from tsepm_ros.nodes.base_node import ParameterError, ParameterisedNode
+from tsepm_ros.nodes.base_node import BaseNode, ParameterError
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.drop_reasons import REPORT_IT
 from tsepm_ros.settings.node_options import SessionOptions
-from tsepm_ros.settings.settings import NODES, full_table
+from tsepm_ros.settings.settings import NODES, settings_table
 from tsepm_ros.tools.bridge.track_bridge import TrackBridge
-from tsepm_ros.tools.commands.given_parameters import as_yaml
+from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 from tsepm_ros.tracker.options import CommonOptions
@@ -87,7 +87,7 @@ def test_every_parameter_is_declared_as_in_its_table_and_none_as_a_name_inside_r
 
 
 def assert_declared(world: Any, node: Node) -> None:
-    rows = list(full_table(NODES[node.get_name()]))
+    rows = list(settings_table(NODES[node.get_name()]))
     assert len(rows) > 5
     for row in rows:
         descriptor = node.describe_parameter(row.name)
@@ -116,7 +116,7 @@ def assert_declared(world: Any, node: Node) -> None:
 
 def test_the_parameter_services_answer_and_refuse_what_is_not_live(world):
     node = world.make(TrackInitiator)
-    rows = list(full_table(NODES["track_initiator"]))
+    rows = list(settings_table(NODES["track_initiator"]))
     listed = world.call(ListParameters, f"{INITIATOR}/list_parameters", ListParameters.Request())
     assert {row.name for row in rows} < set(listed.result.names)
     request = DescribeParameters.Request(names=["tsepm.window"])
@@ -252,7 +252,7 @@ def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
         raise ZeroDivisionError("no")
 
     given = "track_initiator", pytest.fail, refuse
-    node = world.make(partial(ParameterisedNode, *given))
+    node = world.make(partial(BaseNode, *given))
     [result] = node.set_parameters([Parameter("max_speed", value=20.0)])
     assert result.reason == "max_speed cannot be used: ZeroDivisionError('no')"
     assert not result.successful
@@ -424,11 +424,11 @@ def arguments_of(path: Path, remaps: Sequence[str] = ()) -> list[str]:
 )
 def test_a_generated_file_fits_any_name_and_namespace(world, tmp_path, remaps):
     path = tmp_path / "mine.yaml"
-    generated = as_yaml("track_initiator", NODES["track_initiator"])
+    generated = given_parameters_as_yaml("track_initiator", NODES["track_initiator"])
     path.write_text(generated.replace("max_speed: 10.0", "max_speed: 7.5"))
     node = world.make(TrackInitiator, cli_args=arguments_of(path, remaps))
     assert node.get_parameter("max_speed").value == 7.5
-    for row in full_table(NODES["track_initiator"]):
+    for row in settings_table(NODES["track_initiator"]):
         if row.name not in ("max_speed", "method"):
             assert node.get_parameter(row.name).value == row.default
     assert not any("is not used" in line for line in world.logged())
@@ -457,7 +457,7 @@ def test_an_empty_list_ends_an_executable_with_a_sentence(start, tmp_path):
 def test_dumped_parameters_load_again(world, tmp_path):
     """As `ros2 param dump` writes them, and as `ros2 param load` sends them."""
     node = world.make(TrackInitiator, {"sensor.clutter_density": 1e-6, "method": "score"})
-    rows = [row for row in full_table(NODES["track_initiator"]) if not row.read_only]
+    rows = [row for row in settings_table(NODES["track_initiator"]) if not row.read_only]
     values = {row.name: node.get_parameter(row.name).value for row in rows}
     path = tmp_path / "dumped.yaml"
     path.write_text(yaml.dump({"/track_initiator": {"ros__parameters": values}}))

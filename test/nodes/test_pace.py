@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from tsepm_ros.nodes import pace as module
-from tsepm_ros.nodes.pace import Pace, newest, seconds_in_queue
+from tsepm_ros.nodes.pace import Pace, newest_at_pace, pace_seconds_in_queue
 
 NOW = 1_700_000_000_000_000_000
 
@@ -20,14 +20,14 @@ def test_the_time_in_the_queue_is_from_the_arrival_or_else_from_the_publication(
     monkeypatch, received
 ):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
-    assert seconds_in_queue(about(1.5, received)) == pytest.approx(1.5)
+    assert pace_seconds_in_queue(about(1.5, received)) == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("waited", [-3.0, 1e4])
 def test_clocks_that_differ_tell_nothing(monkeypatch, waited):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
-    assert seconds_in_queue(about(waited)) == 0.0
-    assert seconds_in_queue({"received_timestamp": 0, "source_timestamp": 0}) == 0.0
+    assert pace_seconds_in_queue(about(waited)) == 0.0
+    assert pace_seconds_in_queue({"received_timestamp": 0, "source_timestamp": 0}) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_clocks_that_differ_tell_nothing(monkeypatch, waited):
 def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waited, interval, taken):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
     others: list[tuple[Any, Any]] = [("middle", about(2.0)), ("newest", about(0.5))]
-    message, late, skipped = newest("oldest", about(waited), interval, lambda: others)
+    message, late, skipped = newest_at_pace("oldest", about(waited), interval, lambda: others)
     assert message == taken
     expected = (waited, []) if taken == "oldest" else (0.5, ["oldest", "middle"])
     assert (late, skipped) == (pytest.approx(expected[0]), expected[1])
@@ -45,7 +45,7 @@ def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waite
 
 def test_alone_in_the_queue_it_is_taken_however_late(monkeypatch):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
-    assert newest("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), [])
+    assert newest_at_pace("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), [])
 
 
 def passed(pace: Pace, *batches: list[float], seconds: float) -> list[int]:
@@ -89,4 +89,7 @@ def test_a_sonar_that_becomes_slower_is_followed():
 def test_who_is_behind_takes_the_newest_at_once(monkeypatch):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
     others = [("newest", about(0.0))]
-    assert newest("oldest", about(0.2), 0.1, lambda: others, True)[::2] == ("newest", ["oldest"])
+    assert newest_at_pace("oldest", about(0.2), 0.1, lambda: others, True)[::2] == (
+        "newest",
+        ["oldest"],
+    )

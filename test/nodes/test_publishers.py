@@ -32,16 +32,16 @@ from visualization_msgs.msg import Marker, MarkerArray
 from msg_adapters import read_placed_detections
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.nodes import base_node
-from tsepm_ros.nodes.base_node import ParameterisedNode
+from tsepm_ros.nodes.base_node import BaseNode
 from tsepm_ros.nodes.publishers import (
     MAX_LINES,
     PERIOD,
-    TrackAnnouncements,
-    announcement,
+    AnnouncementPublisher,
+    published_announcement,
 )
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 MOVING = np.array([100.0, 3.0, -50.0, 4.0])
@@ -52,7 +52,7 @@ def track(number: int) -> ConfirmedTrack:
 
 
 def test_a_line_has_the_id_the_place_the_speed_the_hits_and_the_reason():
-    assert announcement(track(7), "odom", "2 hits in 2 pings; because") == (
+    assert published_announcement(track(7), "odom", "2 hits in 2 pings; because") == (
         "track 7 confirmed at x 100.0 m, y -50.0 m in odom, 5.0 m/s towards 53 deg from x: "
         "2 hits in 2 pings; because"
     )
@@ -64,7 +64,7 @@ class Spoken(list):
     def __init__(self) -> None:
         super().__init__()
         self.time = 0.0
-        self._announced = TrackAnnouncements(self.append, lambda: self.time)
+        self._announced = AnnouncementPublisher(self.append, lambda: self.time)
         self.number = 0
 
     def confirm(self, number: int) -> None:
@@ -126,7 +126,7 @@ def node():
 
 @pytest.mark.parametrize("reason", ["intensity", "plots"])
 def test_a_fact_is_no_warning(node, reason):
-    ParameterisedNode.warn(node, reason, "it is so")
+    BaseNode.warn(node, reason, "it is so")
     node.get_logger().info.assert_called_once_with("it is so")
     node.get_logger().warning.assert_not_called()
 
@@ -140,7 +140,7 @@ def test_dropped_detections_are_said_again_once_they_are_ten_times_as_many(
     """One in each of 99 pings that are 12 s apart; a dropped scan is said each time."""
     for ping in range(1, 100):
         monkeypatch.setattr(base_node.time, "monotonic", lambda ping=ping: 12.0 * ping)
-        ParameterisedNode.warn(node, reason, "dropped", ping if expected == 99 else ping * 2)
+        BaseNode.warn(node, reason, "dropped", ping if expected == 99 else ping * 2)
     assert node.get_logger().warning.call_count == expected
 
 
@@ -331,7 +331,10 @@ def test_detections_are_handed_over_where_they_were_placed_with_what_a_filter_ne
     assert_stamps(placed, sent)
     for message, ping in zip(placed, sent, strict=True):
         assert message.header.frame_id == "sonar"
-        found, expected = read_placed_detections(message), convert(as_scan(ping), SensorModel(), 0)
+        found, expected = (
+            read_placed_detections(message),
+            convert_measurements(as_scan(ping), SensorModel(), 0),
+        )
         np.testing.assert_allclose(found.position, expected["position"], rtol=1e-12)
         np.testing.assert_allclose(found.covariance, expected["covariance"], rtol=1e-9)
         np.testing.assert_array_equal(found.time_offset, delay)

@@ -17,7 +17,7 @@ from msg_adapters import MessageError, make_header
 from tsepm_ros import Scan
 from tsepm_ros.nodes import subscriptions
 from tsepm_ros.nodes.base_node import ParameterError
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, SubscriptionQos
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 
@@ -64,7 +64,7 @@ def subscribe(world, **arguments) -> DetectionsSubscription:
     node = world.add(Node("reader", context=world.context))
     arguments = {"type_name": "auto", "reliability": "auto", "depth": 10, **arguments}
     return DetectionsSubscription(
-        node, callback=lambda message: None, watch=QosWatch(node), **arguments
+        node, callback=lambda message: None, watch=SubscriptionQos(node), **arguments
     )
 
 

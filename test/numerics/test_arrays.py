@@ -8,13 +8,13 @@ from scipy.special import logsumexp
 
 from tsepm_ros.numerics.arrays import (
     Rows,
-    among_best,
+    among_best_of_array,
+    array_log_sums,
+    array_rows_of_groups,
+    array_rows_of_least_cost,
+    array_sums_over_hits,
     changed,
     complete_linkage,
-    keep_best,
-    members_of_groups,
-    summed,
-    sums_over_hits,
 )
 
 
@@ -54,7 +54,7 @@ def test_rows_chosen_of_several_tables_follow_each_other(echoes):
 def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
     cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
     expected = np.sort(np.argsort(cost, kind="stable")[:limit])
-    assert keep_best(cost, limit).tolist() == expected.tolist()
+    assert array_rows_of_least_cost(cost, limit).tolist() == expected.tolist()
 
 
 def test_sums_are_of_the_ratios_not_of_their_logarithms():
@@ -63,27 +63,27 @@ def test_sums_are_of_the_ratios_not_of_their_logarithms():
     group = rng.integers(0, 20, 300)
     group[group == 7] = 8
     expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
-    np.testing.assert_allclose(summed(score, group, 20), expected)
+    np.testing.assert_allclose(array_log_sums(score, group, 20), expected)
 
 
 def test_the_best_of_each_group_are_kept_and_of_ties_the_first():
     group = np.array([0, 1, 0, 0, 1, 2, 0])
     score = np.array([3.0, 1.0, 5.0, 3.0, 2.0, 0.0, 4.0])
-    assert np.flatnonzero(~among_best(group, score, 3)).tolist() == [3]
-    assert np.flatnonzero(~among_best(group, score, 2)).tolist() == [0, 3]
-    assert np.flatnonzero(~among_best(group, score, 1)).tolist() == [0, 1, 3, 6]
+    assert np.flatnonzero(~among_best_of_array(group, score, 3)).tolist() == [3]
+    assert np.flatnonzero(~among_best_of_array(group, score, 2)).tolist() == [0, 3]
+    assert np.flatnonzero(~among_best_of_array(group, score, 1)).tolist() == [0, 1, 3, 6]
 
 
 def test_values_of_detections_are_summed_over_the_paths_that_have_them():
     hits = np.array([[2, 5, 9], [3, 7, -1], [9, 12, -1]])
-    sums = sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
+    sums = array_sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
     assert sums.tolist() == [1.5, 0.25, 1.0]
 
 
 def test_groups_are_in_the_order_of_their_first_rows():
-    groups = [rows.tolist() for rows in members_of_groups(np.array([4, 1, 4, 0, 1]))]
+    groups = [rows.tolist() for rows in array_rows_of_groups(np.array([4, 1, 4, 0, 1]))]
     assert groups == [[0, 2], [1, 4], [3]]
-    assert members_of_groups(np.zeros(0, np.int64)) == []
+    assert array_rows_of_groups(np.zeros(0, np.int64)) == []
 
 
 @pytest.mark.parametrize("seed", range(6))

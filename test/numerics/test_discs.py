@@ -7,7 +7,12 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal, ncx2
 
-from tsepm_ros.numerics.discs import ALL_PAIRS, disc_probability, pairs_between, pairs_within
+from tsepm_ros.numerics.discs import (
+    ALL_PAIRS,
+    disc_probability,
+    pairs_within_disc,
+    pairs_within_discs,
+)
 
 
 def places(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -33,10 +38,10 @@ def test_pairs_are_those_of_all_distances(kind, number):
     assert (number * len(centres) > ALL_PAIRS) == (number == 300)
     apart = centres[:, None] - positions
     expected = np.nonzero((apart**2).sum(axis=2) <= radius[:, None] ** 2)
-    found = pairs_within(positions, centres, radius, 10**6)
+    found = pairs_within_discs(positions, centres, radius, 10**6)
     np.testing.assert_array_equal(found, expected)
     assert len(found[0])
-    assert pairs_within(positions, centres, radius, len(found[0]) - 1) is None
+    assert pairs_within_discs(positions, centres, radius, len(found[0]) - 1) is None
 
 
 @pytest.mark.parametrize("number", [5, 300])
@@ -49,9 +54,9 @@ def test_pairs_between_are_those_of_a_loop_in_their_order(number):
         for j in range(number)
         if np.hypot(*(positions[j] - centres[i])) <= 30.0
     ]
-    row, other = pairs_between(centres, positions, 30.0)
+    row, other = pairs_within_disc(centres, positions, 30.0)
     assert list(zip(row.tolist(), other.tolist(), strict=True)) == expected
-    assert expected and not len(pairs_between(centres[:0], positions, 30.0)[0])
+    assert expected and not len(pairs_within_disc(centres[:0], positions, 30.0)[0])
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.3, 3.0, 100.0])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.numerics.gaussian import inverse_or_nan, proper, solve
-from tsepm_ros.studies.multiple_model import correlated_beyond_one
+from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, proper_covariance, solve
+from tsepm_ros.studies.multiple_model import multiple_model_beyond_one
 
 
 def ordinary(number: int, seed: int = 1) -> np.ndarray:
@@ -17,8 +17,8 @@ def ordinary(number: int, seed: int = 1) -> np.ndarray:
 
 def test_a_proper_covariance_is_returned_as_it_is():
     covariance = ordinary(50)
-    assert proper(covariance) is covariance
-    assert not correlated_beyond_one(covariance).any()
+    assert proper_covariance(covariance) is covariance
+    assert not multiple_model_beyond_one(covariance).any()
 
 
 @pytest.mark.parametrize("correlation", [1.0, 1.0026, 1.5, -1.1])
@@ -27,8 +27,8 @@ def test_a_correlation_beyond_one_is_repaired_and_its_neighbours_are_kept(correl
     before = covariance.copy()
     sigma = np.sqrt(covariance[1].diagonal())
     covariance[1, 0, 1] = covariance[1, 1, 0] = correlation * sigma[0] * sigma[1]
-    assert correlated_beyond_one(covariance).tolist() == [False, True, False]
-    repaired = proper(covariance)
+    assert multiple_model_beyond_one(covariance).tolist() == [False, True, False]
+    repaired = proper_covariance(covariance)
     np.linalg.cholesky(repaired)
     assert (repaired == np.swapaxes(repaired, 1, 2)).all()
     assert (repaired[[0, 2]] == before[[0, 2]]).all()
@@ -39,14 +39,14 @@ def test_a_correlation_beyond_one_is_repaired_and_its_neighbours_are_kept(correl
 def test_a_singular_covariance_is_made_definite_without_a_change_of_its_size(scale):
     axes = np.array([3.0, 1e-3, -2.0, 1e-4])
     singular = scale * np.outer(axes, axes)[None]
-    repaired = proper(singular)
+    repaired = proper_covariance(singular)
     np.linalg.cholesky(repaired)
     assert repaired == pytest.approx(singular, rel=1e-6)
 
 
 def test_no_variance_stays_at_zero_or_below():
     covariance = np.diag([100.0, -1e-20, 0.0, 4.0])[None]
-    repaired = proper(covariance)
+    repaired = proper_covariance(covariance)
     np.linalg.cholesky(repaired)
     assert repaired[0].diagonal() == pytest.approx([100.0, 0.0, 0.0, 4.0], abs=1e-6)
 
@@ -54,16 +54,16 @@ def test_no_variance_stays_at_zero_or_below():
 def test_what_is_not_finite_is_kept():
     covariance = np.full((2, 4, 4), np.nan)
     covariance[1] = np.ones((4, 4))
-    repaired = proper(covariance)
+    repaired = proper_covariance(covariance)
     assert np.isnan(repaired[0]).all()
     np.linalg.cholesky(repaired[1])
-    assert len(proper(np.zeros((0, 4, 4)))) == 0
+    assert len(proper_covariance(np.zeros((0, 4, 4)))) == 0
 
 
 def test_an_inverse_of_singular_matrices_is_nan_and_that_of_others_is_not():
     covariance = ordinary(2)
     covariance[0] = 0.0
-    inverted = inverse_or_nan(covariance)
+    inverted = inverse_covariance_or_nan(covariance)
     assert np.isnan(inverted[0]).all()
     assert inverted[1] @ covariance[1] == pytest.approx(np.eye(4), abs=1e-9)
 

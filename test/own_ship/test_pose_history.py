@@ -11,7 +11,7 @@ from tsepm_ros.own_ship.pose_history import (
     PoseHistory,
     PoseSample,
     echo_poses,
-    known_rates,
+    known_pose_rates,
 )
 
 YES, NOT_YET, NEVER = PoseCoverage.YES, PoseCoverage.NOT_YET, PoseCoverage.NEVER
@@ -63,12 +63,12 @@ def test_velocity_and_yaw_rate_that_samples_know_are_interpolated_each_by_itself
     np.testing.assert_allclose(found, expected, atol=1e-12)
     poses = PoseHistory(max_extrapolation=1.0)
     for stamp in (0.0, 1.0):
-        rates = known_rates(3.0, 4.0, 0.0)
+        rates = known_pose_rates(3.0, 4.0, 0.0)
         poses.add(PoseSample(stamp, 100.0 * stamp, 0.0, 0.2 * stamp, rates=rates))
     np.testing.assert_allclose(poses.rates(np.array([0.5]), 1.0), [[3.0, 4.0, 0.2]])
     np.testing.assert_allclose(poses.poses(np.array([1.5]))[:, :3], [[101.5, 2.0, 0.3]])
-    np.testing.assert_array_equal(known_rates(0.0, 0.0, 0.1), [math.nan, math.nan, 0.1])
-    assert known_rates(0.0, -1.0, 0.1) == (0.0, -1.0, 0.1)
+    np.testing.assert_array_equal(known_pose_rates(0.0, 0.0, 0.1), [math.nan, math.nan, 0.1])
+    assert known_pose_rates(0.0, -1.0, 0.1) == (0.0, -1.0, 0.1)
 
 
 def test_rates_are_not_taken_across_a_gap_nor_from_poses_of_a_moment():

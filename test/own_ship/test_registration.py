@@ -14,7 +14,7 @@ from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan, levelled
+from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, levelled_for_registration
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
@@ -123,7 +123,7 @@ def test_a_mounting_carries_the_heading_s_error_to_the_sensor():
 def test_a_lever_arm_needs_a_heading_even_for_true_bearings(mounting, dropped):
     one = session(mounting)
     stand(one, 0.0, np.diag([1.0, 1.0, 1e6]))
-    one.add_scan(SensorScan(Scan(5.0, [1000.0], [0.0]), "sonar", north_referenced=True), 0.0)
+    one.add_scan(UnregisteredScan(Scan(5.0, [1000.0], [0.0]), "sonar", north_referenced=True), 0.0)
     assert len(list(one.process())) == 1 - dropped
     assert one.dropped["heading_unknown"] == dropped
 
@@ -190,7 +190,7 @@ def nees(seed: int, estimator: str, *, known: bool) -> float | None:
         ahead, across = target + velocity * stamp - (x, y)
         range_ = math.hypot(ahead, across) + NARROW.range_std * rng.standard_normal()
         azimuth = math.atan2(across, ahead) - yaw + NARROW.azimuth_std * rng.standard_normal()
-        one.add_scan(SensorScan(Scan(stamp, [range_], [azimuth]), "sonar"), 0.0)
+        one.add_scan(UnregisteredScan(Scan(stamp, [range_], [azimuth]), "sonar"), 0.0)
         for result in one.process():
             for track in result.new:
                 position = target + velocity * track.stamp
@@ -233,7 +233,7 @@ def test_the_velocity_of_the_sensor_does_not_depend_on_when_odometry_arrives(del
     # White errors of 1 m in the positions: any other samples would give another velocity.
     x, y = noise = np.random.default_rng(9).normal(0.0, 1.0, (2, 1200))
     one, found = session(), []
-    one.add_scan(SensorScan(Scan(5.03, time_offset=[0.2, 0.4], **RATED), "sonar"), 0.0)
+    one.add_scan(UnregisteredScan(Scan(5.03, time_offset=[0.2, 0.4], **RATED), "sonar"), 0.0)
     for k, (east, north) in enumerate(noise.T.tolist()):
         one.add_own_ship(PoseSample(0.1 * k, east, north, 0.0, frame_id="odom"))
         if 0.1 * k >= 5.83 + delay:
@@ -349,17 +349,17 @@ def test_what_is_received_level_is_in_the_horizontal_plane_to_the_bit(zero):
     range_, azimuth, height = rng.uniform(-9e3, 9e3, (3, MANY))  # any angle, not wrapped
     level = np.full(MANY, zero)
     for kwargs in ({}, {"mounting_yaw": 0.3}):
-        found = levelled(range_, azimuth, height, level, level, **kwargs)
+        found = levelled_for_registration(range_, azimuth, height, level, level, **kwargs)
         np.testing.assert_array_equal(found, (range_, azimuth))
     tilted = np.where(np.arange(MANY) % 2, 0.1, zero)  # beside others that are not
-    found = np.array(levelled(range_, azimuth, None, tilted, level))
+    found = np.array(levelled_for_registration(range_, azimuth, None, tilted, level))
     assert ((found == (range_, azimuth)).all(axis=0) == (tilted == 0.0)).all()
 
 
 @pytest.mark.filterwarnings("error")
 def test_a_range_may_vanish_and_a_height_be_absurd():
     quarter = np.full(2, math.pi / 2)
-    found, _ = levelled(
+    found, _ = levelled_for_registration(
         np.array([100.0, 1.0]), quarter, np.array([0.0, 1e308]), quarter, np.zeros(2)
     )
     assert found[0] < 1e-10

@@ -10,7 +10,7 @@ from support.expectation import assert_same, initiator
 from support.ros_process import RosProcess
 from support.sonar_driver import points, stamp_ns
 
-from tsepm_ros.settings.settings import NODES, full_table
+from tsepm_ros.settings.settings import NODES, settings_table
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 
 SECOND = 10**9
@@ -226,5 +226,5 @@ def test_help_is_usage_with_the_parameters_before_ros_starts(start):
         assert text.startswith(f"usage: ros2 run tsepm_ros {name}")
         for part in (f"tsepm parameters {name}", "docs/parameters.md", "--ros-args"):
             assert part in text.replace("\n  ", " ")
-        for row in full_table(NODES[name]):
+        for row in settings_table(NODES[name]):
             assert row.name.rpartition(".")[2] in text

@@ -41,7 +41,7 @@ from tsepm_ros.settings.settings import (
     make_groups,
     settings_from,
 )
-from tsepm_ros.tools.replay.offline import bag_results
+from tsepm_ros.tools.replay.offline import offline_bag_results
 
 START, SPEED, TURN_RATE = 1_700_000_000.0, 0.5, 0.04
 NEAR, FAR, CELLS = 0.5, 30.5, 150
@@ -238,7 +238,7 @@ def offline(bag: StandInBag, driver: Driver, *, is_clean: bool = True) -> list[A
     )
     topics = {"detections": "image", "own_ship/odometry": "odometry"}
     initiator = MessageInput(session, groups[InitiatorNodeOptions])
-    results = list(bag_results(bag, topics, session, initiator, images))
+    results = list(offline_bag_results(bag, topics, session, initiator, images))
     assert not is_clean or (faults, session.dropped) == ([], {})
     return [result.in_frame() for result in results]
 

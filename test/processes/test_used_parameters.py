@@ -26,9 +26,9 @@ from msg_adapters.image_messages import read_image
 from tsepm_ros.methods.registry import METHODS
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.parameters import ParameterGroup, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter, parameter_table
 from tsepm_ros.settings.node_options import ImageLayout
-from tsepm_ros.settings.settings import NODES, make_groups, settings_from, with_method
+from tsepm_ros.settings.settings import NODES, make_groups, settings_from, settings_with_method
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.players.sonar_simulator import SonarSimulator
 from tsepm_ros.tracker.sensor import Coverage
@@ -44,12 +44,12 @@ class Reads(set):
     """Names of the parameters of a node whose values are read for a use."""
 
     def __init__(self, monkeypatch, node, method="score"):
-        self.groups = with_method(NODES[node], method)
+        self.groups = settings_with_method(NODES[node], method)
         for prefix, kind in self.groups:
             monkeypatch.setattr(kind, "__getattribute__", self._noting(prefix, kind))
 
     def _noting(self, prefix, kind):
-        names = {row.name for row in table(kind)}
+        names = {row.name for row in parameter_table(kind)}
 
         def read(options, name):
             if name in names and type(options) is kind and is_use(sys._getframe(1)):
@@ -60,7 +60,7 @@ class Reads(set):
 
     def unread(self, *but):
         """Names without a use, but those that begin as given."""
-        rows = [prefix + row.name for prefix, kind in self.groups for row in table(kind)]
+        rows = [prefix + row.name for prefix, kind in self.groups for row in parameter_table(kind)]
         return [name for name in rows if name not in self and not name.startswith(but)]
 
 

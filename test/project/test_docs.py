@@ -16,9 +16,9 @@ import yaml
 from support.scripts import loaded
 
 from tsepm_ros import __version__, available_methods
-from tsepm_ros.methods.registry import option_names
-from tsepm_ros.settings.settings import NODES, full_table, with_method
-from tsepm_ros.tools.commands.cli import _parser
+from tsepm_ros.methods.registry import registered_option_names
+from tsepm_ros.settings.settings import NODES, settings_table, settings_with_method
+from tsepm_ros.tools.commands.cli import _cli_parser
 from tsepm_ros.tools.evaluation.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
@@ -27,7 +27,7 @@ PAGES = sorted([ROOT / "README.md", *DOCS.rglob("*.md")])
 ALL = [
     row
     for groups in NODES.values()
-    for row in full_table(functools.reduce(with_method, available_methods(), groups))
+    for row in settings_table(functools.reduce(settings_with_method, available_methods(), groups))
 ]
 """Every parameter, also of the methods that are not chosen."""
 NAMES = {row.name for row in ALL}
@@ -82,7 +82,7 @@ def test_parameters_named_in_text_exist(page):
         for pattern in (GROUPED, ASSIGNED)
         if (found := pattern.fullmatch(quoted))
     }
-    options = set().union(*map(option_names, available_methods()))
+    options = set().union(*map(registered_option_names, available_methods()))
     assert named <= NAMES | options | launch_arguments()
 
 
@@ -91,7 +91,7 @@ def test_parameters_given_in_commands_exist(page):
     for command in commands(page):
         options: frozenset[str] = frozenset()
         if "tsepm evaluate" in command:
-            options = frozenset().union(*map(option_names, available_methods()))
+            options = frozenset().union(*map(registered_option_names, available_methods()))
         assert set(GIVEN.findall(command)) <= NAMES | options, command
         if "ros2 launch" in command:
             assert set(re.findall(r"(\w+):=", command)) <= launch_arguments(), command
@@ -102,7 +102,7 @@ def test_commands_of_tsepm_are_as_the_command_takes_them(page):
     for line in commands(page):
         if line.startswith("tsepm "):
             arguments = shlex.split(line.split(">")[0], comments=True)[1:]
-            assert _parser().parse_args(arguments).command, line
+            assert _cli_parser().parse_args(arguments).command, line
 
 
 @EVERY_PAGE
@@ -173,10 +173,10 @@ def test_every_method_has_a_page_of_all_its_parts(method):
 
 
 def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
-    from tsepm_ros.tools.demo import _parse
+    from tsepm_ros.tools.demo import _parse_demo_arguments
 
     given = re.search(r"tsepm watch (\w+) --seed (\d+)", (ROOT / "README.md").read_text())
-    demo = _parse([])
+    demo = _parse_demo_arguments([])
     assert given and (given[1], int(given[2])) == (demo.scenario, demo.seed)
 
 

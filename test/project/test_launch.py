@@ -9,9 +9,14 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from tsepm_ros.settings.parameter_files import fits
+from tsepm_ros.settings.parameter_files import parameter_file_fits
 from tsepm_ros.settings.settings import NODES, make_groups
-from tsepm_ros.tools.commands.init_command import completed, file_text, parameters, sections
+from tsepm_ros.tools.commands.init_command import (
+    init_completed,
+    init_file_text,
+    init_parameters,
+    init_sections,
+)
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "launch" / "tsepm.launch.xml"
@@ -70,7 +75,9 @@ def _parameters(element, resolved, node):
         if one.get("from"):
             text = Path(resolved(one.get("from"))).read_text(encoding="utf-8")
             for key, values in yaml.safe_load(text).items():
-                parameters |= values["ros__parameters"] if fits(key, f"/{node}") else {}
+                parameters |= (
+                    values["ros__parameters"] if parameter_file_fits(key, f"/{node}") else {}
+                )
     for one in element.iter("param"):
         if one.get("name"):
             value = resolved(one.get("value"))
@@ -126,8 +133,8 @@ def test_with_a_topic_of_images_the_detector_starts_before_the_initiator(tmp_pat
     path = ROOT / "config" / f"{file}.yaml"
     if file == "mine":
         path = tmp_path / "mine.yaml"
-        answers = completed({"images": 1.0, "max_range": 40.0, "sector": 130.0})
-        path.write_text(file_text(sections(answers, parameters(answers)), "mine"))
+        answers = init_completed({"images": 1.0, "max_range": 40.0, "sector": 130.0})
+        path.write_text(init_file_text(init_sections(answers, init_parameters(answers)), "mine"))
     nodes = started(params_file=str(path), image="/sonar/image", use_sim_time="true")
     assert set(nodes) == {"sonar_detector", "track_initiator"}
     detector, tracker = nodes["sonar_detector"], nodes["track_initiator"]

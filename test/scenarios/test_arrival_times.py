@@ -12,22 +12,22 @@ from support.sessions import NotedSession
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator, load_scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
-SHIP = OwnShipMotion(20.0, -30.0, 0.4, speed=4.0, turn_rate=math.radians(2.0))
+SHIP = ScenarioOwnShipMotion(20.0, -30.0, 0.4, speed=4.0, turn_rate=math.radians(2.0))
 SEA = dataclasses.replace(
     load_scenario("four_targets", {"scans": 8, "sensor.clutter_density": 1e-7}), own_ship=SHIP
 )
 RATE = 5.0
 
 
-def odometry(ship: OwnShipMotion, first: float, last: float, rate: float = RATE):
+def odometry(ship: ScenarioOwnShipMotion, first: float, last: float, rate: float = RATE):
     """Samples at a rate, from `first` to `last` (s)."""
     times = np.arange(round(first * rate), round(last * rate) + 1) / rate
     frames = {"frame_id": "odom", "child_frame_id": "sonar"}
@@ -48,7 +48,7 @@ def play(one: Session, events):
     results = []
     for now, event in sorted(events, key=lambda event: event[0]):
         if isinstance(event, Scan):
-            one.add_scan(SensorScan(event, "sonar"), now)
+            one.add_scan(UnregisteredScan(event, "sonar"), now)
         elif isinstance(event, PoseSample):
             one.add_own_ship(event)
         results += one.process(now)
@@ -78,8 +78,8 @@ def ping(stamp: float) -> Scan:
     return scan_at(stamp, [(3000.0, 0.0)])
 
 
-EAST = OwnShipMotion(speed=2.0)
-NORTH = OwnShipMotion(7000.0, 5000.0, math.pi / 2, speed=3.0)
+EAST = ScenarioOwnShipMotion(speed=2.0)
+NORTH = ScenarioOwnShipMotion(7000.0, 5000.0, math.pi / 2, speed=3.0)
 
 
 @pytest.mark.long

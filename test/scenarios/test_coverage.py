@@ -10,12 +10,12 @@ import pytest
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion, Scenario
+from tsepm_ros.tools.simulation.scenario import Scenario, ScenarioOwnShipMotion
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
 SECTOR = SensorModel(
@@ -26,7 +26,7 @@ SECTOR = SensorModel(
     clutter_density=2e-6,
 )
 
-WEST = OwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(0.5))
+WEST = ScenarioOwnShipMotion(yaw=math.pi, speed=4.0, turn_rate=math.radians(0.5))
 
 AHEAD = np.array([-2500.0, -3.0, 300.0, 1.0])
 
@@ -54,16 +54,16 @@ def sailing(scene: Scenario, covariance: np.ndarray | None = None, **more) -> Se
     return one
 
 
-def from_north(scan: Scan, scene: Scenario) -> SensorScan:
+def from_north(scan: Scan, scene: Scenario) -> UnregisteredScan:
     """The scan with azimuths that count from the fixed frame's x axis."""
     delay = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
     yaw = [scene.own_ship.pose(time)[2] for time in scan.stamp + 2.0 * delay]
     turned = dataclasses.replace(scan, azimuth=scan.azimuth + np.array(yaw))
-    return SensorScan(turned, "sonar", north_referenced=True)
+    return UnregisteredScan(turned, "sonar", north_referenced=True)
 
 
-def by_bow(scan: Scan, scene: Scenario) -> SensorScan:
-    return SensorScan(scan, "sonar")
+def by_bow(scan: Scan, scene: Scenario) -> UnregisteredScan:
+    return UnregisteredScan(scan, "sonar")
 
 
 def run(scene: Scenario, arriving, seed: int, **more) -> list:
@@ -92,7 +92,7 @@ def test_a_sector_of_bearings_from_north_needs_a_heading(sensor, dropped, source
     unknown = np.diag([1.0, 1.0, 1e6])
     one = session(scene, source) if source == "none" else sailing(scene, unknown)
     scan = Scan(5.0, [1000.0, 2000.0], [0.0, 1.0])
-    one.add_scan(SensorScan(scan, "sonar", north_referenced=True), 0.0)
+    one.add_scan(UnregisteredScan(scan, "sonar", north_referenced=True), 0.0)
     found = list(one.process())
     assert len(found) == 1 - dropped
     assert one.dropped["heading_unknown"] == dropped
@@ -174,8 +174,8 @@ def test_detections_outside_the_coverage_are_counted_and_said():
     said = []
     settings = Settings(SessionOptions(), sensor=EDGE)
     one = Session(settings, lambda reason, sentence: said.append((reason, sentence)))
-    one.add_scan(SensorScan(Scan(0.0, [700.0, 1100.0, 700.0], [0.0, 0.0, 2.0]), "sonar"), 0.0)
-    one.add_scan(SensorScan(Scan(4.0, [700.0], [0.0]), "sonar"), 0.0)
+    one.add_scan(UnregisteredScan(Scan(0.0, [700.0, 1100.0, 700.0], [0.0, 0.0, 2.0]), "sonar"), 0.0)
+    one.add_scan(UnregisteredScan(Scan(4.0, [700.0], [0.0]), "sonar"), 0.0)
     first, _ = one.process()
     assert len(first.scan) == 3
     assert one.dropped == {"outside_coverage": 2}

@@ -6,7 +6,7 @@ from support.builders import scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.tracker.initial_state import ESTIMATORS
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.merging import close
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
@@ -99,12 +99,12 @@ def test_numbers_of_scans_and_detections_may_be_large(method, monkeypatch):
     soon = tracks_of(method, 0)
     assert soon
 
-    def begin_late(window: DetectionWindow) -> None:
+    def begin_late(window: MeasurementWindow) -> None:
         begin(window)
         window.first_id = LATE
 
-    begin = DetectionWindow.__init__
-    monkeypatch.setattr(DetectionWindow, "__init__", begin_late)
+    begin = MeasurementWindow.__init__
+    monkeypatch.setattr(MeasurementWindow, "__init__", begin_late)
     late = tracks_of(method, LATE)
     assert len(late) == len(soon)
     for before, after in zip(soon, late, strict=True):

@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 from support.run_summaries import study
 
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 RUNS = 40
 Z = 3.3
 """Standard errors of a difference: 99.9 %, two-sided."""
 
 SQUARE = load_scenario("square_path", {"sensor.clutter_density": 2e-7})
-FIXED = dataclasses.replace(SQUARE, own_ship=OwnShipMotion())
+FIXED = dataclasses.replace(SQUARE, own_ship=ScenarioOwnShipMotion())
 
 
 @functools.cache
 def figures(moving, method):
     """Share of the targets found in each run; errors, NEES and time of true, pure starts."""
     found, starts = [], []
-    for run in study(SQUARE if moving else FIXED, OperatingPoint(method), range(RUNS), 1):
+    for run in study(SQUARE if moving else FIXED, SimulatedOperatingPoint(method), range(RUNS), 1):
         true = [start for start in run.starts if start.outcome is Outcome.TRUE]
         found.append(len(true) / run.targets)
         starts += [

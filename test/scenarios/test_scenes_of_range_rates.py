@@ -9,9 +9,9 @@ from scipy.stats import cauchy, kstest
 from support.builders import assert_same_tracks
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, Simulator
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion, TargetArea
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion, ScenarioTargetArea
 
 SENSOR = SensorModel(
     range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0), range_rate_std=0.25
@@ -35,7 +35,7 @@ def bound(sensor: SensorModel) -> np.ndarray:
     positions = np.array([truth_at(time)[0] for time in TIMES])
     sensors = SHIP * TIMES[:, None]
     moving = np.tile(TRUTH[1::2] - SHIP, (len(TIMES), 1))
-    return cramer_rao(positions, TIMES, sensors, sensor, NOW, moving)
+    return cramer_rao_measure(positions, TIMES, sensors, sensor, NOW, moving)
 
 
 def test_the_bound_with_range_rates_is_by_numerical_differentiation():
@@ -76,8 +76,8 @@ MOVING = Scenario(
     period=12.0,
     sensor=SensorModel(range_rate_std=0.3, clutter_range_rate=2.0),
     sound_speed=1500.0,
-    areas=(TargetArea(count=20, ranges=(3000.0, 8000.0), azimuths=(-3.0, 3.0), speed=4.0),),
-    own_ship=OwnShipMotion(yaw=0.4, speed=6.0, turn_rate=0.002),
+    areas=(ScenarioTargetArea(count=20, ranges=(3000.0, 8000.0), azimuths=(-3.0, 3.0), speed=4.0),),
+    own_ship=ScenarioOwnShipMotion(yaw=0.4, speed=6.0, turn_rate=0.002),
 )
 
 
@@ -122,8 +122,8 @@ FEW = Scenario(
     name="few",
     scans=8,
     sensor=SensorModel(max_range=3000.0, clutter_density=2e-6, range_rate_std=0.3),
-    areas=(TargetArea(count=3, ranges=(500.0, 2800.0), azimuths=(-3.0, 3.0), speed=5.0),),
-    own_ship=OwnShipMotion(yaw=0.4, speed=4.0),
+    areas=(ScenarioTargetArea(count=3, ranges=(500.0, 2800.0), azimuths=(-3.0, 3.0), speed=5.0),),
+    own_ship=ScenarioOwnShipMotion(yaw=0.4, speed=4.0),
 )
 
 OPTIONS = {"score": {"false_tracks_per_hour": 30.0}, "tsepm": {}, "multiple_model": {}}

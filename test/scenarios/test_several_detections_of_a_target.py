@@ -10,7 +10,7 @@ from clusters_scenes import Pool, Swimmers
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
 
@@ -176,7 +176,7 @@ def test_the_session_says_so_once():
     said = []
     session = Session(Settings(sensor=scene.sensor), lambda *what: said.append(what))
     for ping in scene.draw(3):
-        session.add_scan(SensorScan(scan=ping.scan, frame_id="sonar"), ping.scan.stamp)
+        session.add_scan(UnregisteredScan(scan=ping.scan, frame_id="sonar"), ping.scan.stamp)
         list(session.process())
     sentences = [sentence for reason, sentence in said if reason == "plots"]
     assert len(sentences) == 1

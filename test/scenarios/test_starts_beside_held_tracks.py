@@ -12,7 +12,7 @@ from support.score_scenes import score, sea
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, simulate
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedOperatingPoint, simulate_run
 from tsepm_ros.tools.replay.offline import process_recording
 from tsepm_ros.tools.replay.recording import read_recording
 from tsepm_ros.tools.simulation import load_scenario
@@ -38,8 +38,8 @@ def test_paths_of_a_target_that_end_in_two_detections_of_a_scan_start_it_once(ru
     # Each of the two has evidence enough; a share of confirmed hits of 0.6 would start the target
     # twice.
     scene = replace(load_scenario("box"), warm_up=16, scans=8)
-    point = OperatingPoint("score", options={"false_tracks_per_hour": 20.0})
-    outcomes = [judged.outcome for judged in simulate(scene, [900, run], point).judged()]
+    point = SimulatedOperatingPoint("score", options={"false_tracks_per_hour": 20.0})
+    outcomes = [judged.outcome for judged in simulate_run(scene, [900, run], point).judged()]
     assert (outcomes.count(Outcome.TRUE), outcomes.count(Outcome.REDUNDANT)) == (1, 0)
 
 

@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from support.sessions import arrived, ping, settings
 
-from msg_adapters.detections import no_returns
+from msg_adapters.detections import rays_without_detection
 from msg_adapters.ping import ReadingOptions, good_detections
 from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.own_ship.registration import MessageFacts, Mounting, SensorScan
+from tsepm_ros.own_ship.registration import MessageFacts, Mounting, UnregisteredScan
 from tsepm_ros.session.consistency_checks import (
     LAST,
     WINDOW,
-    Losses,
+    LossCheck,
     MessageCheck,
     SensorFigures,
-    explained,
-    findings,
-    questions,
+    check_findings,
+    check_questions,
+    explained_by_check,
 )
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 
 START = 1_700_000_000.0
@@ -279,7 +279,7 @@ def test_no_return_has_many_codes(code, limit):
     rng = np.random.default_rng(6)
     ranges = np.full(361, code, np.float32).astype(float)
     ranges[TARGET] = 12.0 + rng.normal(0, 0.02, 10)
-    left_out = np.any(list(no_returns(ranges, limit).values()), axis=0)
+    left_out = np.any(list(rays_without_detection(ranges, limit).values()), axis=0)
     assert np.flatnonzero(~left_out).tolist() == list(range(100, 110))
 
 
@@ -291,7 +291,7 @@ def test_echoes_of_a_wall_or_of_a_large_object_are_no_code():
     alone = np.full(241, np.inf)
     alone[50:90] = 42.1
     for ranges in (wall, basin, alone):
-        found = no_returns(ranges, 50.0)
+        found = rays_without_detection(ranges, 50.0)
         assert not any(found[name].any() for name in found if name != "inf")
 
 
@@ -307,7 +307,7 @@ def test_echoes_of_a_wall_or_of_a_large_object_are_no_code():
     ],
 )
 def test_parameters_that_look_like_degrees_are_asked_about(sensor, mounting, name):
-    asked = questions(SensorModel(**sensor), Mounting(**mounting))
+    asked = check_questions(SensorModel(**sensor), Mounting(**mounting))
     assert len(asked) == bool(name)
     assert all(
         sentence.startswith(name) and "degrees are meant, set" in sentence for sentence in asked
@@ -379,13 +379,15 @@ def test_half_of_the_scans_lost_are_said_at_any_rate_of_pings(period, lost, is_s
 
 def test_a_few_poses_dropped_are_no_cause_of_many_scans_lost():
     dropped = {"own_ship_stale": 100, "own_ship_late": 1}
-    assert "Compare the clocks" in explained("own_ship_stale", dropped, {})
-    assert "two publishers" in explained("own_ship_stale", {**dropped, "own_ship_late": 900}, {})
+    assert "Compare the clocks" in explained_by_check("own_ship_stale", dropped, {})
+    assert "two publishers" in explained_by_check(
+        "own_ship_stale", {**dropped, "own_ship_late": 900}, {}
+    )
 
 
 @pytest.mark.parametrize(("share", "is_said"), [(0.4, False), (0.6, True), (1.0, True)])
 def test_half_of_the_detections_lost_are_said(share, is_said):
-    losses, said, dropped = Losses(), [], Counter()
+    losses, said, dropped = LossCheck(), [], Counter()
     for _ in range(30):
         said += losses.drop("range_above_max", "", round(10 * share), dropped)
         said += losses.processed(10 - round(10 * share), dropped)
@@ -397,7 +399,7 @@ def test_half_of_the_detections_lost_are_said(share, is_said):
 
 @pytest.mark.parametrize("reason", ["flagged_bad", "on_land"])
 def test_what_is_expected_to_be_lost_is_not_said(reason):
-    losses = Losses()
+    losses = LossCheck()
     for _ in range(30):
         assert losses.drop(reason, "", 100, Counter()) == []
         assert losses.processed(1, Counter()) == []
@@ -406,71 +408,73 @@ def test_what_is_expected_to_be_lost_is_not_said(reason):
 def test_scans_without_detections_lose_nothing():
     session, said = heard(settings())
     for index in range(30):
-        session.add_scan(SensorScan(Scan(float(index), [], []), "sonar"), 0.0)
+        session.add_scan(UnregisteredScan(Scan(float(index), [], []), "sonar"), 0.0)
         list(session.process())
     assert said == {}
 
 
-SEEN = Extent(10.0, 299.0, -1.04, 1.05)
+SEEN = ClutterExtent(10.0, 299.0, -1.04, 1.05)
 SHORT = SensorModel(max_range=300.0, azimuth_min=-1.0472, azimuth_max=1.0472)
 
 
 def test_figures_that_fit_are_not_mentioned():
     good = FittedErrors(0.5, 0.0, 0.017, 1.1, 0.9, 150.0)
-    assert findings(SensorFigures()) == {}
+    assert check_findings(SensorFigures()) == {}
     figures = SensorFigures(sensor=SHORT, seen=SEEN, seen_detections=400, errors=good, confirmed=20)
-    assert findings(figures) == {}
+    assert check_findings(figures) == {}
 
 
 def test_a_coverage_far_too_large_is_named_with_the_figures_to_set():
-    said = findings(SensorFigures(seen=SEEN, seen_detections=40))["coverage"]
+    said = check_findings(SensorFigures(seen=SEEN, seen_detections=40))["coverage"]
     assert "sensor.max_range to 300" in said
     assert "sensor.azimuth_min to -1.04" in said
     assert "sensor.azimuth_max to 1.05" in said
     few = SensorFigures(sensor=SensorModel(max_range=480.0), seen=SEEN, seen_detections=6)
-    assert findings(few) == {}, "six detections may lie together by chance"
+    assert check_findings(few) == {}, "six detections may lie together by chance"
     sensor = SensorModel(min_range=5e-324)
-    said = findings(SensorFigures(sensor=sensor, seen=SEEN, seen_detections=40))["coverage"]
+    said = check_findings(SensorFigures(sensor=sensor, seen=SEEN, seen_detections=40))["coverage"]
     assert "from 0 to 9000 m" in said
-    seen = Extent(10.0, 199.0, -0.664, 5.52)
-    said = findings(SensorFigures(seen=seen, seen_detections=80))["coverage"]
+    seen = ClutterExtent(10.0, 199.0, -0.664, 5.52)
+    said = check_findings(SensorFigures(seen=seen, seen_detections=80))["coverage"]
     assert "sensor.max_range to 200" in said
     assert "all round" in said
     assert "azimuth" not in said
 
 
 def test_a_coverage_too_small_is_named_only_where_much_is_lost():
-    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    extent = ClutterExtent(3.0, 812.0, -math.pi, math.pi)
     lost = SensorFigures(sensor=SHORT, outside=90, detections=200, outside_extent=extent)
-    said = findings(lost)["coverage_too_small"]
+    said = check_findings(lost)["coverage_too_small"]
     assert "45 %" in said
     assert "sensor.max_range to 820" in said
     few = SensorFigures(sensor=SHORT, outside=90, detections=20000, outside_extent=extent)
-    assert findings(few) == {}
+    assert check_findings(few) == {}
 
 
 @pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
 def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
-    extent = Extent(3.0, 812.0, -math.pi, math.pi)
+    extent = ClutterExtent(3.0, 812.0, -math.pi, math.pi)
     sensor = SensorModel(min_range=given, max_range=300.0)
     lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
-    assert ("sensor.min_range to 3" in findings(lost)["coverage_too_small"]) is named
+    assert ("sensor.min_range to 3" in check_findings(lost)["coverage_too_small"]) is named
 
 
 @pytest.mark.parametrize(("factor", "said"), [(0.6, True), (0.8, False), (1.4, False), (1.6, True)])
 def test_errors_are_named_from_a_factor_on(factor, said):
     errors = FittedErrors(0.0, 0.02, 0.03, factor, 1.0, 150.0)
-    found = findings(SensorFigures(errors=errors)).get("errors", "")
+    found = check_findings(SensorFigures(errors=errors)).get("errors", "")
     assert ("range_std_fraction to 0.02" in found) is said
     assert "azimuth_std" not in found
 
 
 def test_confirmations_far_above_the_target_rate_are_named():
     many = SensorFigures(confirmed=40, duration=1200.0, false_tracks_per_hour=1.0)
-    assert "40 tracks" in findings(many)["confirmations"]
+    assert "40 tracks" in check_findings(many)["confirmations"]
     allowed = SensorFigures(confirmed=40, duration=1200.0, false_tracks_per_hour=100.0)
-    assert findings(allowed) == {}
-    assert findings(SensorFigures(confirmed=400, duration=1200.0)) == {}, "no rate, no promise"
+    assert check_findings(allowed) == {}
+    assert check_findings(SensorFigures(confirmed=400, duration=1200.0)) == {}, (
+        "no rate, no promise"
+    )
 
 
 @pytest.mark.long
@@ -539,6 +543,6 @@ def test_what_is_mended_as_told_is_no_longer_named():
 
 def test_detections_without_errors_name_no_values():
     exact = FittedErrors(1e-6, 0.0, 1e-9, 1e-5, 1e-7, 150.0)
-    said = findings(SensorFigures(errors=exact))["errors"]
+    said = check_findings(SensorFigures(errors=exact))["errors"]
     assert "simulated" in said
     assert "set sensor" not in said

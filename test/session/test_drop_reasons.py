@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.ping import ReadingOptions, good_detections
-from tsepm_ros.session.drop_reasons import DROP_REASONS, reason_of
+from tsepm_ros.session.drop_reasons import DROP_REASONS, drop_reason_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -97,7 +97,10 @@ def test_a_description_says_what_is_lost_why_and_what_to_do(name):
 
 
 def test_a_reason_of_another_s_adapter_is_one_of_detections():
-    assert (reason_of("my_own").task, reason_of("my_own").lost) == ("detections", "detection")
+    assert (drop_reason_of("my_own").task, drop_reason_of("my_own").lost) == (
+        "detections",
+        "detection",
+    )
 
 
 def test_the_operating_page_has_every_reason_with_its_remedy():

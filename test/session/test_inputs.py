@@ -21,14 +21,14 @@ from support.sessions import (
 from tsepm_ros import ConfirmedTrack, LandMask, Scan
 from tsepm_ros.methods.score import Score
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan
+from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan
 from tsepm_ros.session.drop_reasons import MAX_SENTENCE
 from tsepm_ros.session.inputs import (
     MAX_INTERVAL,
     MAX_NOTICED,
     Arrival,
-    Frames,
-    ScanOrder,
+    InputFrames,
+    ScanInputOrder,
     TrackerReport,
 )
 from tsepm_ros.session.session import Session
@@ -42,7 +42,7 @@ NEXT, SAME, LATE = Arrival.NEXT, Arrival.SAME_STAMP, Arrival.LATE
 RESTART, GAP = Arrival.RESTART, Arrival.GAP
 
 
-class Order(ScanOrder):
+class Order(ScanInputOrder):
     """The order of scans that are all processed, but for those that come late.
 
     Those that are far back are taken as confirmed.
@@ -126,7 +126,7 @@ def test_a_stamp_is_classified_by_those_before(case):
 def test_a_stamp_far_back_is_confirmed_by_one_that_follows_it_before_the_last(following, confirmed):
     one = Order()
     one.classify(100_000.0)
-    assert ScanOrder.classify(one, 10.0) is Arrival.FAR_BACK
+    assert ScanInputOrder.classify(one, 10.0) is Arrival.FAR_BACK
     assert one.is_confirmed(10.0, following) is confirmed
     one.settings = Order(max_gap=2 * MAX_INTERVAL).settings
     assert one.is_confirmed(10.0, 10.0 + 2 * MAX_INTERVAL)
@@ -155,7 +155,7 @@ def test_a_scan_that_is_not_accepted_leaves_no_trace():
     one = Order(max_gap=100.0)
     one.classify(0.0)
     for stamp, arrival in [(1e6, GAP), (12.0, NEXT), (-1e6, Arrival.FAR_BACK), (12.0, NEXT)]:
-        assert ScanOrder.classify(one, stamp) is arrival
+        assert ScanInputOrder.classify(one, stamp) is arrival
     assert one.classify(12.0) is NEXT
 
 
@@ -458,8 +458,8 @@ def test_own_ship_data_that_names_no_frame_needs_one_that_is_given(given):
 
 def test_the_frames_that_were_noticed_are_bounded():
     """A source that names another frame with each message neither grows nor repeats for ever."""
-    frames = Frames(SessionOptions(own_ship_source="odometry"))
-    frames.admit(SensorScan(Scan(0.0, [], []), "sonar"), 10)
+    frames = InputFrames(SessionOptions(own_ship_source="odometry"))
+    frames.admit(UnregisteredScan(Scan(0.0, [], []), "sonar"), 10)
     noticed = 0
     for number in range(10 * MAX_NOTICED):
         frames.take_pose(

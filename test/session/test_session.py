@@ -28,7 +28,7 @@ from support.sessions import (
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session import inputs
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import Session
@@ -127,7 +127,7 @@ def test_the_time_limit_holds_only_live(live):
 
 def fed(one: Session, scans) -> Session:
     for scan in scans:
-        one.add_scan(SensorScan(scan, "sonar"), 0.0)
+        one.add_scan(UnregisteredScan(scan, "sonar"), 0.0)
         list(one.process())
     return one
 

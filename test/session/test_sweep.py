@@ -32,14 +32,14 @@ from support.sweeps import (
 )
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
-from tsepm_ros.session.sweep import Sweep, joined
+from tsepm_ros.session.sweep import Sweep, joined_sweep
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.scan import Arc
+from tsepm_ros.tracker.scan import ScanArc
 
 
 @pytest.mark.parametrize(("size", "pose"), [(6, still), (1, circling)], ids=["still", "circling"])
@@ -185,7 +185,7 @@ def test_a_reset_clock_restarts_after_a_scan():
     assert one.dropped == {}
 
 
-def played_open(session: Session, messages: list[SensorScan]):
+def played_open(session: Session, messages: list[UnregisteredScan]):
     results = []
     for message in messages:
         session.add_scan(message, 0.0)
@@ -416,7 +416,9 @@ def test_a_clock_set_back_a_little_begins_anew_after_half_a_turn():
 
 def test_a_message_that_shows_nearly_a_turn_is_a_scan_by_itself():
     wide = [
-        SensorScan(Scan(float(n), [5.0], [1.0]), "radar", beams=Arc(-3.0, 6.0, whole=True))
+        UnregisteredScan(
+            Scan(float(n), [5.0], [1.0]), "radar", beams=ScanArc(-3.0, 6.0, whole=True)
+        )
         for n in range(3)
     ]
     scans, _ = fed(assembly(), wide)
@@ -475,7 +477,7 @@ def test_after_a_beam_that_trembled_turns_are_whole_again(messages_per_turn):
     assert [len(scan.scan) for scan in scans[-4:-1]] == [messages_per_turn] * 3
 
 
-RICH = SensorScan(
+RICH = UnregisteredScan(
     Scan(
         11.0,
         [100.0, 200.0],
@@ -491,11 +493,11 @@ RICH = SensorScan(
     height=np.array([-1.0, -2.0]),
 )
 
-PLAIN = SensorScan(Scan(10.5, [300.0], [0.05], features={"range_rate": [2.0]}), "radar")
+PLAIN = UnregisteredScan(Scan(10.5, [300.0], [0.05], features={"range_rate": [2.0]}), "radar")
 
 
 def test_what_one_message_has_and_the_other_does_not():
-    one = joined([PLAIN, RICH, beam(12.0, 0.2)], RADAR, None)
+    one = joined_sweep([PLAIN, RICH, beam(12.0, 0.2)], RADAR, None)
     scan = one.scan
     assert (scan.stamp, one.frame_id) == (10.5, "radar")
     assert scan.range.tolist() == [300.0, 100.0, 200.0]
@@ -524,12 +526,12 @@ def test_runs_of_rays_go_on_from_message_to_message(size):
             for place in range(0, 30, size)
         ]
         exact = dataclasses.replace(RADAR, range_std=1e-6)
-        group = joined(parts, exact, None).scan.group
+        group = joined_sweep(parts, exact, None).scan.group
         assert np.array_equal(group[:, None] == group, expected[:, None] == expected)
 
 
 def test_messages_that_are_apart_share_no_run():
     near = [read(fan(START_NS + n, FIRST + 5 * n * STEP, [100.0])) for n in range(3)]
-    assert len(set(joined(near, RADAR, None).scan.group)) == 3
+    assert len(set(joined_sweep(near, RADAR, None).scan.group)) == 3
     unknown = [dataclasses.replace(each, beams=None) for each in near]
-    assert len(set(joined(unknown, RADAR, None).scan.group)) == 3
+    assert len(set(joined_sweep(unknown, RADAR, None).scan.group)) == 3

@@ -12,11 +12,11 @@ import pytest
 from support.sweeps import beam
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.drop_reasons import DROP_REASONS
 from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns, TurnLearner
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.tracker.scan import Arc, arc_of
+from tsepm_ros.tracker.scan import ScanArc, scan_arc_of
 
 CELLS = np.linspace(1.0, 5.0, 5)
 
@@ -390,10 +390,10 @@ def learned(messages):
     return None
 
 
-def echoes(stamp: float, azimuth, range) -> SensorScan:
+def echoes(stamp: float, azimuth, range) -> UnregisteredScan:
     """A message that lists its detections only."""
     scan = Scan(stamp, range, azimuth)
-    return SensorScan(scan, "sonar", beams=arc_of(scan.azimuth))
+    return UnregisteredScan(scan, "sonar", beams=scan_arc_of(scan.azimuth))
 
 
 def turning(steps: float, direction: int = 1, *, whole: bool = True, seed: int = 0, share=1.0):
@@ -443,11 +443,12 @@ def test_no_shipped_scenario_is_one(name):
 
 def test_a_fan_that_stays_or_is_panned_slowly_and_a_target_to_and_fro_are_none():
     fans = [
-        SensorScan(Scan(float(n), [], []), "sonar", beams=Arc(-0.5, 1.0, True)) for n in range(500)
+        UnregisteredScan(Scan(float(n), [], []), "sonar", beams=ScanArc(-0.5, 1.0, True))
+        for n in range(500)
     ]
     assert learned(fans) is None
     fans = [
-        SensorScan(Scan(float(n), [], []), "sonar", beams=Arc(0.05 * n, 1.0, True))
+        UnregisteredScan(Scan(float(n), [], []), "sonar", beams=ScanArc(0.05 * n, 1.0, True))
         for n in range(1000)
     ]
     assert learned(fans) is None

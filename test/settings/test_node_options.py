@@ -6,7 +6,7 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.parameters import table
+from tsepm_ros.parameters import parameter_table
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
     PlaybackOptions,
@@ -31,7 +31,7 @@ GROUPS = [
 
 @pytest.mark.parametrize("group", GROUPS, ids=lambda group: group.__name__)
 def test_every_field_of_every_group_is_in_its_table_with_a_description(group):
-    rows = {row.name: row for row in table(group)}
+    rows = {row.name: row for row in parameter_table(group)}
     assert list(rows) == [field.name for field in dataclasses.fields(group)]
     for row in rows.values():
         assert row.description
@@ -41,7 +41,7 @@ def test_every_field_of_every_group_is_in_its_table_with_a_description(group):
 
 @pytest.mark.parametrize("group", GROUPS, ids=lambda group: group.__name__)
 def test_every_group_checks_itself(group):
-    for row in table(group):
+    for row in parameter_table(group):
         with pytest.raises(ValueError, match=f"^{row.name} must be"):
             group(**{row.name: object()})
 

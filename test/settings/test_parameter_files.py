@@ -6,12 +6,12 @@ import pytest
 import yaml
 
 from tsepm_ros.settings.parameter_files import (
-    fits,
-    load_yaml,
+    load_parameter_file_text,
+    parameter_file_fits,
     parameter_files,
-    parse_values,
-    unused_files,
-    without_value,
+    parameter_files_without_value,
+    parse_parameter_file_values,
+    unused_parameter_files,
 )
 from tsepm_ros.settings.settings import (
     NODES,
@@ -41,7 +41,7 @@ CONFIG = Path(__file__).parents[2] / "config"
     ],
 )
 def test_keys_fit_the_names_of_nodes(key, node, expected):
-    assert fits(key, node) == expected
+    assert parameter_file_fits(key, node) == expected
 
 
 @pytest.fixture
@@ -57,18 +57,18 @@ def written(tmp_path):
 def test_a_file_without_a_section_for_the_node_in_its_namespace_is_named(written):
     arguments = written("track_initiator:\n  ros__parameters: {max_speed: 4.0}\n")
     assert len(parameter_files(arguments)) == 1
-    assert unused_files(arguments, "/track_initiator") == []
-    [sentence] = unused_files(arguments, "/boat/track_initiator")
+    assert unused_parameter_files(arguments, "/track_initiator") == []
+    [sentence] = unused_parameter_files(arguments, "/boat/track_initiator")
     assert "mine.yaml is not used: it has no section for /boat/track_initiator" in sentence
     assert "only for track_initiator; the key /** fits any name" in sentence
     arguments = written("boat:\n  track_initiator:\n    ros__parameters: {max_speed: 4.0}\n")
-    assert unused_files(arguments, "/boat/track_initiator") == []
-    assert len(unused_files(arguments, "/track_initiator")) == 1
+    assert unused_parameter_files(arguments, "/boat/track_initiator") == []
+    assert len(unused_parameter_files(arguments, "/track_initiator")) == 1
 
 
 @pytest.mark.parametrize("text", ["", "5", "[", "a: 1", "[" * 5_000])
 def test_what_is_no_parameter_file_is_left_to_ros(written, text):
-    assert unused_files(written(text), "/track_initiator") == []
+    assert unused_parameter_files(written(text), "/track_initiator") == []
 
 
 def test_parameters_without_a_value_are_named(written):
@@ -76,7 +76,7 @@ def test_parameters_without_a_value_are_named(written):
         "/**:\n  ros__parameters:\n    max_speed: []\n    sensor:\n      max_range:\n"
         "      min_range: 1.0\nother:\n  ros__parameters: {method: []}\n"
     )
-    assert without_value(arguments, "/node") == ["max_speed", "sensor.max_range"]
+    assert parameter_files_without_value(arguments, "/node") == ["max_speed", "sensor.max_range"]
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_parameters_without_a_value_are_named(written):
     ],
 )
 def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
-    (found,) = parse_values([text]).values()
+    (found,) = parse_parameter_file_values([text]).values()
     assert found == value
     assert type(found) is type(value)
 
@@ -100,7 +100,7 @@ def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
 @pytest.mark.parametrize("text", ["a=5", "a", ":=5", "", "a:={"])
 def test_what_is_no_assignment_is_refused(text):
     with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
-        parse_values([text])
+        parse_parameter_file_values([text])
 
 
 BOMB = "a: &a {x: 1, y: 2}\n" + "".join(
@@ -113,4 +113,4 @@ CODE = "x: !!python/object/apply:os.system ['touch pwned']"
 
 def test_plain_values_are_those_of_safe_load():
     text = "a: [1, 2.5, text, true, null]\nb: {c: 2024-01-01}\n"
-    assert load_yaml(text) == yaml.safe_load(text)
+    assert load_parameter_file_text(text) == yaml.safe_load(text)

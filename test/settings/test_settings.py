@@ -6,18 +6,18 @@ import pytest
 import yaml
 
 from tsepm_ros import available_methods
-from tsepm_ros.methods.registry import METHODS, NODE_METHODS, method_class
-from tsepm_ros.parameters import table
+from tsepm_ros.methods.registry import METHODS, NODE_METHODS, registered_method
+from tsepm_ros.parameters import parameter_table
 from tsepm_ros.settings.node_options import (
     InitiatorNodeOptions,
 )
 from tsepm_ros.settings.settings import (
     NODES,
     TRACK_INITIATOR,
-    full_table,
     make_groups,
     settings_from,
-    with_method,
+    settings_table,
+    settings_with_method,
 )
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -29,10 +29,10 @@ CONFIG = Path(__file__).parents[2] / "config"
 
 
 def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():
-    always = {row.name for row in full_table(TRACK_INITIATOR)}
+    always = {row.name for row in settings_table(TRACK_INITIATOR)}
     assert len(always) <= 77
     for method in available_methods():
-        names = {row.name for row in full_table(with_method(TRACK_INITIATOR, method))}
+        names = {row.name for row in settings_table(settings_with_method(TRACK_INITIATOR, method))}
         own = {name for name in names if name.startswith(f"{method}.")}
         assert own
         assert own <= always or method not in NODE_METHODS
@@ -42,7 +42,7 @@ def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():
 def test_parameters_of_a_method_that_is_not_chosen_are_not_used_and_misspelt_ones_refused():
     made = make_groups(TRACK_INITIATOR, {"hough.min_hits": 4})
     assert made == make_groups(TRACK_INITIATOR, {})
-    assert method_class("hough").Options not in made
+    assert registered_method("hough").Options not in made
     with pytest.raises(ValueError, match=r"hough.min_hit is not a parameter"):
         make_groups(TRACK_INITIATOR, {"hough.min_hit": 4})
     chosen = make_groups(TRACK_INITIATOR, {"method": "hough", "hough.min_hits": 4})
@@ -107,8 +107,8 @@ def test_bearings_from_north_at_rest_need_a_fixed_frame_and_a_sensor_that_looks_
 
 @pytest.mark.parametrize("method", METHODS)
 def test_no_method_has_an_option_of_a_common_ones_name(method):
-    own = {row.name for row in table(method_class(method).Options)}
-    common = {row.name for row in table(CommonOptions)}
+    own = {row.name for row in parameter_table(registered_method(method).Options)}
+    common = {row.name for row in parameter_table(CommonOptions)}
     assert not common & own
 
 

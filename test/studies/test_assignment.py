@@ -7,22 +7,22 @@ import pytest
 
 from tsepm_ros.studies import assignment
 from tsepm_ros.studies.assignment import (
-    Pairs,
-    best_of_each,
-    disjoint,
-    nearest_first,
-    oldest_first,
-    within,
+    AssignmentPairs,
+    assignment_within,
+    best_assignment_of_each,
+    disjoint_assignment,
+    nearest_first_assignment,
+    oldest_first_assignment,
 )
 from tsepm_ros.tracker.initial_state import NO_HIT
 
 
-def pairs(*rows: tuple[int, int, float]) -> Pairs:
+def pairs(*rows: tuple[int, int, float]) -> AssignmentPairs:
     parent, row, cost = (np.array(column) for column in zip(*rows, strict=True))
-    return Pairs(parent, row, cost.astype(float))
+    return AssignmentPairs(parent, row, cost.astype(float))
 
 
-def listed(found: Pairs) -> list[tuple[int, int]]:
+def listed(found: AssignmentPairs) -> list[tuple[int, int]]:
     return list(zip(found.parent.tolist(), found.row.tolist(), strict=True))
 
 
@@ -30,7 +30,7 @@ def listed(found: Pairs) -> list[tuple[int, int]]:
 def test_pairs_within_the_threshold_are_kept_with_their_distance(block, monkeypatch):
     monkeypatch.setattr(assignment, "BLOCK", block)
     parent, row = np.array([0, 0, 1, 2, 2]), np.array([0, 1, 1, 0, 1])
-    found = within(parent, row, lambda p, r: 1.0 * np.abs(p - r), 1.0)
+    found = assignment_within(parent, row, lambda p, r: 1.0 * np.abs(p - r), 1.0)
     assert listed(found) == [(0, 0), (0, 1), (1, 1), (2, 1)]
     assert found.cost.tolist() == [0.0, 1.0, 0.0, 1.0]
 
@@ -49,25 +49,25 @@ def test_chosen_rows_are_those_of_a_plain_greedy_choice(block, monkeypatch):
             if not own & used:
                 expected.append(row)
                 used |= own
-        assert disjoint(members, cost).tolist() == sorted(expected)
+        assert disjoint_assignment(members, cost).tolist() == sorted(expected)
 
 
 def test_the_nearest_pair_goes_first_and_each_is_assigned_once():
     given = pairs((0, 0, 2.0), (0, 1, 1.0), (1, 1, 0.5), (1, 2, 3.0))
-    assert listed(nearest_first(given)) == [(0, 0), (1, 1)]
-    for one, other in itertools.combinations(listed(nearest_first(given)), 2):
+    assert listed(nearest_first_assignment(given)) == [(0, 0), (1, 1)]
+    for one, other in itertools.combinations(listed(nearest_first_assignment(given)), 2):
         assert one[0] != other[0] and one[1] != other[1]
 
 
 def test_the_oldest_track_goes_first_and_of_equal_age_the_nearest():
     given = pairs((0, 0, 9.0), (1, 0, 1.0), (2, 0, 5.0), (1, 1, 2.0), (2, 1, 1.0))
-    assert listed(oldest_first(given, np.array([0, 4, 4]))) == [(0, 0), (2, 1)]
-    assert listed(oldest_first(given, np.array([4, 4, 0]))) == [(2, 1), (1, 0)][::-1]
+    assert listed(oldest_first_assignment(given, np.array([0, 4, 4]))) == [(0, 0), (2, 1)]
+    assert listed(oldest_first_assignment(given, np.array([4, 4, 0]))) == [(2, 1), (1, 0)][::-1]
 
 
 def test_the_best_pair_of_each_track_may_share_a_detection():
     given = pairs((0, 0, 2.0), (0, 1, 1.0), (1, 1, 0.5), (1, 2, 0.5))
-    assert listed(best_of_each(given)) == [(0, 1), (1, 1)]
+    assert listed(best_assignment_of_each(given)) == [(0, 1), (1, 1)]
 
 
 def plain_disjoint(members, cost):
@@ -87,4 +87,4 @@ def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
     rng = np.random.default_rng(seed)
     members = rng.integers(-1, 40, (100, 3))
     cost = rng.integers(0, 10, 100).astype(float)
-    assert disjoint(members, cost).tolist() == plain_disjoint(members, cost)
+    assert disjoint_assignment(members, cost).tolist() == plain_disjoint(members, cost)

@@ -12,17 +12,17 @@ from support.builders import AS_GIVEN, assert_same_tracks, scan_at
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.methods.registry import make_method
-from tsepm_ros.studies.assignment import Pairs
+from tsepm_ros.studies.assignment import AssignmentPairs
 from tsepm_ros.studies.encounters import (
     DETECTION_COUNT,
     ZONE_FACTOR,
-    Environment,
+    EncounterEnvironment,
+    EncounterHistories,
     FeatureTracker,
-    Histories,
-    measured_features,
-    meeting,
+    encounter_features,
+    encounter_pairs,
 )
-from tsepm_ros.tools.evaluation.measures import closest_approach
+from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import Scenario
 from tsepm_ros.tracker.clutter.density import ClutterMap
@@ -37,7 +37,7 @@ def echoes_like(features: np.ndarray, number: int, seed: int = 1) -> np.ndarray:
     return features * (1.0 + 0.1 * np.random.default_rng(seed).standard_normal((number, 3)))
 
 
-TWO = Histories.of(np.stack([echoes_like(BIG, 10), echoes_like(SMALL, 10)]))
+TWO = EncounterHistories.of(np.stack([echoes_like(BIG, 10), echoes_like(SMALL, 10)]))
 APART, TOGETHER = np.zeros((2, 2), bool), ~np.eye(2, dtype=bool)
 
 
@@ -45,26 +45,26 @@ def featured(sensor: SensorModel, **options) -> FeatureTracker:
     return FeatureTracker(make_method("score", sensor=sensor, **options))
 
 
-def all_pairs(cost: list[list[float]]) -> Pairs:
+def all_pairs(cost: list[list[float]]) -> AssignmentPairs:
     parent, row = np.indices(np.shape(cost)).reshape(2, -1)
-    return Pairs(parent, row, np.ravel(cost).astype(float))
+    return AssignmentPairs(parent, row, np.ravel(cost).astype(float))
 
 
 def test_in_a_zone_only_alike_detections_count_and_against_alike_clutter():
     # Of 9 detections of clutter 2 are like the first track's, 7 like the second's: (1 + k) / (1 +
     # 9).
     clutter = np.concatenate([np.tile(BIG, (2, 1)), np.tile(SMALL, (7, 1))])
-    environment = Environment(np.stack([BIG, BIG]), np.array([True, False]), clutter)
+    environment = EncounterEnvironment(np.stack([BIG, BIG]), np.array([True, False]), clutter)
     factors = environment.factors(TWO, APART, all_pairs([[1.0, 1.0], [1.0, 1.0]]))
     assert factors.tolist() == pytest.approx([10.0 / 3.0, 1.0, 0.0, 1.0])
-    environment = Environment(SMALL[None], np.array([True]), clutter)
+    environment = EncounterEnvironment(SMALL[None], np.array([True]), clutter)
     factors = environment.factors(TWO, APART, all_pairs([[1.0], [1.0]]))
     assert factors.tolist() == pytest.approx([0.0, 10.0 / 8.0])
 
 
 def test_detections_that_resemble_several_go_by_their_distance():
-    same = Histories.of(np.stack([echoes_like(BIG, 10), echoes_like(BIG, 10)]))
-    environment = Environment(np.stack([BIG, BIG]), np.zeros(2, bool), np.zeros((0, 3)))
+    same = EncounterHistories.of(np.stack([echoes_like(BIG, 10), echoes_like(BIG, 10)]))
+    environment = EncounterEnvironment(np.stack([BIG, BIG]), np.zeros(2, bool), np.zeros((0, 3)))
     for cost, expected in (
         ([[0.0, 4.0], [4.0, 0.0]], [1.0, 0.0, 0.0, 1.0]),
         ([[4.0, 0.0], [0.0, 4.0]], [0.0, 1.0, 1.0, 0.0]),
@@ -203,7 +203,7 @@ def test_the_published_ships_meet_whatever_the_angles_are_measured_from(axis):
     found = minimize_scalar(
         lambda t: math.dist(moved(one, t)[[0, 2]], moved(two, t)[[0, 2]]), bounds=(-1e3, 1e3)
     )
-    time, distance = closest_approach(two - one)
+    time, distance = measured_closest_approach(two - one)
     assert time == pytest.approx(found.x, abs=0.01)
     assert distance == pytest.approx(found.fun, abs=1e-3)
     assert (time, distance) == (pytest.approx(122.7, abs=0.05), pytest.approx(188.5, abs=0.05))
@@ -227,14 +227,14 @@ def test_it_is_the_printed_equation_but_for_its_sign():
             - 2.0 * speeds[1] * speeds[0] * math.cos(headings[0] - headings[1])
         )
         angle = math.hypot(east, north) * math.cos(math.atan2(ve, vn) - math.atan2(east, north))
-        time, _ = closest_approach(two - one)
+        time, _ = measured_closest_approach(two - one)
         assert abs(time) == pytest.approx(abs(angle) / relative)  # Eq. 9
         assert np.sign(time) == -np.sign(east * ve + north * vn), "above 0 while they approach"
 
 
 def test_ships_on_one_course_are_closest_now():
     state = np.array([[0.0, 3.0, 0.0, 4.0], [30.0, 3.0, 40.0, 4.0]])
-    assert closest_approach(state[1] - state[0]) == (0.0, 50.0)
+    assert measured_closest_approach(state[1] - state[0]) == (0.0, 50.0)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +248,7 @@ def test_targets_meet_where_their_gates_overlap_in_time(within, width, met):
     spread = np.zeros((2, 4, 4))
     spread[:, [0, 2], [0, 2]] = 3.0**2
     error = math.sqrt((width / 6.0) ** 2 - 9.0)
-    one, two = meeting(states, spread, np.full(2, error), 3.0, within)
+    one, two = encounter_pairs(states, spread, np.full(2, error), 3.0, within)
     times = np.linspace(-within, within, 10_001)
     closest = np.hypot(*position_after(states[1] - states[0], times).T).min()
     assert (closest <= width) == met, "what the numbers above mean"
@@ -268,7 +268,7 @@ def test_own_detections_are_chi_square_distributed_whatever_their_number(echoes)
     # Kolmogorov-Smirnov at 0.1 %; the share outside the gate within 3.3 standard errors of 1 %.
     rng = np.random.default_rng([2, echoes])
     n = 4000
-    histories, candidate = Histories.of(drawn(rng, n, echoes)), drawn(rng, n)
+    histories, candidate = EncounterHistories.of(drawn(rng, n, echoes)), drawn(rng, n)
     found = histories.dissimilarity(candidate)
     assert stats.kstest(found, stats.chi2(3).cdf).pvalue > 1e-3
     outside = 1.0 - histories.resembled_by(candidate).mean()
@@ -290,7 +290,7 @@ def test_own_detections_are_chi_square_distributed_whatever_their_number(echoes)
 )
 def test_what_cannot_be_told_apart_resembles(history, candidate, resembles):
     with np.errstate(all="raise"):
-        found = Histories.of(history).resembled_by(np.array([candidate]))
+        found = EncounterHistories.of(history).resembled_by(np.array([candidate]))
     assert found.tolist() == [resembles]
 
 
@@ -299,5 +299,5 @@ def test_features_of_a_scan_are_in_columns_and_nan_where_there_are_none():
         0.0, [1e3, 2e3], [0.0, 0.1], features={"azimuth_width": [0.1, np.inf], "intensity": [5, 6]}
     )
     np.testing.assert_array_equal(
-        measured_features(scan), [[5.0, np.nan, 0.1], [6.0, np.nan, np.nan]]
+        encounter_features(scan), [[5.0, np.nan, 0.1], [6.0, np.nan, np.nan]]
     )

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 from support.builders import detections, scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.studies.logic import Polynomials
+from tsepm_ros.studies.logic import LogicPolynomials
 
 SENSOR = SensorModel(range_std=20.0, range_std_fraction=0.0, azimuth_std=1e-3)
 
@@ -78,7 +78,7 @@ def test_a_polynomial_is_that_of_numpy_with_its_covariance(degree):
     roots = rng.normal(0, 5, (3, 5, 2, 2))
     hits["covariance"] = roots @ np.swapaxes(roots, -1, -2)
     at = np.array([160.0, 170.0, 150.0])
-    fitted = Polynomials.fitted(hits, 165.0, degree)
+    fitted = LogicPolynomials.fitted(hits, 165.0, degree)
     position, covariance = fitted.at(np.arange(3), at)
     for row, time in enumerate(at):
         unit = [np.polyval(np.polyfit(times - time, one, degree), 0.0) for one in np.eye(5)]

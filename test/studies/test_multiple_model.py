@@ -6,13 +6,13 @@ from scipy.stats import multivariate_normal
 from support.builders import FIXED_RANGE_ERROR, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.studies.multiple_model import MAX_FILTERS, cells
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.studies.multiple_model import MAX_FILTERS, multiple_model_cells
+from tsepm_ros.tracker.measurement import convert_measurements
 
 
 @pytest.mark.parametrize(("speeds", "headings"), [(1, 3), (2, 8), (5, 36)])
 def test_all_cells_together_are_a_uniform_speed_and_heading(speeds, headings):
-    mean, covariance = cells(10.0, speeds, headings)
+    mean, covariance = multiple_model_cells(10.0, speeds, headings)
     assert len(mean) == speeds * headings
     np.testing.assert_allclose(mean.mean(axis=0), 0.0, atol=1e-12)
     total = covariance.mean(axis=0) + mean.T @ mean / len(mean)
@@ -21,7 +21,7 @@ def test_all_cells_together_are_a_uniform_speed_and_heading(speeds, headings):
 
 def test_a_cell_has_the_moments_of_its_velocities():
     rng = np.random.default_rng(1)
-    mean, covariance = cells(10.0, 2, 4)
+    mean, covariance = multiple_model_cells(10.0, 2, 4)
     speed = rng.uniform(5.0, 10.0, 200_000)
     heading = np.pi / 2 + rng.uniform(-np.pi / 4, np.pi / 4, 200_000)
     sample = np.stack([speed * np.cos(heading), speed * np.sin(heading)])
@@ -31,7 +31,7 @@ def test_a_cell_has_the_moments_of_its_velocities():
 
 def plain_bank(hits, options, max_speed):
     """One bank over hits (scan by scan, 12 s apart), filter by filter."""
-    mean, spread = cells(max_speed, options.speeds, options.headings)
+    mean, spread = multiple_model_cells(max_speed, options.speeds, options.headings)
     f = np.kron(np.eye(2), [[1.0, 12.0], [0.0, 1.0]])
     q = 12.0 * np.kron(np.eye(2), [[12.0**2 / 3, 6.0], [6.0, 1.0]]) * options.process_noise
     h = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
@@ -68,7 +68,7 @@ def test_the_output_is_that_of_plain_filters(process_noise):
     places = [rng.normal((3000.0 + 60.0 * k, 40.0 * k), 20.0) for k in range(4)]
     scans = [scan_at(12.0 * k, [one]) for k, one in enumerate(places)]
     (track,) = [track for scan in scans for track in made.process(scan)]
-    hits = [convert(scan, FIXED_RANGE_ERROR, 0)[0] for scan in scans]
+    hits = [convert_measurements(scan, FIXED_RANGE_ERROR, 0)[0] for scan in scans]
     state, covariance = plain_bank(hits, made.options, 10.0)
     np.testing.assert_allclose(track.state, state, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(track.covariance, covariance, rtol=1e-7, atol=1e-9)

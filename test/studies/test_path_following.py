@@ -5,7 +5,7 @@ import pytest
 from support.builders import scan_at
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.studies.path_following import Displacements
+from tsepm_ros.studies.path_following import PathDisplacements
 
 SENSOR = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=1e-4)
 
@@ -50,7 +50,7 @@ def test_accelerations_are_over_the_middles_of_the_steps_and_the_largest_is_the_
     _, (track,) = run(along_x(60.0, 40.0))
     assert track.evaluation == pytest.approx(20.0 / 144.0, rel=1e-3)
     position = np.array([[[0.0, 0.0], [30.0, 0.0], [30.0, 80.0]]])
-    steps = Displacements.of(position, np.array([[0.0, 10.0, 30.0]]))
+    steps = PathDisplacements.of(position, np.array([[0.0, 10.0, 30.0]]))
     assert steps.acceleration == pytest.approx(5.0 / 15.0)
     assert steps.turn == pytest.approx(np.pi / 2)
 

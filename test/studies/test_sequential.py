@@ -6,8 +6,13 @@ from scipy.linalg import block_diag
 from support.builders import FIXED_RANGE_ERROR, detections, fit_matrix, scan_at, whitened
 
 from tsepm_ros import SensorModel, make_initiator
-from tsepm_ros.studies.sequential import ESTIMATORS, estimate, kalman, line
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.studies.sequential import (
+    ESTIMATORS,
+    sequential_estimate,
+    sequential_kalman,
+    sequential_line,
+)
+from tsepm_ros.tracker.measurement import convert_measurements
 
 TIMES = np.array([-60.0, -48.0, -24.0, -12.0, -5.0])
 
@@ -30,7 +35,7 @@ def test_the_filter_is_generalised_least_squares_with_the_process_noise(noise):
     weight = np.linalg.inv(block_diag(*COVARIANCES) + noise * np.kron(integral, np.eye(2)))
     design = fit_matrix(TIMES)
     expected = np.linalg.inv(design.T @ weight @ design)
-    state, covariance = kalman(tau, positions, COVARIANCES[None], noise)
+    state, covariance = sequential_kalman(tau, positions, COVARIANCES[None], noise)
     np.testing.assert_allclose(
         state[0], expected @ design.T @ weight @ positions.ravel(), rtol=1e-8
     )
@@ -42,29 +47,33 @@ def test_the_covariance_of_a_line_is_that_of_the_errors():
     n = 20_000
     roots = np.linalg.cholesky(COVARIANCES)
     errors = (roots @ rng.standard_normal((n, 5, 2, 1)))[..., 0]
-    states, _ = line(np.tile(TIMES, (n, 1)), truth() + errors, np.tile(COVARIANCES, (n, 1, 1, 1)))
-    covariance = line(TIMES[None], truth()[None], COVARIANCES[None])[1][0]
+    states, _ = sequential_line(
+        np.tile(TIMES, (n, 1)), truth() + errors, np.tile(COVARIANCES, (n, 1, 1, 1))
+    )
+    covariance = sequential_line(TIMES[None], truth()[None], COVARIANCES[None])[1][0]
     np.testing.assert_allclose(whitened(states, covariance), np.eye(4), atol=0.06)
 
 
 def test_a_line_may_run_along_either_axis():
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [-1.0, 1.0]):
         positions = 5.0 * TIMES[:, None] * np.array(direction)
-        state, covariance = line(TIMES[None], positions[None], COVARIANCES[None])
+        state, covariance = sequential_line(TIMES[None], positions[None], COVARIANCES[None])
         np.testing.assert_allclose(state[0, 1::2], 5.0 * np.array(direction), atol=1e-12)
         assert (np.linalg.eigvalsh(covariance[0]) > 0).all()
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_hits_at_one_place_stand_still(estimator):
-    found = estimate(detections(np.ones((1, 5, 2)), TIMES), 0.0, SensorModel(), estimator, 0.0)
+    found = sequential_estimate(
+        detections(np.ones((1, 5, 2)), TIMES), 0.0, SensorModel(), estimator, 0.0
+    )
     np.testing.assert_allclose(found.state, [[1.0, 0.0, 1.0, 0.0]], atol=1e-12)
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_hits_at_one_time_have_no_fit(estimator):
-    found = estimate(detections(truth()[None], 7.0), 0.0, SensorModel(), estimator, 0.0)
+    found = sequential_estimate(detections(truth()[None], 7.0), 0.0, SensorModel(), estimator, 0.0)
     assert not np.isfinite(found.state).all()
 
 
@@ -78,7 +87,7 @@ def test_as_in_table_1_least_squares_is_best_and_the_line_loses_speed():
     hits["covariance"] = covariance
     error = {}
     for estimator in ESTIMATORS:
-        state = estimate(hits, 0.0, SensorModel(), estimator, 0.001).state
+        state = sequential_estimate(hits, 0.0, SensorModel(), estimator, 0.001).state
         error[estimator] = (
             np.median(np.hypot(*(state[:, 0::2] - sent[-1]).T)),
             np.median(np.abs(np.hypot(*state[:, 1::2].T) - 5.0)),
@@ -140,7 +149,7 @@ def test_the_gate_is_that_of_equation_7(gap, inside, gate_error):
     made.process(first)
     for k in range(1, gap):
         made.process(scan_at(12.0 * k, []))
-    major = convert(first, FIXED_RANGE_ERROR, 0)["major_sigma"][0]
+    major = convert_measurements(first, FIXED_RANGE_ERROR, 0)["major_sigma"][0]
     reach = 10.0 * gap * 12.0 + 2.0 * (30.0 if gate_error == "range" else major)
     unbiased = np.exp(0.5 * FIXED_RANGE_ERROR.azimuth_std**2)
     step = (reach + (-0.01 if inside else 0.01)) / unbiased

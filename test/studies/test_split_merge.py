@@ -7,9 +7,9 @@ from support.builders import AS_GIVEN, detections, scan_at
 from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.studies.split_merge import combined, unscented
-from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.studies.split_merge import split_merge_combined, split_merge_unscented
+from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.tracker.measurement import convert_measurements
 
 
 @pytest.mark.parametrize(("size", "found"), [(0.0101, 1), (0.0099, 0)])
@@ -79,8 +79,8 @@ def test_the_unscented_transform_is_that_of_its_sigma_points():
         sensor_pose=np.array([100.0, 50.0, 0.7]),
         sensor_pose_covariance=np.diag([4.0, 9.0, 1e-4]),
     )
-    before = convert(scan, SENSOR, 0)
-    found = unscented(before, SENSOR)
+    before = convert_measurements(scan, SENSOR, 0)
+    found = split_merge_unscented(before, SENSOR)
     for row, (r, a, s) in enumerate(zip(scan.range, scan.azimuth + 0.7, [0.02, 0.4], strict=True)):
         far, wide = np.sqrt(3.0) * 30.0, np.sqrt(3.0) * s
         polar = [(r, a), (r + far, a), (r - far, a), (r, a + wide), (r, a - wide)]
@@ -99,7 +99,7 @@ def test_the_unscented_transform_is_that_of_its_sigma_points():
 def test_measurements_are_combined_scan_by_scan():
     hits = detections([[0.0, 0.0], [10.0, 2.0], [14.0, 4.0], [20.0, 0.0]], [0.0, 12.0, 13.0, 24.0])
     hits["scan"] = [0, 1, 1, 2]
-    made = combined(hits)
+    made = split_merge_combined(hits)
     np.testing.assert_array_equal(made["time"], [0.0, 12.5, 24.0])
     np.testing.assert_array_equal(made["position"], [[0.0, 0.0], [12.0, 3.0], [20.0, 0.0]])
     np.testing.assert_allclose(made["covariance"][[0, 2]], [np.eye(2)] * 2)
@@ -128,11 +128,11 @@ def test_branches_of_one_target_are_merged_and_estimated_again(twice):
     assert len(tracks) == 1
     assert made.totals.merged == 2 ** len(twice) - 1
     found = [
-        unscented(convert(scan_at(12.0 * k, where), SENSOR, k), SENSOR)
+        split_merge_unscented(convert_measurements(scan_at(12.0 * k, where), SENSOR, k), SENSOR)
         for k, where in enumerate(scans)
     ]
-    hits = combined(np.concatenate(found))
-    expected = fit(hits[None], 48.0, SENSOR, "unweighted")
+    hits = split_merge_combined(np.concatenate(found))
+    expected = fit_initial_states(hits[None], 48.0, SENSOR, "unweighted")
     np.testing.assert_allclose(tracks[0].state, expected.state[0], atol=1e-9)
     np.testing.assert_allclose(tracks[0].covariance, expected.covariance[0], rtol=1e-9)
 

@@ -13,7 +13,7 @@ from support.plain_tsepm import Parameters
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -174,7 +174,7 @@ def compare(seed: int) -> Counter[str]:
             return 0.8 * sensor.covers(np.hypot(x, y), np.arctan2(y, x) - pose[2])
 
         whole, plain = scene.looks_everywhere(), PlainStep(rule, columns(maintenance.confirmed))
-        found = convert(Scan(**values), sensor, index)
+        found = convert_measurements(Scan(**values), sensor, index)
         density = maintenance.step(
             stamp, found, clutter, detectable, sensor, MAX_SPEED, whole=whole
         )

@@ -59,11 +59,11 @@ def learned_text(scene: str) -> str:
     initiator = make_initiator("score", sensor=sensor)
     for scan in scans(scene, 60, 7, LEARNT_FROM, 0):
         initiator.process(scan)
-    return learned_memory.written(initiator.learned, sensor, "sonar", TIME)
+    return learned_memory.write_learned(initiator.learned, sensor, "sonar", TIME)
 
 
 def read(scene: str, text: str) -> Learned:
-    return learned_memory.read(text, SENSORS[scene][0], "sonar", TIME, DAY)[0]
+    return learned_memory.read_learned(text, SENSORS[scene][0], "sonar", TIME, DAY)[0]
 
 
 def confirming_ping(scene: str, learned: Learned | None) -> tuple[int | None, Tracker]:
@@ -130,7 +130,7 @@ def check_replaced(number: int, rng: np.random.Generator) -> Counter[str]:
     alone = confirming_ping_alone(scene)
     late = found is None or abs(found - alone) > 1
     assert not late, f"{scene}, {what}: confirms at ping {found}, not {alone}"
-    again = learned_memory.written(initiator.learned, initiator.sensor, "sonar", TIME)
+    again = learned_memory.write_learned(initiator.learned, initiator.sensor, "sonar", TIME)
     json.loads(again, parse_constant=pytest.fail)
     read(scene, again)
     return Counter({"learned values": 1, "learned values, used": 1})

@@ -8,7 +8,7 @@ from support.bag_files import POINTS, STORE
 from support.boat import named
 from support.ros_world import RELIABLE, World
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.parameter_files import parse_parameter_file_values
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 from tsepm_ros.tools.replay.bag import Bag
@@ -39,7 +39,12 @@ def assert_same_live_and_offline(
         offline = {topic: [one.data for one in bag.messages([topic])] for topic in TOPICS}
     live = {topic: listen_raw(world, PointCloud2, topic) for topic in TOPICS}
     own_ship = {"own_ship_source": "odometry"} if count_poses(path) else {}
-    values = {"method": "score", "max_scan_time": 3600.0, **own_ship, **parse_values(given)}
+    values = {
+        "method": "score",
+        "max_scan_time": 3600.0,
+        **own_ship,
+        **parse_parameter_file_values(given),
+    }
     world.make(TrackInitiator, named(values))
     player = world.make(ScanPlayer, {"recording": str(path), "wait_for_subscribers": 2, **FAST})
     world.until(lambda: world.observer.count_subscribers("/detections") == 1, "the initiator")

@@ -15,7 +15,7 @@ import numpy as np
 from support.patience import WAIT
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_content import PageState, make_frame, track_facts
+from tsepm_ros.tools.viewer.page_content import PageState, make_page_frame, page_track_facts
 from tsepm_ros.tools.viewer.page_server import PageServer
 
 
@@ -37,7 +37,7 @@ def confirmed_track(
 
 def numbered(number: int, *tracks: ConfirmedTrack, **more: Any) -> dict[str, Any]:
     """A frame with a number; its stamp is 12 s times that."""
-    return make_frame(12.0 * number, "odom", number=number, tracks=tracks, **more)
+    return make_page_frame(12.0 * number, "odom", number=number, tracks=tracks, **more)
 
 
 def live_state(frames: int = 0, kept: int = 300, title: str = "Tracks") -> PageState:
@@ -52,7 +52,7 @@ def put_moving(state: PageState, number: int) -> None:
     track = confirmed_track(7, 100.0 * number, 500.0, 8.0, 0.0)
     detections = np.array([[-2000.0, -1500.0], [2500.0, 1800.0]])
     frame = numbered(number, track, detections=detections, own_ship=(0.0, 0.0, 0.5))
-    state.put(frame, track_facts([track], 12.0) if number == 1 else None)
+    state.put(frame, page_track_facts([track], 12.0) if number == 1 else None)
 
 
 @contextmanager

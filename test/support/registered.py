@@ -5,7 +5,7 @@ import numpy as np
 from support.sessions import NotedSession
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan
+from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -19,7 +19,7 @@ def session(mounting: Mounting | None = None, **options) -> NotedSession:
 
 def place(one: Session, scan: Scan, frame_id: str = "sonar", **more) -> Scan:
     """The scan as it is processed."""
-    one.add_scan(SensorScan(scan, frame_id, **more), 0.0)
+    one.add_scan(UnregisteredScan(scan, frame_id, **more), 0.0)
     (result,) = one.process()
     return result.scan
 

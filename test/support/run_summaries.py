@@ -4,10 +4,10 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from tsepm_ros.tools.evaluation.measures import RunSummary, ScanSummary, StartSummary
-from tsepm_ros.tools.evaluation.performance import run
-from tsepm_ros.tools.evaluation.result_files import mapped
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome
+from tsepm_ros.tools.evaluation.measures import RunMeasures, ScanSummary, StartSummary
+from tsepm_ros.tools.evaluation.performance import performance_run
+from tsepm_ros.tools.evaluation.result_files import mapped_results
+from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario
 
 NOTHING = ScanSummary(false=0, held=0)
@@ -21,19 +21,25 @@ def start(scan: int, outcome: Outcome = Outcome.TRUE, **more) -> StartSummary:
     return dataclasses.replace(summary, **more)
 
 
-def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) -> RunSummary:
+def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) -> RunMeasures:
     """A run with so many false starts per scan."""
     scans = tuple(dataclasses.replace(NOTHING, false=number, **more) for number in false)
-    return RunSummary(targets, starts, scans)
+    return RunMeasures(targets, starts, scans)
 
 
-def as_json(summaries: Iterable[RunSummary]) -> list[dict]:
+def as_json(summaries: Iterable[RunMeasures]) -> list[dict]:
     """The summaries as JSON for comparison, since nan is not equal to itself."""
     return [summary.as_json() for summary in summaries]
 
 
 def study(
-    scenario: Scenario, point: OperatingPoint, runs: Sequence[int], seed: int, processes: int = 1
-) -> Iterator[RunSummary]:
+    scenario: Scenario,
+    point: SimulatedOperatingPoint,
+    runs: Sequence[int],
+    seed: int,
+    processes: int = 1,
+) -> Iterator[RunMeasures]:
     """Runs of a scenario, run i seeded with (seed, i)."""
-    return mapped(run, [(scenario, [seed, index], point) for index in runs], processes)
+    return mapped_results(
+        performance_run, [(scenario, [seed, index], point) for index in runs], processes
+    )

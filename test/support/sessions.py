@@ -10,7 +10,7 @@ from support.builders import FIXED_RANGE_ERROR, scan_at
 from tsepm_ros import Scan
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -61,11 +61,11 @@ def moving(**options) -> NotedSession:
     return NotedSession(moving_settings(**options))
 
 
-def arrived(scan: Scan, frame_id: str = "sonar", **more) -> SensorScan:
-    return SensorScan(scan, frame_id, **more)
+def arrived(scan: Scan, frame_id: str = "sonar", **more) -> UnregisteredScan:
+    return UnregisteredScan(scan, frame_id, **more)
 
 
-def ping(stamp: float, n: int = 1) -> SensorScan:
+def ping(stamp: float, n: int = 1) -> UnregisteredScan:
     """A target that stands still, and more detections far off."""
     return arrived(
         scan_at(stamp, [(3000.0, 0.0)] + [(-2000.0 - 900 * k, 0.0) for k in range(n - 1)])

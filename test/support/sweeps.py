@@ -9,11 +9,11 @@ import numpy as np
 from msg_adapters import read_detections
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.scan import Arc
+from tsepm_ros.tracker.scan import ScanArc
 
 BEAMS, STEP = 402, 2.0**-6
 """A turn but for 0.1 degrees."""
@@ -101,7 +101,7 @@ def in_parts(ranges, size: int = 1) -> list[LaserScan]:
     ]
 
 
-def read(message: LaserScan) -> SensorScan:
+def read(message: LaserScan) -> UnregisteredScan:
     return read_detections(message).sensor_scan
 
 
@@ -122,15 +122,19 @@ def played(session: Session, messages, pose=None) -> list[ScanResult]:
             session.add_own_ship(sample)
     results = []
     for message in messages:
-        session.add_scan(message if isinstance(message, SensorScan) else read(message), 0.0)
+        session.add_scan(message if isinstance(message, UnregisteredScan) else read(message), 0.0)
         results += session.process()
     return results + list(session.process(last=True))
 
 
-def beam(stamp: float, azimuth: float | None, *range: float, whole: bool = True) -> SensorScan:
+def beam(
+    stamp: float, azimuth: float | None, *range: float, whole: bool = True
+) -> UnregisteredScan:
     """A message of one beam with some echoes; without an azimuth, it shows none."""
     scan = Scan(stamp, range, np.full(len(range), azimuth or 0.0))
-    return SensorScan(scan, "radar", beams=None if azimuth is None else Arc(azimuth, 0.0, whole))
+    return UnregisteredScan(
+        scan, "radar", beams=None if azimuth is None else ScanArc(azimuth, 0.0, whole)
+    )
 
 
 def contents(scans) -> list[list[float]]:

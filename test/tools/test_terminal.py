@@ -9,7 +9,7 @@ import sys
 import termios
 
 from tsepm_ros.tools import terminal
-from tsepm_ros.tools.terminal import progress_bar, with_progress, write_line
+from tsepm_ros.tools.terminal import terminal_progress, terminal_progress_bar, write_terminal_line
 
 SHOW = (
     "from tsepm_ros.tools.terminal import with_progress; print(*with_progress(range(3), 3, 'work'))"
@@ -32,9 +32,9 @@ def test_a_terminal_shows_the_work_and_a_pipe_does_not():
 
 def test_without_the_library_of_the_bars_the_work_is_done_without_them(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "tqdm", None)
-    assert list(with_progress(iter("abc"), 3, "work")) == ["a", "b", "c"]
-    with progress_bar(3, "pings", "ping", keep=True) as bar:
+    assert list(terminal_progress(iter("abc"), 3, "work")) == ["a", "b", "c"]
+    with terminal_progress_bar(3, "pings", "ping", keep=True) as bar:
         bar.set_postfix_str("confirmed tracks: 1", refresh=False)
         bar.update(3 - bar.n)
-    write_line("a line", sys.stdout)
+    write_terminal_line("a line", sys.stdout)
     assert capsys.readouterr() == ("a line\n", "")

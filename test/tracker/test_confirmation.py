@@ -17,8 +17,8 @@ from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Tree
-from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, DetectionWindow, convert
+from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, MeasurementWindow, convert_measurements
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -29,7 +29,9 @@ def rule_at(threshold_of: Callable[[Tree], float]) -> Any:
     """The rule as built, at a threshold of its own for each tree."""
     rule = confirmation.confirm
 
-    def confirm(tree: Tree, window: DetectionWindow, _: float, *others: Any, **figures: Any) -> Any:
+    def confirm(
+        tree: Tree, window: MeasurementWindow, _: float, *others: Any, **figures: Any
+    ) -> Any:
         return rule(tree, window, threshold_of(tree), *others, **figures)
 
     return patch.object(confirmation, "confirm", confirm)
@@ -64,7 +66,7 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
 def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance over hypotheses, each fitted to its hits; negligible ones left out."""
     converted = [
-        convert(scan, sensor, index, LEAST_ACROSS * (scan.azimuth_std is None))
+        convert_measurements(scan, sensor, index, LEAST_ACROSS * (scan.azimuth_std is None))
         for index, scan in enumerate(scans)
     ]
     most = max(one.score for one in members)
@@ -74,7 +76,7 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     fits = []
     for one in counted:
         hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
-        found = fit(hits, scans[-1].stamp, sensor, "weighted")
+        found = fit_initial_states(hits, scans[-1].stamp, sensor, "weighted")
         fits.append((found.state[0], found.covariance[0]))
     mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
     spread = sum(

@@ -9,15 +9,20 @@ from scipy.stats import chi2
 from support.builders import detections, fit_matrix
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
-from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
-    figures_of_hits,
-    fit,
-    unweighted,
-    weighted,
+    fit_initial_states,
+    initial_state_figures,
+    unweighted_initial_state,
+    weighted_initial_state,
 )
-from tsepm_ros.tracker.measurement import DETECTION, DetectionWindow, convert, major_sigma
+from tsepm_ros.tracker.measurement import (
+    DETECTION,
+    MeasurementWindow,
+    convert_measurements,
+    major_sigma,
+)
 from tsepm_ros.tracker.motion import position_after
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -35,8 +40,11 @@ def random_batch(m: int):
 @pytest.mark.parametrize("m", [2, 3, 5, 12])
 def test_the_fits_are_the_general_solutions_of_the_stacked_problem(m):
     tau, positions, covariances = random_batch(m)
-    plain, sandwiches = unweighted(tau, positions, covariances)
-    fits = [weighted(tau, positions, covariances, start) for start in (np.zeros((20, 4)), plain)]
+    plain, sandwiches = unweighted_initial_state(tau, positions, covariances)
+    fits = [
+        weighted_initial_state(tau, positions, covariances, start)
+        for start in (np.zeros((20, 4)), plain)
+    ]
     for i in range(len(tau)):
         H, R, z = fit_matrix(tau[i]), block_diag(*covariances[i]), positions[i].ravel()
         expected = np.linalg.lstsq(H, z, rcond=None)[0]
@@ -64,12 +72,12 @@ def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
     here, there = np.zeros((1, 5), DETECTION), np.zeros((1, 5), DETECTION)
     for k in range(5):
         measured = dict(range=[4000 + 40 * rng.standard_normal()], azimuth=[0.3 + 0.01 * k])
-        here[:, k] = convert(Scan(12.25 * k, **measured), SENSOR, k)
-        there[:, k] = convert(
+        here[:, k] = convert_measurements(Scan(12.25 * k, **measured), SENSOR, k)
+        there[:, k] = convert_measurements(
             Scan(later + 12.25 * k, **measured, sensor_pose=(*away, 0.0)), SENSOR, k
         )
-    near = fit(here, 49.0, SENSOR, estimator)
-    far = fit(there, later + 49.0, SENSOR, estimator)
+    near = fit_initial_states(here, 49.0, SENSOR, estimator)
+    far = fit_initial_states(there, later + 49.0, SENSOR, estimator)
     np.testing.assert_allclose(far.state[:, 0::2], near.state[:, 0::2] + away, rtol=0, atol=1e-8)
     np.testing.assert_allclose(far.state[:, 1::2], near.state[:, 1::2], rtol=0, atol=1e-8)
     scale = np.linalg.norm(near.covariance)
@@ -91,7 +99,7 @@ def noisy_hits(rng: np.random.Generator, runs: int) -> np.ndarray:
         x, y = STATE[0::2] + STATE[1::2] * (stamp - 50.0)
         range_ = math.hypot(x, y) + SENSOR.range_std * rng.standard_normal(runs)
         azimuth = math.atan2(y, x) + SENSOR.azimuth_std * rng.standard_normal(runs)
-        hits[:, k] = convert(Scan(stamp, range_, azimuth), SENSOR, k)
+        hits[:, k] = convert_measurements(Scan(stamp, range_, azimuth), SENSOR, k)
     return hits
 
 
@@ -105,11 +113,11 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
     # NEES has mean 4 where state and covariance are right. The design's figures come from fewer
     # runs, with errors 2 % below the bound and so NEES some 3 % low: 0.2 covers both. A covariance
     # a tenth too small would give 4.4 and 4.7. RMS errors have a standard error of 0.5 %.
-    fitted = fit(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
+    fitted = fit_initial_states(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
     square = np.square(fitted.state - STATE).mean(axis=0)
     positions = position_after(STATE, TIMES - 50.0)
-    bound = np.diag(cramer_rao(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
+    bound = np.diag(cramer_rao_measure(positions, TIMES, (0.0, 0.0), SENSOR, 50.0))
     assert math.sqrt(bound[0] + bound[2]) == pytest.approx(125.8, rel=0.01)  # the design's figures
     assert math.sqrt(bound[1] + bound[3]) == pytest.approx(4.10, rel=0.01)
     for axes in ([0, 2], [1, 3]):
@@ -117,9 +125,9 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
         assert ratio == pytest.approx(1.0, abs=0.02)
 
 
-def scans(away: float, number: int = 5) -> DetectionWindow:
+def scans(away: float, number: int = 5) -> MeasurementWindow:
     """Scans of a target at 2 m/s, the last hit of which is some metres off, and of clutter."""
-    recent = DetectionWindow()
+    recent = MeasurementWindow()
     for scan in range(number):
         place = [2.0 * scan + (away if scan == number - 1 else 0.0), 0.0]
         found = detections([[500.0, 500.0], place], float(scan), 4.0)
@@ -128,9 +136,9 @@ def scans(away: float, number: int = 5) -> DetectionWindow:
     return recent
 
 
-def figures(window: DetectionWindow, tracks: TrackArrays):
+def figures(window: MeasurementWindow, tracks: TrackArrays):
     sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-    return figures_of_hits(window, tracks.hits, tracks.stamp, tracks.state, sigma)
+    return initial_state_figures(window, tracks.hits, tracks.stamp, tracks.state, sigma)
 
 
 def track(hits: int = 5) -> TrackArrays:
@@ -158,7 +166,7 @@ def test_two_hits_fit_every_line_and_forgotten_hits_do_not_count():
 
 
 def test_amplitudes_of_hits_are_counted_and_summed_and_unknown_ones_left_out():
-    recent = DetectionWindow()
+    recent = MeasurementWindow()
     for scan, amplitude in enumerate((1.5, np.nan, 4.0)):
         found = detections([[0.0, 0.0], [500.0, 500.0]], float(scan), 4.0)
         found["scan"], found["index"], found["amplitude"] = scan, [7, 3], [amplitude, 100.0]

@@ -9,13 +9,13 @@ from support.builders import detections, whitened
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
-    DetectionWindow,
-    convert,
-    covariance_at,
+    MeasurementWindow,
+    convert_measurements,
     measured_polar,
-    pose_error_covariance,
-    position_covariance,
-    unbiased_position,
+    measurement_covariance,
+    measurement_covariance_at,
+    measurement_pose_covariance,
+    unbiased_measured_position,
 )
 
 SENSOR = SensorModel(range_std=12.0, range_std_fraction=0.01, azimuth_std=math.radians(2.0))
@@ -30,7 +30,7 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 def moments(range_: float, azimuth: float, range_std: float, azimuth_std: float):
     """Exact mean and covariance of the converted measurement, by quadrature."""
     r, a = np.meshgrid(range_ + range_std * NODES, azimuth + azimuth_std * NODES, indexing="ij")
-    points = unbiased_position(r, a, azimuth_std).reshape(-1, 2)
+    points = unbiased_measured_position(r, a, azimuth_std).reshape(-1, 2)
     weights = np.outer(WEIGHTS, WEIGHTS).ravel()
     mean = weights @ points
     return mean, (points - mean).T @ ((points - mean) * weights[:, None])
@@ -54,7 +54,7 @@ def test_mean_and_covariance_are_those_of_the_converted_measurement(
     mean, expected = moments(range_, azimuth, range_std, azimuth_std)
     true = range_ * np.array([math.cos(azimuth), math.sin(azimuth)])
     np.testing.assert_allclose(mean, true, rtol=0, atol=1e-11 * range_)
-    covariance = position_covariance(range_, azimuth, range_std**2, azimuth_std)
+    covariance = measurement_covariance(range_, azimuth, range_std**2, azimuth_std)
     scale = np.abs(expected).max()
     np.testing.assert_allclose(covariance, expected, rtol=0, atol=1e-8 * scale)
 
@@ -62,7 +62,7 @@ def test_mean_and_covariance_are_those_of_the_converted_measurement(
 def test_a_tiny_azimuth_error_costs_no_digits():
     # The closed form in b loses all digits of what s adds along the line of sight here.
     range_, variance, s = 1e6, 1e-8, 1e-5
-    covariance = position_covariance(range_, 0.0, variance, s)
+    covariance = measurement_covariance(range_, 0.0, variance, s)
     assert covariance[0, 0] == pytest.approx(range_**2 * s**4 / 2 + variance, rel=1e-9)
     assert covariance[1, 1] == pytest.approx(range_**2 * s**2, rel=1e-9)
 
@@ -78,15 +78,15 @@ def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     placed = poses[:, :2] + np.stack(
         [cosine * offset[0] - sine * offset[1], sine * offset[0] + cosine * offset[1]], axis=1
     )
-    expected = pose_error_covariance(offset, covariance)
+    expected = measurement_pose_covariance(offset, covariance)
     difference = np.abs(whitened(placed, expected) - np.eye(2)).max()
     assert difference < 5 * math.sqrt(2 / n) + 1e-3
 
 
 def test_covariance_at_the_sensor_is_that_of_any_direction():
-    hits = convert(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
-    expected = position_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
-    found = covariance_at(hits, np.zeros((1, 2)), SENSOR)
+    hits = convert_measurements(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
+    expected = measurement_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
+    found = measurement_covariance_at(hits, np.zeros((1, 2)), SENSOR)
     np.testing.assert_allclose(found, expected[None], rtol=1e-12)
 
 
@@ -95,24 +95,28 @@ def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
     # A target's extent and own ship's position errors act on both axes, at any range.
     sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
     scan = Scan(0.0, [range_], [0.4])
-    hits = convert(scan, sensor, 0, LEAST_ACROSS)
-    np.testing.assert_array_equal(hits["position"], convert(scan, sensor, 0)["position"])
+    hits = convert_measurements(scan, sensor, 0, LEAST_ACROSS)
+    np.testing.assert_array_equal(
+        hits["position"], convert_measurements(scan, sensor, 0)["position"]
+    )
     there = np.array([[-0.7 * range_, 0.2 * range_]])
     for covariance, direction in (
         (hits["covariance"][0], [math.cos(0.4), math.sin(0.4)]),
-        (covariance_at(hits, there, sensor)[0], there[0] / np.hypot(*there[0])),
+        (measurement_covariance_at(hits, there, sensor)[0], there[0] / np.hypot(*there[0])),
     ):
         across = np.array([-direction[1], direction[0]])
         assert direction @ covariance @ direction == pytest.approx(8.0**2, rel=0.01)
         assert math.sqrt(across @ covariance @ across) >= 8.0 * (1.0 - 1e-9)
     if range_ > 1000.0:  # the azimuth error is the larger
-        np.testing.assert_array_equal(hits["covariance"], convert(scan, sensor, 0)["covariance"])
+        np.testing.assert_array_equal(
+            hits["covariance"], convert_measurements(scan, sensor, 0)["covariance"]
+        )
 
 
 def test_what_was_measured_comes_back_from_a_detection():
     range_, azimuth = np.array([0.5, 3000.0, 9000.0]), np.array([0.1, 3.0, -2.0])
     scan = Scan(0.0, range_, azimuth, azimuth_std=[0.5, 0.1, 0.01], sensor_pose=(50.0, -8.0, 1.0))
-    back_range, back_azimuth = measured_polar(convert(scan, SENSOR, 0))
+    back_range, back_azimuth = measured_polar(convert_measurements(scan, SENSOR, 0))
     np.testing.assert_allclose(back_range, range_, rtol=1e-12)
     turn = np.remainder(back_azimuth - azimuth, 2 * np.pi)
     np.testing.assert_allclose(turn, 1.0, rtol=1e-12)
@@ -120,9 +124,11 @@ def test_what_was_measured_comes_back_from_a_detection():
 
 def test_an_intensity_that_no_square_holds_is_none():
     scan = Scan(0.0, [1e3] * 4, [0.0] * 4, features={"intensity": [5.0, np.inf, -1e100, np.nan]})
-    found = convert(scan, SENSOR, 0)["intensity"]
+    found = convert_measurements(scan, SENSOR, 0)["intensity"]
     np.testing.assert_array_equal(found, [5.0, np.nan, np.nan, np.nan])
-    np.testing.assert_array_equal(convert(Scan(0.0, [1e3], [0.0]), SENSOR, 0)["intensity"], np.nan)
+    np.testing.assert_array_equal(
+        convert_measurements(Scan(0.0, [1e3], [0.0]), SENSOR, 0)["intensity"], np.nan
+    )
 
 
 def scan_of(n: int, scan: int) -> np.ndarray:
@@ -132,8 +138,8 @@ def scan_of(n: int, scan: int) -> np.ndarray:
 
 
 @pytest.fixture
-def window() -> DetectionWindow:
-    window = DetectionWindow()
+def window() -> MeasurementWindow:
+    window = MeasurementWindow()
     for scan, n in enumerate([3, 0, 2, 4]):
         window.append(scan_of(n, scan))
     return window

@@ -10,7 +10,13 @@ from support.score_scenes import score
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.motion import MAX_OUTSIDE, in_disc, limited, log_speed_probability, slowed
+from tsepm_ros.tracker.motion import (
+    MAX_OUTSIDE,
+    limited,
+    log_speed_probability,
+    motion_in_disc,
+    slowed,
+)
 
 V_MAX = 10.0
 
@@ -43,7 +49,7 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
     out = rng.uniform(0.0, V_MAX + 2.0 * major)
     mean = out * np.array([math.cos(towards), math.sin(towards)])
     inside, expected, spread = plain_in_disc(mean, covariance, V_MAX, 200, 600)
-    found = in_disc(mean[None], covariance[None], np.array([V_MAX]))
+    found = motion_in_disc(mean[None], covariance[None], np.array([V_MAX]))
     assert found[0][0] == pytest.approx(math.log(inside), abs=1e-9)
     np.testing.assert_allclose(found[1][0], expected, atol=1e-9 * V_MAX)
     np.testing.assert_allclose(found[2][0], spread, atol=1e-8 * V_MAX**2)
@@ -202,9 +208,9 @@ def test_the_likelihood_of_a_detection_is_gaussian_within_the_gate_and_nothing_b
     at_zero = -np.log(2.0 * np.pi * 6.0)
     np.testing.assert_allclose(density[:2], at_zero - 0.5 * np.array([2.0, 8.84]))
     assert density[2] == -np.inf
-    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
+    assert motion.motion_gate_reach(0.99, found) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
     found["range_rate_std"] = 0.5
-    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(11.345), rel=1e-4)
+    assert motion.motion_gate_reach(0.99, found) == pytest.approx(np.sqrt(11.345), rel=1e-4)
 
 
 def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():

@@ -10,9 +10,9 @@ from tsepm_ros.tracker.polar_grid import (
     BATCH,
     CELL,
     INNER_RINGS,
-    Batch,
-    BlockSums,
     Cells,
+    PolarBatch,
+    PolarBlockSums,
     PolarGrid,
 )
 
@@ -110,7 +110,7 @@ def test_half_of_the_area_beyond_a_row_is_beyond_its_halfway_row():
 def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
     rng = np.random.default_rng(3)
     values = rng.random((7, 9))
-    sums = BlockSums(values, wraps)
+    sums = PolarBlockSums(values, wraps)
     for _ in range(60):
         row, column = int(rng.integers(0, 7)), int(rng.integers(-8, 12))
         end, width = int(rng.integers(row, 8)), int(rng.integers(0, 12))
@@ -133,7 +133,7 @@ def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
 
 
 def test_a_batch_is_whole_after_its_time_and_begins_anew():
-    batch = Batch(4)
+    batch = PolarBatch(4)
     assert batch.is_whole(0.0), "the first scan is alone"
     batch.end(10.0)
     assert not batch.is_whole(10.0 + 0.9 * BATCH)

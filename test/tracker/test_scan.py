@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan
-from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, arc_of, chosen, wrap
+from tsepm_ros.tracker.scan import FEATURES, MAX_MAGNITUDE, scan_arc_of, scan_of_rows, wrap
 
 GOOD = {"stamp": 5.0, "range": [100.0, 200.0], "azimuth": [0.1, 0.2]}
 
@@ -218,7 +218,7 @@ def test_chosen_detections_keep_what_is_theirs():
     columns |= {"azimuth_std": [0.01, 0.02], "time_offset": [0.3, 0.4]}
     columns |= {"sensor_pose": [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]}
     columns |= {"sensor_velocity": [[1.0, 2.0], [3.0, 4.0]]}
-    one = chosen(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
+    one = scan_of_rows(Scan(1.0, features={"intensity": [5.0, 6.0]}, **columns), np.array([1]))
     assert {name: getattr(one, name).tolist() for name in columns} == {
         name: [values[1]] for name, values in columns.items()
     }
@@ -227,14 +227,14 @@ def test_chosen_detections_keep_what_is_theirs():
 
 @pytest.mark.parametrize("azimuths", [[], [math.nan]])
 def test_no_azimuth_has_no_arc(azimuths):
-    assert arc_of(np.array(azimuths)) is None
+    assert scan_arc_of(np.array(azimuths)) is None
 
 
 def test_the_smallest_arc_holds_all_and_is_as_narrow_as_any():
     rng = np.random.default_rng(2)
     for number in (1, 1, *rng.integers(1, 8, 200)):
         azimuths = rng.uniform(-10.0, 10.0, number)
-        arc = arc_of(np.append(azimuths, [math.nan, math.inf]))
+        arc = scan_arc_of(np.append(azimuths, [math.nan, math.inf]))
         widths = [np.mod(azimuths - first, 2 * np.pi).max() for first in azimuths]
         assert arc.width == pytest.approx(min(widths), abs=1e-9)
         assert (np.mod(azimuths - arc.start + 1e-9, 2 * np.pi) <= arc.width + 2e-9).all()

@@ -103,25 +103,25 @@ CENTRINGS = 3
 """Times that the window is centred on the centroid."""
 
 
-def normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
+def cfar_normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
     """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
-    cells, limited = _ring_cells(defined.tobytes(), defined.shape, box, modes), x
+    cells, limited = _cfar_ring_cells(defined.tobytes(), defined.shape, box, modes), x
     there = defined.astype(np.float32)
     for _ in range(PASSES):
-        mean = _ring(limited, box, modes) / cells
-        variance = _ring(limited * limited, box, modes) / cells - mean * mean
+        mean = _cfar_ring(limited, box, modes) / cells
+        variance = _cfar_ring(limited * limited, box, modes) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
-        limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x)) * there
-    mean = _by_cell(mean, x)
-    return np.asarray((x - mean) / _by_cell(deviation, x) * there, np.float32), mean
+        limited = np.minimum(x, _cfar_by_cell(mean + LIMIT * deviation, x)) * there
+    mean = _cfar_by_cell(mean, x)
+    return np.asarray((x - mean) / _cfar_by_cell(deviation, x) * there, np.float32), mean
 
 
-def _by_cell(blocks: Image, x: Image) -> Image:
+def _cfar_by_cell(blocks: Image, x: Image) -> Image:
     """Values of blocks at each cell of an image."""
     return np.asarray(np.repeat(blocks, BLOCK, axis=1)[:, : x.shape[1]])
 
 
-def _ring(values: Image, box: Box, modes: Modes) -> Image:
+def _cfar_ring(values: Image, box: Box, modes: Modes) -> Image:
     """Sums over the ring around each block of `BLOCK` ranges: a third of the time of cells."""
     b, m = values.shape
     lengths = box[0], math.ceil(box[1] / BLOCK)
@@ -137,25 +137,25 @@ def _ring(values: Image, box: Box, modes: Modes) -> Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
+def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
     ones = np.frombuffer(defined, bool).reshape(shape)
-    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, modes), 1.0))
+    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, modes), 1.0))
 
 
-def cell_limit(box: Box) -> float:
+def cfar_cell_limit(box: Box) -> float:
     """The most deviations of a cell that count in a sum over a box."""
     return CELL_LIMIT[0] + CELL_LIMIT[1] / math.prod(box)
 
 
-def smoothed(y: Image, box: Box, modes: Modes) -> Image:
+def cfar_smoothed(y: Image, box: Box, modes: Modes) -> Image:
     """Mean over the box of an echo; a single cell has a bounded part in that of many."""
-    z = ndimage.uniform_filter(np.minimum(y, cell_limit(box)), box, mode=modes)
-    return np.asarray(z + _ties(z.shape))
+    z = ndimage.uniform_filter(np.minimum(y, cfar_cell_limit(box)), box, mode=modes)
+    return np.asarray(z + _cfar_ties(z.shape))
 
 
 @functools.lru_cache(maxsize=4)
-def _ties(shape: tuple[int, ...]) -> Image:
+def _cfar_ties(shape: tuple[int, ...]) -> Image:
     return np.random.default_rng(0).random(shape, np.float32) * np.float32(TIE)
 
 
@@ -183,7 +183,7 @@ class Peaks(NamedTuple):
     number: int
 
 
-class Threshold:
+class CfarThreshold:
     """Learns the threshold from ping to ping.
 
     Parameters
@@ -249,7 +249,7 @@ class Threshold:
             return np.zeros(n), np.zeros(n)
         squares = 4.0 * RECENT * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
-        apart = _apart(list(self._detected), peaks.place, gate)
+        apart = _cfar_distance(list(self._detected), peaks.place, gate)
         standing = np.sum(apart < 1.0, axis=0) / max(pings, STANDS[0])
         recent = (apart < gate)[-RECENT:].any(axis=0)
         before = (apart < gate)[: -LONG * RECENT]
@@ -264,7 +264,7 @@ class Threshold:
         return standing, (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
 
 
-def _apart(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
+def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
     """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
     ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
     near = KDTree(np.concatenate(detected)).sparse_distance_matrix(
@@ -292,11 +292,11 @@ class Echoes(NamedTuple):
     excess: FloatArray
 
 
-def found(
+def cfar_peaks(
     z: Image, defined: BoolArray, box: Box, modes: Modes, most: int
 ) -> tuple[Peaks, IntArray]:
     """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
-    flat = np.flatnonzero((z == _highest(z, box, modes)) & (z > TIE) & defined)
+    flat = np.flatnonzero((z == _cfar_highest(z, box, modes)) & (z > TIE) & defined)
     height = z.ravel()[flat].astype(float)
     lower, median, upper = np.quantile(height, [0.25, 0.5, 0.75]) if len(flat) else np.zeros(3)
     # Standard error of a median of normal values: 1.25 sigma / sqrt(n), sigma = 0.74 (q3 - q1).
@@ -308,7 +308,7 @@ def found(
     return Peaks(height[order], cell / gate, area, float(median), float(error), len(flat)), cell
 
 
-def _highest(z: Image, box: Box, modes: Modes) -> Image:
+def _cfar_highest(z: Image, box: Box, modes: Modes) -> Image:
     """Highest of the cells up to a box around each (b, m): of runs that double in length."""
     for axis, length in enumerate(box):
         ends = [(0, 0), (0, 0)]
@@ -323,7 +323,7 @@ def _highest(z: Image, box: Box, modes: Modes) -> Image:
     return z
 
 
-def measured(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
+def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     """Measure the echoes at peaks (n, 2) of the normalised image.
 
     Parameters
@@ -341,7 +341,7 @@ def measured(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
         row = row % len(y) if wraps else np.clip(row, 0, len(y) - 1)
         column = np.clip(column, 0, y.shape[1] - 1)
         window = y[row[:, :, None], column[:, None, :]].astype(float)
-        weight = np.minimum(window, cell_limit(box))
+        weight = np.minimum(window, cfar_cell_limit(box))
         weight = np.maximum(weight - PART * weight.max(axis=(1, 2), keepdims=True), 0.0)
         total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)[:, None]
         along = weight.sum(axis=2), weight.sum(axis=1)

@@ -19,18 +19,18 @@ from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
     STANDING,
     Box,
+    CfarThreshold,
     Echoes,
     Modes,
-    Threshold,
-    found,
-    measured,
-    normalised,
-    smoothed,
+    cfar_echoes,
+    cfar_normalised,
+    cfar_peaks,
+    cfar_smoothed,
 )
 from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.parameters import table
+from tsepm_ros.parameters import parameter_table
 from tsepm_ros.tracker.scan import Scan, wrap
 from tsepm_ros.tracker.sensor import Coverage
 
@@ -91,39 +91,39 @@ class Found(NamedTuple):
     stages: Stages
 
 
-class _Scale:
+class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
     def __init__(self, box: Box, number: float) -> None:
         self.box, self._background = box, Background()
-        self.threshold, self._plain = Threshold(number), Threshold(number)
-        self.trials = [Threshold(few) for few in TRIALS.tolist()]
+        self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
+        self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(self, x: Image, defined: BoolArray, modes: Modes, trial: bool) -> Found:
         """Detections above what the past of each cell predicts; before that is known, all."""
         background, wraps = self._background, modes[0] == "wrap"
         past = background.expected(x)
-        y, ring = normalised(x - past, defined, self.box, modes)
-        z = smoothed(y, self.box, modes)
+        y, ring = cfar_normalised(x - past, defined, self.box, modes)
+        z = cfar_smoothed(y, self.box, modes)
         even = background.scaled(z)
         background.learn(x, z, defined)
         if not background.images:  # all is learned anew
             self.threshold.forget()
-        peaks, cell = found(even, defined, self.box, modes, self.threshold.kept)
+        peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
         level, standing = self.threshold.update(peaks)
         high = peaks.height > level
-        echoes, standing = measured(y, cell[high], self.box, wraps), standing[high]
+        echoes, standing = cfar_echoes(y, cell[high], self.box, wraps), standing[high]
         if background.images <= YOUNG and background.share > REMOVES:
-            whole, _ = normalised(x, defined, self.box, modes)
-            w = smoothed(whole, self.box, modes)
+            whole, _ = cfar_normalised(x, defined, self.box, modes)
+            w = cfar_smoothed(whole, self.box, modes)
             places = peaks.place[high]
-            peaks, cell = found(w, defined, self.box, modes, self.threshold.kept)
+            peaks, cell = cfar_peaks(w, defined, self.box, modes, self.threshold.kept)
             least, _ = self._plain.update(peaks)
             lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
             near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
             more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
-            parts = zip(echoes, measured(whole, more, self.box, wraps), strict=True)
+            parts = zip(echoes, cfar_echoes(whole, more, self.box, wraps), strict=True)
             echoes = Echoes(*map(np.concatenate, parts))
             standing = np.append(standing, np.ones(len(more)))
         for number, one in enumerate(self.trials if trial else ()):
@@ -160,7 +160,7 @@ class Detector:
         self.stages: Stages | None = None
         self._axes, self._begin = np.zeros(0), 0
         self._profile: Profile | None = None
-        self._bright, self._scales = BrightLines(0, 0), list[_Scale]()
+        self._bright, self._scales = BrightLines(0, 0), list[_DetectorScale]()
 
     def process(self, image: SonarImage) -> Scan:
         """Detections of an image.
@@ -220,7 +220,7 @@ class Detector:
         }
         if images - self._begin >= TRIAL:
             self._scales = [scale]
-        return _scan(image, result.echoes, result.standing)
+        return _scan_of_detector(image, result.echoes, result.standing)
 
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
@@ -252,7 +252,9 @@ class Detector:
                 for scale in SCALES
             ]
             number = self.options.false_detections_per_ping
-            self._scales = [_Scale((box[0], box[1]), number) for box in dict.fromkeys(boxes)]
+            self._scales = [
+                _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
+            ]
             self._profile = None
             self._bright = BrightLines(*image.intensity.shape)
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
@@ -297,7 +299,9 @@ def make_detector(**options: Any) -> Detector:
     for name in NO_LONGER.keys() & options.keys():
         warnings.warn(f"{name}: {NO_LONGER[name]}", stacklevel=2)
         del options[name]
-    known = {row.name: group for group in (DetectorOptions, Coverage) for row in table(group)}
+    known = {
+        row.name: group for group in (DetectorOptions, Coverage) for row in parameter_table(group)
+    }
     for name in options:
         if name not in known:
             raise ValueError(f"a detector has no option {name!r}; it has {', '.join(known)}")
@@ -313,7 +317,7 @@ def _distinct(evidence: FloatArray, cell: IntArray) -> float:
     return float(largest.sum() + np.minimum(evidence, 0.0).sum())
 
 
-def _scan(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:
+def _scan_of_detector(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
     intensity = 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import ParameterGroup, parameter, table
+from tsepm_ros.parameters import ParameterGroup, parameter, parameter_table
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 from tsepm_ros.tracker.sensor import Coverage
 
 TURN = 2 * math.pi + 1e-6
-COVERAGE = tuple(row.name for row in table(Coverage))
+COVERAGE = tuple(row.name for row in parameter_table(Coverage))
 """Fields of the tracker's `SensorModel` that follow the images."""
 NO_LONGER = {"clutter_map": "no longer used: each cell learns its background by itself"}
 """Options of the last release that are taken without effect."""
@@ -84,10 +84,15 @@ class SonarImage:
         image = np.asarray(self.intensity)
         if image.dtype.kind not in "buif":
             raise ValueError(f"intensity must be real numbers; got the type {image.dtype}")
-        distance, azimuth = _numbers("range", self.range), _numbers("azimuth", self.azimuth)
+        distance, azimuth = (
+            _image_numbers("range", self.range),
+            _image_numbers("azimuth", self.azimuth),
+        )
         shape = (b, m) = len(azimuth), len(distance)
         none = np.zeros(b if self.time_offset is None else 0)
-        offset = _numbers("time_offset", none if self.time_offset is None else self.time_offset)
+        offset = _image_numbers(
+            "time_offset", none if self.time_offset is None else self.time_offset
+        )
         pose = np.array((0, 0, 0) if self.sensor_pose is None else self.sensor_pose, float)
         steps, swapped = np.diff(azimuth), image.shape == shape[::-1] != shape
         limits = MIN_MAGNITUDE["range"], MAX_MAGNITUDE["range"]
@@ -154,7 +159,7 @@ class ImageCoverage:
         return bool(np.allclose(other, mine, COVERAGE_CHANGE, self._slack))
 
 
-def _numbers(name: str, value: Any) -> FloatArray:
+def _image_numbers(name: str, value: Any) -> FloatArray:
     numbers = np.array(value, float)
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise ValueError(f"{name} must be finite numbers of the shape (n,); got {numbers.shape}")

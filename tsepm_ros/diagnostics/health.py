@@ -21,16 +21,16 @@ from typing import Any
 from tsepm_ros.diagnostics.health_figures import (
     LAST_SCANS,
     Connections,
-    Counts,
+    CountFigures,
     HealthFigures,
-    Latency,
+    LatencyFigures,
     Level,
     ScanRecord,
     Status,
     overall,
 )
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
-from tsepm_ros.session.inputs import Now, waited
+from tsepm_ros.session.inputs import Now, input_waited
 from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
@@ -106,27 +106,27 @@ class Entry:
     rules: tuple[tuple[Rule, ...], ...]
 
 
-def _when(applies: bool, sentence: str) -> str:
+def _health_when(applies: bool, sentence: str) -> str:
     return sentence if applies else ""
 
 
-def _dropped(drops: Mapping[str, int]) -> str:
+def _health_dropped(drops: Mapping[str, int]) -> str:
     """Drops by reason, the most frequent first; empty if there are none."""
     ordered = sorted(drops.items(), key=lambda drop: -drop[1])
-    return _when(bool(drops), "dropped: " + ", ".join(f"{n} {name}" for name, n in ordered))
+    return _health_when(bool(drops), "dropped: " + ", ".join(f"{n} {name}" for name, n in ordered))
 
 
-def _drops_of(task: str, level: Level, remedy: str) -> Rule:
+def _health_drops_of(task: str, level: Level, remedy: str) -> Rule:
     """The rule of a task's drops, except those of single detections."""
     return Rule(
         level,
         "Input of this entry was dropped",
-        lambda now: _dropped(now.recent_drops(task)),
+        lambda now: _health_dropped(now.recent_drops(task)),
         remedy,
     )
 
 
-def unread_type(now: HealthFigures) -> str:
+def health_unread_type(now: HealthFigures) -> str:
     """Detections are published as a type that the node does not read."""
     connections = now.connections
     readable = connections.other_readable
@@ -135,34 +135,36 @@ def unread_type(now: HealthFigures) -> str:
     if readable:
         after = f"after a new start: it has subscribed to {connections.subscribed_type}"
         sentences.append(f"{', '.join(readable)}, which the node reads only {after}")
-    return _when(bool(sentences), f"detections are published as {'; and as '.join(sentences)}")
+    return _health_when(
+        bool(sentences), f"detections are published as {'; and as '.join(sentences)}"
+    )
 
 
-def _scan_rate(now: HealthFigures) -> str:
+def _health_scan_rate(now: HealthFigures) -> str:
     interval, period, factor = now.interval, now.period, now.options.scan_period_factor
     differs = interval > factor * period or interval * factor < period
-    return _when(differs, f"a scan every {interval:.3g} s, expected is {period:.3g} s")
+    return _health_when(differs, f"a scan every {interval:.3g} s, expected is {period:.3g} s")
 
 
-def _scan_overdue(now: HealthFigures) -> str:
+def _health_scan_overdue(now: HealthFigures) -> str:
     said = f"no scan for {now.since_scan:.3g} s, expected is a scan every {now.period:.3g} s"
-    return _when(now.since_scan > now.max_interval, said)
+    return _health_when(now.since_scan > now.max_interval, said)
 
 
-def _scan_gaps(now: HealthFigures) -> str:
+def _health_scan_gaps(now: HealthFigures) -> str:
     number = now.gaps
     gaps = "1 gap" if number == 1 else f"{number} gaps"
-    return _when(number > 0, f"{gaps} between scans longer than {now.max_interval:.3g} s")
+    return _health_when(number > 0, f"{gaps} between scans longer than {now.max_interval:.3g} s")
 
 
-def _detections_dropped(now: HealthFigures) -> str:
+def _health_detections_dropped(now: HealthFigures) -> str:
     share = now.dropped_share
-    drops = _dropped(now.recent_drops(DETECTIONS, of_detections=True))
+    drops = _health_dropped(now.recent_drops(DETECTIONS, of_detections=True))
     said = f"{100 * share:.3g} % of the detections {drops}"
-    return _when(share > now.options.max_dropped_share, said)
+    return _health_when(share > now.options.max_dropped_share, said)
 
 
-def unused_own_ship_on(topic: str) -> str:
+def health_unused_own_ship(topic: str) -> str:
     """Return the sentence for own-ship data that is published on a topic and not used."""
     return (
         f"odometry is published on {topic}, but own_ship_source is none: the sensor is assumed "
@@ -170,79 +172,83 @@ def unused_own_ship_on(topic: str) -> str:
     )
 
 
-def _own_ship_unused(now: HealthFigures) -> str:
+def _health_own_ship_unused(now: HealthFigures) -> str:
     topic = now.connections.unused_own_ship
     unused = bool(topic) and now.snapshot.own_ship_source == "none"
-    return _when(unused, unused_own_ship_on(topic))
+    return _health_when(unused, health_unused_own_ship(topic))
 
 
-def _of_odometry(now: HealthFigures, applies: bool, sentence: str) -> str:
+def _health_of_odometry(now: HealthFigures, applies: bool, sentence: str) -> str:
     """A sentence on odometry alone: data from tf is looked up when it is needed."""
-    return _when(now.snapshot.own_ship_source == "odometry" and applies, sentence)
+    return _health_when(now.snapshot.own_ship_source == "odometry" and applies, sentence)
 
 
-def _no_own_ship(now: HealthFigures, limit: float) -> str:
+def _health_no_own_ship(now: HealthFigures, limit: float) -> str:
     age = now.since_own_ship
-    return _of_odometry(now, age > limit, f"no own-ship data for {age:.3g} s")
+    return _health_of_odometry(now, age > limit, f"no own-ship data for {age:.3g} s")
 
 
-def _own_ship_behind(now: HealthFigures) -> str:
+def _health_own_ship_behind(now: HealthFigures) -> str:
     behind = now.own_ship_behind
     late = behind > now.options.max_own_ship_age
-    return _of_odometry(now, late, f"own-ship data is {behind:.3g} s older than the newest scan")
+    return _health_of_odometry(
+        now, late, f"own-ship data is {behind:.3g} s older than the newest scan"
+    )
 
 
-def _overload(now: HealthFigures) -> str:
+def _health_overload(now: HealthFigures) -> str:
     median = now.median_latency(lambda latency: latency.core + latency.publishing)
     said = f"a scan takes {median:.3g} s, longer than the scan interval of {now.interval:.3g} s"
-    return _when(median > now.interval, said)
+    return _health_when(median > now.interval, said)
 
 
-def _long_latency(now: HealthFigures) -> str:
+def _health_long_latency(now: HealthFigures) -> str:
     longest = now.longest_latency(lambda latency: latency.total)
     late = longest > now.options.max_latency
-    return _when(late, f"a scan was finished {longest:.3g} s after its arrival")
+    return _health_when(late, f"a scan was finished {longest:.3g} s after its arrival")
 
 
-def _is_density_judged(now: HealthFigures) -> bool:
+def _health_is_density_judged(now: HealthFigures) -> bool:
     """Whether there are enough scans and detections to judge the density in use."""
     number = max(now.detections, now.clutter_expected)
     return len(now.scans) >= MIN_SCANS and number >= MIN_DETECTIONS
 
 
-def _densities(now: HealthFigures) -> str:
+def _health_densities(now: HealthFigures) -> str:
     """The density in use in words, and the density of detections if it can be judged."""
     observed = f", detections have {now.detection_density:.3g}"
     in_use = f"{now.snapshot.clutter_density:.3g} per m^2 in use"
-    return in_use + _when(_is_density_judged(now), observed)
+    return in_use + _health_when(_health_is_density_judged(now), observed)
 
 
-def _clutter_contradicted(now: HealthFigures) -> str:
+def _health_clutter_contradicted(now: HealthFigures) -> str:
     observed, expected = max(now.detections, 1.0), now.clutter_expected
     differs = max(observed, expected) > CLUTTER_FACTOR * min(observed, expected)
-    return _when(differs and _is_density_judged(now), f"clutter density of {_densities(now)}")
+    return _health_when(
+        differs and _health_is_density_judged(now), f"clutter density of {_health_densities(now)}"
+    )
 
 
-def _mismatches(now: HealthFigures) -> str:
+def _health_mismatches(now: HealthFigures) -> str:
     return "; ".join(
         f"incompatible quality of service on {topic}: not connected"
         for topic in now.connections.mismatches
     )
 
 
-def _detections(now: HealthFigures) -> str:
-    every = _when(not math.isnan(now.interval), f", a scan every {now.interval:.3g} s")
+def _health_detections(now: HealthFigures) -> str:
+    every = _health_when(not math.isnan(now.interval), f", a scan every {now.interval:.3g} s")
     return f"{now.snapshot.totals.detections} detections{every}"
 
 
-def _own_ship(now: HealthFigures) -> str:
+def _health_own_ship(now: HealthFigures) -> str:
     source = now.snapshot.own_ship_source
     if source == "none":
         return "not needed: the sensor does not move"
     return f"own-ship data from {source}"
 
 
-def _initiation_values(now: HealthFigures) -> Mapping[str, object]:
+def _health_initiation_values(now: HealthFigures) -> Mapping[str, object]:
     snapshot = now.snapshot
     return {
         **dataclasses.asdict(snapshot.totals),
@@ -258,7 +264,7 @@ def _initiation_values(now: HealthFigures) -> Mapping[str, object]:
     }
 
 
-def _detections_values(now: HealthFigures) -> Mapping[str, object]:
+def _health_detections_values(now: HealthFigures) -> Mapping[str, object]:
     return {
         "received": now.snapshot.totals.detections,
         "dropped_share": now.dropped_share,
@@ -272,7 +278,7 @@ def _detections_values(now: HealthFigures) -> Mapping[str, object]:
     }
 
 
-def _own_ship_values(now: HealthFigures) -> Mapping[str, object]:
+def _health_own_ship_values(now: HealthFigures) -> Mapping[str, object]:
     if now.snapshot.own_ship_source == "none":
         return {"source": "none"}
     return {
@@ -286,8 +292,8 @@ def _own_ship_values(now: HealthFigures) -> Mapping[str, object]:
     }
 
 
-def _latency_values(now: HealthFigures) -> Mapping[str, object]:
-    last = now.scans[-1].latency if now.scans else Latency()
+def _health_latency_values(now: HealthFigures) -> Mapping[str, object]:
+    last = now.scans[-1].latency if now.scans else LatencyFigures()
     seconds = {
         "latency": last.to_tracks,
         "latency_all": last.to_all,
@@ -302,7 +308,7 @@ def _latency_values(now: HealthFigures) -> Mapping[str, object]:
     return {f"{name}_ms": 1e3 * value for name, value in seconds.items()}
 
 
-def _sensor_values(now: HealthFigures) -> Mapping[str, object]:
+def _health_sensor_values(now: HealthFigures) -> Mapping[str, object]:
     learned = now.snapshot.sensor_figures
     values: dict[str, object] = {
         **{name: getattr(learned.sensor, name) for name in COVERAGE},
@@ -318,7 +324,7 @@ def _sensor_values(now: HealthFigures) -> Mapping[str, object]:
     return values
 
 
-def _quality_values(now: HealthFigures) -> Mapping[str, object]:
+def _health_quality_values(now: HealthFigures) -> Mapping[str, object]:
     mismatches = sorted(now.connections.mismatches_heard.items())
     return {
         **{f"topics.{name}": topic for name, topic in now.connections.topics.items()},
@@ -326,7 +332,7 @@ def _quality_values(now: HealthFigures) -> Mapping[str, object]:
     }
 
 
-def _sensor_rule(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
+def _health_sensor_rule(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
     def judge(now: HealthFigures) -> str:
         return now.snapshot.sensor_findings.get(subject, "")
 
@@ -338,14 +344,14 @@ ENTRIES: dict[str, Entry] = {
         lambda now: (
             f"{now.snapshot.totals.scans} scans, {now.snapshot.totals.confirmed} confirmed tracks"
         ),
-        _initiation_values,
+        _health_initiation_values,
         (
-            (_drops_of(INITIATION, Level.ERROR, "See `internal_error` below"),),
+            (_health_drops_of(INITIATION, Level.ERROR, "See `internal_error` below"),),
             (
                 Rule(
                     Level.WARN,
                     "Hypotheses were cut by a limit",
-                    lambda now: _when(
+                    lambda now: _health_when(
                         now.recent.cut > 0, f"a limit cut {now.recent.cut} hypotheses"
                     ),
                     "Too many detections for the limits: check the entry `clutter`; raise "
@@ -355,20 +361,20 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     DETECTIONS: Entry(
-        _detections,
-        _detections_values,
+        _health_detections,
+        _health_detections_values,
         (
             (
                 Rule(
                     Level.ERROR,
                     "Detections are published as a type that the node does not read",
-                    unread_type,
+                    health_unread_type,
                     "Restart the node, or set `detections_type`; for images start `sonar_detector`",
                 ),
                 Rule(
                     Level.WARN,
                     "There is no publisher of detections",
-                    lambda now: _when(
+                    lambda now: _health_when(
                         not now.connections.subscribed, "no publisher of detections yet"
                     ),
                     _NO_SCAN,
@@ -376,30 +382,42 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "No scan has arrived",
-                    lambda now: _when(math.isnan(now.since_scan), "no scan yet"),
+                    lambda now: _health_when(math.isnan(now.since_scan), "no scan yet"),
                     _NO_SCAN,
                 ),
                 Rule(
                     Level.STALE,
                     "No scan arrives any more",
-                    lambda now: _when(
+                    lambda now: _health_when(
                         now.since_scan > now.options.stale_time,
                         f"no scan for {now.since_scan:.3g} s",
                     ),
                     "The driver has stopped",
                     ("stale_time",),
                 ),
-                Rule(Level.WARN, "The next scan is overdue", _scan_overdue, _LOST_PINGS, _PERIOD),
+                Rule(
+                    Level.WARN,
+                    "The next scan is overdue",
+                    _health_scan_overdue,
+                    _LOST_PINGS,
+                    _PERIOD,
+                ),
             ),
             (
                 Rule(
                     Level.WARN,
                     "Scans arrive at another rate than expected",
-                    _scan_rate,
+                    _health_scan_rate,
                     _LOST_PINGS,
                     _PERIOD,
                 ),
-                Rule(Level.WARN, "There are gaps between scans", _scan_gaps, _LOST_PINGS, _PERIOD),
+                Rule(
+                    Level.WARN,
+                    "There are gaps between scans",
+                    _health_scan_gaps,
+                    _LOST_PINGS,
+                    _PERIOD,
+                ),
             ),
             (
                 Rule(
@@ -409,19 +427,21 @@ ENTRIES: dict[str, Entry] = {
                     "Publish /clock, or set `use_sim_time` to false",
                 ),
             ),
-            (_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
+            (_health_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
             (
                 Rule(
                     Level.ERROR,
                     "Every detection is dropped",
-                    lambda now: _when(now.dropped_share == 1.0, _detections_dropped(now)),
+                    lambda now: _health_when(
+                        now.dropped_share == 1.0, _health_detections_dropped(now)
+                    ),
                     _EMPTY_RAYS,
                     ("max_dropped_share",),
                 ),
                 Rule(
                     Level.WARN,
                     "Too many detections are dropped one by one",
-                    _detections_dropped,
+                    _health_detections_dropped,
                     _EMPTY_RAYS,
                     ("max_dropped_share",),
                 ),
@@ -429,14 +449,14 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     OWN_SHIP: Entry(
-        _own_ship,
-        _own_ship_values,
+        _health_own_ship,
+        _health_own_ship_values,
         (
             (
                 Rule(
                     Level.WARN,
                     "Odometry is published, but `own_ship_source` is none",
-                    _own_ship_unused,
+                    _health_own_ship_unused,
                     "Set `own_ship_source` to odometry if the sonar moves",
                 ),
             ),
@@ -444,9 +464,9 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "Own-ship data that is used was dropped, or scans were dropped for lack of it",
-                    lambda now: _when(
+                    lambda now: _health_when(
                         now.snapshot.own_ship_source != "none",
-                        _dropped(now.recent_drops(OWN_SHIP)),
+                        _health_dropped(now.recent_drops(OWN_SHIP)),
                     ),
                     _NAVIGATION,
                 ),
@@ -455,7 +475,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "No own-ship data has arrived",
-                    lambda now: _of_odometry(
+                    lambda now: _health_of_odometry(
                         now, math.isnan(now.since_own_ship), "no own-ship data yet"
                     ),
                     _NAVIGATION,
@@ -463,21 +483,21 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.STALE,
                     "Own-ship data has stopped",
-                    lambda now: _no_own_ship(now, now.options.stale_time),
+                    lambda now: _health_no_own_ship(now, now.options.stale_time),
                     "The navigation has stopped; scans of a moving vessel are dropped",
                     ("stale_time",),
                 ),
                 Rule(
                     Level.WARN,
                     "Own-ship data is too old now",
-                    lambda now: _no_own_ship(now, now.options.max_own_ship_age),
+                    lambda now: _health_no_own_ship(now, now.options.max_own_ship_age),
                     _NAVIGATION,
                     ("max_own_ship_age",),
                 ),
                 Rule(
                     Level.WARN,
                     "Own-ship data is too old at the newest scan",
-                    _own_ship_behind,
+                    _health_own_ship_behind,
                     _NAVIGATION,
                     ("max_own_ship_age",),
                 ),
@@ -486,14 +506,14 @@ ENTRIES: dict[str, Entry] = {
     ),
     LATENCY: Entry(
         lambda now: f"at most {1e3 * now.longest_latency(lambda latency: latency.total):.3g} ms",
-        _latency_values,
+        _health_latency_values,
         (
             (
                 Rule(
                     Level.ERROR,
                     "Processing and publishing take longer than the scan interval, in the median "
                     "of the window",
-                    _overload,
+                    _health_overload,
                     "The node cannot keep up: raise the sonar's detection threshold, or reduce "
                     "`max_potential_tracks` and `max_scan_time`",
                 ),
@@ -502,7 +522,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "A scan was finished too late after its arrival",
-                    _long_latency,
+                    _health_long_latency,
                     "`waiting`: own-ship data arrives late. `core`: see `clutter`. `publishing`: "
                     "reduce the subscribers to markers",
                     ("max_latency",),
@@ -511,7 +531,7 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     CLUTTER: Entry(
-        _densities,
+        _health_densities,
         lambda now: {
             "clutter_density": now.snapshot.clutter_density,
             "detection_density": now.detection_density,
@@ -522,7 +542,7 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "The density of the last detections differs from the clutter density in use "
                     f"by a factor of {CLUTTER_FACTOR:g}",
-                    _clutter_contradicted,
+                    _health_clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
                     "`detection_density`. Too low a value causes false tracks, too high a "
                     "value prevents tracks. Check `sensor.max_range` and the sector too: the "
@@ -533,29 +553,29 @@ ENTRIES: dict[str, Entry] = {
     ),
     SENSOR: Entry(
         lambda now: "nothing speaks against them",
-        _sensor_values,
+        _health_sensor_values,
         (
-            _sensor_rule(
+            _health_sensor_rule(
                 "coverage",
                 "All detections fall in less than half of the coverage as given",
                 "Set the parameters that the message names. The density and the threshold already "
                 "refer to where detections fall; tracks are still predicted over the whole "
                 "coverage as given",
             ),
-            _sensor_rule(
+            _health_sensor_rule(
                 "coverage_too_small",
                 "More than 5 % of the detections are outside the coverage",
                 "Set the parameters that the message names; nothing if the coverage is limited on "
                 "purpose",
             ),
-            _sensor_rule(
+            _health_sensor_rule(
                 "errors",
                 "The errors of the detections of confirmed tracks differ from the given errors by "
                 "more than a factor of 1.5",
                 "Set the parameters that the message names: errors that are too small lose "
                 "targets, errors that are too large delay tracks and admit false tracks",
             ),
-            _sensor_rule(
+            _health_sensor_rule(
                 "confirmations",
                 "At least 30 tracks were confirmed within an hour, more than ten times the target "
                 "false-track rate",
@@ -566,13 +586,13 @@ ENTRIES: dict[str, Entry] = {
     ),
     QUALITY_OF_SERVICE: Entry(
         lambda now: "all connections are compatible",
-        _quality_values,
+        _health_quality_values,
         (
             (
                 Rule(
                     Level.ERROR,
                     "A publisher or subscriber has an incompatible quality of service",
-                    _mismatches,
+                    _health_mismatches,
                     "The message names the topic: set the reliability and durability of the other "
                     "side as in docs/topics.md, or set `detections_reliability`",
                 ),
@@ -585,12 +605,12 @@ ENTRIES: dict[str, Entry] = {
         ),
         lambda now: {"tracker": now.snapshot.tracker, **now.dropped_of(TRACKER)},
         (
-            (_drops_of(TRACKER, Level.WARN, _SEE_REASONS),),
+            (_health_drops_of(TRACKER, Level.WARN, _SEE_REASONS),),
             (
                 Rule(
                     Level.WARN,
                     "The downstream tracker has stopped reporting",
-                    lambda now: _when(
+                    lambda now: _health_when(
                         now.snapshot.tracker == "silent", "the downstream tracker is silent"
                     ),
                     "The node maintains the tracker's tracks; restart the tracker",
@@ -609,13 +629,13 @@ ENTRIES: dict[str, Entry] = {
             "on_land": now.snapshot.totals.on_land,
             **now.dropped_of(LAND),
         },
-        ((_drops_of(LAND, Level.WARN, _SEE_REASONS),),),
+        ((_health_drops_of(LAND, Level.WARN, _SEE_REASONS),),),
     ),
 }
 """Every entry by its task, in the order of publication."""
 
 
-def status_of(task: str, entry: Entry, now: HealthFigures) -> Status:
+def health_status(task: str, entry: Entry, now: HealthFigures) -> Status:
     """Return the status of an entry: the sentences of its rules that apply, the worst first."""
     found: list[tuple[Level, str]] = []
     for alternatives in entry.rules:
@@ -650,7 +670,7 @@ class Health:
         self.scans: deque[ScanRecord] = deque(maxlen=MAX_RECORDS)
         self._arrivals: deque[tuple[float, float]] = deque(maxlen=MAX_RECORDS)
         self._heard: dict[str, Now] = {}
-        self._counts: deque[tuple[float, Counts]] = deque()
+        self._counts: deque[tuple[float, CountFigures]] = deque()
 
     def heard(self, task: str, now: Now) -> None:
         """Record the time of an arrival of data for a task, `DETECTIONS` or `OWN_SHIP`."""
@@ -658,11 +678,11 @@ class Health:
 
     def arrived(self, stamp: float, now: Now) -> None:
         """Record the stamp (s) of an arriving scan, processed or not."""
-        self._remember(self._arrivals, (_first(now), stamp))
+        self._remember(self._arrivals, (_first_health(now), stamp))
 
-    def processed(self, detections: int, latency: Latency, now: Now) -> None:
+    def processed(self, detections: int, latency: LatencyFigures, now: Now) -> None:
         """Record a processed scan."""
-        self._remember(self.scans, ScanRecord(_first(now), detections, latency))
+        self._remember(self.scans, ScanRecord(_first_health(now), detections, latency))
 
     def report(
         self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
@@ -684,14 +704,14 @@ class Health:
             options=self.options,
             snapshot=snapshot,
             connections=connections,
-            recent=self._recent(Counts.of(snapshot), _first(now)),
+            recent=self._recent(CountFigures.of(snapshot), _first_health(now)),
             scans=tuple(self.scans),
             arrivals=tuple(self._arrivals),
             since_scan=self._since(DETECTIONS, now),
             since_own_ship=self._since(OWN_SHIP, now),
-            time=_first(now),
+            time=_first_health(now),
         )
-        found = [status_of(task, entry, figures) for task, entry in ENTRIES.items()]
+        found = [health_status(task, entry, figures) for task, entry in ENTRIES.items()]
         return [overall(found), *found]
 
     def _remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
@@ -701,18 +721,18 @@ class Health:
             records.popleft()
 
     def _since(self, task: str, now: Now) -> float:
-        return waited(self._heard[task], now) if task in self._heard else math.nan
+        return input_waited(self._heard[task], now) if task in self._heard else math.nan
 
-    def _recent(self, counts: Counts, time: float) -> Counts:
+    def _recent(self, counts: CountFigures, time: float) -> CountFigures:
         """Record the present counts and return the counts since the beginning of the window."""
         begin = time - self.options.window
         while len(self._counts) > 1 and self._counts[1][0] <= begin:
             self._counts.popleft()
         at_begin = self._counts and self._counts[0][0] <= begin
-        before = self._counts[0][1] if at_begin else Counts()
+        before = self._counts[0][1] if at_begin else CountFigures()
         self._counts.append((time, counts))
         return counts - before
 
 
-def _first(now: Now) -> float:
+def _first_health(now: Now) -> float:
     return now[0] if isinstance(now, tuple) else now

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from tsepm_ros.session.drop_reasons import DETECTIONS, reason_of
+from tsepm_ros.session.drop_reasons import DETECTIONS, drop_reason_of
 
 if TYPE_CHECKING:  # `tsepm health` reads levels alone
     from tsepm_ros.session.session import SessionSnapshot
@@ -70,7 +70,7 @@ def overall(statuses: Sequence[Status]) -> Status:
 
 
 @dataclass(frozen=True)
-class Latency:
+class LatencyFigures:
     """Latency of a scan and its parts, s.
 
     Attributes
@@ -140,11 +140,11 @@ class ScanRecord(NamedTuple):
 
     time: float
     detections: int
-    latency: Latency
+    latency: LatencyFigures
 
 
 @dataclass(frozen=True)
-class Counts:
+class CountFigures:
     """Counts of a session, since its start or over a period.
 
     Attributes
@@ -162,14 +162,14 @@ class Counts:
     dropped: Counter[str] = field(default_factory=Counter)
 
     @classmethod
-    def of(cls, snapshot: SessionSnapshot) -> Counts:
+    def of(cls, snapshot: SessionSnapshot) -> CountFigures:
         """Counts of a session up to now."""
         totals = snapshot.totals
         cut = totals.cut_potential_tracks + totals.cut_confirmations
         return cls(totals.detections, cut, Counter(snapshot.dropped))
 
-    def __sub__(self, before: Counts) -> Counts:
-        return Counts(
+    def __sub__(self, before: CountFigures) -> CountFigures:
+        return CountFigures(
             max(self.detections - before.detections, 0),
             self.cut - before.cut,
             self.dropped - before.dropped,
@@ -201,22 +201,22 @@ class HealthFigures:
     options: DiagnosticsOptions
     snapshot: SessionSnapshot
     connections: Connections
-    recent: Counts
+    recent: CountFigures
     scans: Sequence[ScanRecord]
     arrivals: Sequence[tuple[float, float]]
     since_scan: float
     since_own_ship: float
     time: float
 
-    def longest_latency(self, part: Callable[[Latency], float]) -> float:
+    def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Largest part of a latency in the window, s; 0 without a scan."""
         return max(self._parts(part), default=0.0)
 
-    def median_latency(self, part: Callable[[Latency], float]) -> float:
+    def median_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Median of a part of the latencies in the window, s; 0 without a scan."""
         return statistics.median(self._parts(part) or [0.0])
 
-    def _parts(self, part: Callable[[Latency], float]) -> list[float]:
+    def _parts(self, part: Callable[[LatencyFigures], float]) -> list[float]:
         window = self.options.window
         return [part(scan.latency) for scan in self.scans if self.time - scan.time <= window]
 
@@ -286,7 +286,7 @@ class HealthFigures:
         return {
             f"dropped.{name}": number
             for name, number in sorted(self.snapshot.dropped.items())
-            if reason_of(name).task == task
+            if drop_reason_of(name).task == task
         }
 
     def recent_drops(self, task: str, *, of_detections: bool = False) -> Counter[str]:
@@ -295,7 +295,7 @@ class HealthFigures:
             {
                 name: number
                 for name, number in self.recent.dropped.items()
-                if reason_of(name).task == task
-                and (reason_of(name).lost == "detection") is of_detections
+                if drop_reason_of(name).task == task
+                and (drop_reason_of(name).lost == "detection") is of_detections
             }
         )

@@ -6,7 +6,7 @@ import dataclasses
 import pkgutil
 from typing import Any
 
-from tsepm_ros.parameters import check_value, meant_name, table
+from tsepm_ros.parameters import check_parameter, meant_parameter, parameter_table
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import CommonOptions
@@ -17,11 +17,11 @@ METHODS: dict[str, type[Method] | str] = {
     "tsepm": "tsepm_ros.methods.tsepm:Tsepm",
     "score": "tsepm_ros.methods.score:Score",
     "sequential": "tsepm_ros.studies.sequential:Sequential",
-    "heuristic": "tsepm_ros.studies.path_following:Heuristic",
+    "heuristic": "tsepm_ros.studies.path_following:HeuristicPathFollower",
     "logic": "tsepm_ros.studies.logic:Logic",
     "hough": "tsepm_ros.studies.hough:Hough",
     "modified_hough": "tsepm_ros.studies.hough:ModifiedHough",
-    "clutter_test": "tsepm_ros.studies.split_merge:ClutterTest",
+    "clutter_test": "tsepm_ros.studies.split_merge:SplitMergeClutterTest",
     "split_merge": "tsepm_ros.studies.split_merge:SplitMerge",
     "multiple_model": "tsepm_ros.studies.multiple_model:MultipleModel",
 }
@@ -33,7 +33,7 @@ NODE_METHODS = ("tsepm", "score")
 """Methods whose parameters the node always has; those of another exist where it is chosen."""
 
 
-def method_class(method: str) -> type[Method]:
+def registered_method(method: str) -> type[Method]:
     """The class of a method.
 
     Raises
@@ -53,28 +53,30 @@ def available_methods() -> tuple[str, ...]:
     return tuple(METHODS)
 
 
-def option_names(method: str) -> frozenset[str]:
+def registered_option_names(method: str) -> frozenset[str]:
     """Names of the options that a method takes, its own and those common to all."""
-    groups = (CommonOptions, method_class(method).Options)
+    groups = (CommonOptions, registered_method(method).Options)
     return frozenset(field.name for group in groups for field in dataclasses.fields(group))
 
 
 def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
     """Make a method; see `make_initiator`."""
-    kind = method_class(method)
+    kind = registered_method(method)
     if not isinstance(sensor, SensorModel):
         raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
-    known = option_names(method)
+    known = registered_option_names(method)
     unknown = sorted(set(options) - known)
-    rows = {row.name: row for group in (CommonOptions, kind.Options) for row in table(group)}
-    rows |= {f"sensor.{row.name}": row for row in table(SensorModel)}
+    rows = {
+        row.name: row for group in (CommonOptions, kind.Options) for row in parameter_table(group)
+    }
+    rows |= {f"sensor.{row.name}": row for row in parameter_table(SensorModel)}
     if unknown:
         raise ValueError(
             f"{unknown[0]} is not an option of method {method!r}; it has "
-            f"{', '.join(sorted(known))}{meant_name(unknown[0], rows)}"
+            f"{', '.join(sorted(known))}{meant_parameter(unknown[0], rows)}"
         )
     for name in options.keys() & rows.keys():
-        check_value(name, options[name], rows)
+        check_parameter(name, options[name], rows)
     common = {field.name for field in dataclasses.fields(CommonOptions)}
     return kind(
         sensor,

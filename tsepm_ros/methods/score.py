@@ -60,7 +60,7 @@ from tsepm_ros.tracker.hypotheses import (
     Tree,
     given_starts,
 )
-from tsepm_ros.tracker.initial_state import NO_HIT, fit_paths
+from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states_of_paths
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions, ScoreOptions
@@ -235,7 +235,7 @@ class Score(Method):
 
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        return fit_paths(hypotheses, observed.window, observed.stamp, self.sensor)
+        return fit_initial_states_of_paths(hypotheses, observed.window, observed.stamp, self.sensor)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

@@ -43,19 +43,28 @@ from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.parameters import (
     Parameter,
     Value,
-    check_value,
-    refuse_integer,
-    shown,
+    check_parameter,
+    refuse_integer_parameter,
+    shown_parameter,
     unknown_parameter,
 )
-from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT, reason_of, shortened
-from tsepm_ros.settings.parameter_files import OF_ROS, unused_files, without_value
+from tsepm_ros.session.drop_reasons import (
+    INTERNAL_ERROR,
+    REPORT_IT,
+    drop_reason_of,
+    shortened_reason,
+)
+from tsepm_ros.settings.parameter_files import (
+    OF_ROS,
+    parameter_files_without_value,
+    unused_parameter_files,
+)
 from tsepm_ros.settings.settings import (
     NODES,
-    full_table,
     make_groups,
-    why_unused,
-    with_method,
+    settings_table,
+    settings_with_method,
+    why_settings_unused,
 )
 
 EXIT_BAD_PARAMETER = 2
@@ -100,7 +109,7 @@ class ParameterError(ValueError):
 
 
 @contextmanager
-def refusing(name: str = "") -> Iterator[None]:
+def refusing_node_parameter(name: str = "") -> Iterator[None]:
     """Turn a ValueError into a ParameterError whose message begins with a parameter's name."""
     try:
         yield
@@ -108,7 +117,7 @@ def refusing(name: str = "") -> Iterator[None]:
         raise ParameterError(f"{name}: {error}" if name else str(error)) from None
 
 
-class ParameterisedNode(Node):
+class BaseNode(Node):
     """A node with the parameters of a table.
 
     All given parameters are declared: rclpy reports undeclared names in no other way, and a
@@ -155,15 +164,15 @@ class ParameterisedNode(Node):
         except ValueError as error:
             if not any(words in str(error) for words in ("NOT_SET", "do not agree")):
                 raise
-            names = without_value(arguments, self.get_fully_qualified_name())
+            names = parameter_files_without_value(arguments, self.get_fully_qualified_name())
             raise ParameterError(
                 f"{', '.join(names) or 'a parameter'} has no value: an empty list or entry is none"
             ) from None
-        for sentence in unused_files(arguments, self.get_fully_qualified_name()):
+        for sentence in unused_parameter_files(arguments, self.get_fully_qualified_name()):
             self.get_logger().warning(sentence)
         chosen = self.get_parameters_by_prefix("").get("method")
-        self._groups = with_method(NODES[name], chosen and chosen.value)
-        self._rows = {row.name: row for row in full_table(self._groups)}
+        self._groups = settings_with_method(NODES[name], chosen and chosen.value)
+        self._rows = {row.name: row for row in settings_table(self._groups)}
         self._on_change, self._validate = on_change, validate
         self._dropped, self._warned = Counter[str](), set[str]()
         self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
@@ -225,7 +234,7 @@ class ParameterisedNode(Node):
 
         A node without diagnostics of its own publishes an entry of its drops from then on.
         """
-        self.drop(INTERNAL_ERROR, shortened(f"a callback failed: {error!r}"))
+        self.drop(INTERNAL_ERROR, shortened_reason(f"a callback failed: {error!r}"))
         topic = self.resolve_topic_name("/diagnostics")
         if topic not in {publisher.topic_name for publisher in self.publishers}:
             errors = self.create_publisher(DiagnosticArray, topic, 10)
@@ -256,7 +265,7 @@ class ParameterisedNode(Node):
             self._warned.add(line)
             self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
         now, (last, before) = time.monotonic(), self._said.get(reason, (-WARNING_PERIOD, 0))
-        is_little = total < MORE_DETECTIONS * before and reason_of(reason).lost == "detection"
+        is_little = total < MORE_DETECTIONS * before and drop_reason_of(reason).lost == "detection"
         if now - last < WARNING_PERIOD or (total and is_little):
             return
         self._said[reason] = now, total
@@ -286,16 +295,16 @@ class ParameterisedNode(Node):
         publishers = {publisher.topic_name for publisher in self.publishers}
         given = self.get_parameters_by_prefix(OVERRIDES.removesuffix("."))
         for name, override in sorted(given.items()):
-            _refuse_override(f"{OVERRIDES}{name}", override.value, publishers)
+            _refuse_node_override(f"{OVERRIDES}{name}", override.value, publishers)
 
     def _refuse_unknown(self) -> None:
         unused: dict[str, list[str]] = {}
         for name, given in self.get_parameters_by_prefix("").items():
             if name.startswith(OVERRIDES):
-                _refuse_override(name, given.value)
+                _refuse_node_override(name, given.value)
             if name in self._rows or name.startswith(OF_ROS):
                 continue
-            if not (why := why_unused(name, self._rows)):
+            if not (why := why_settings_unused(name, self._rows)):
                 raise ParameterError(unknown_parameter(name, self._rows))
             self.undeclare_parameter(name)
             unused.setdefault(why, []).append(name)
@@ -307,14 +316,16 @@ class ParameterisedNode(Node):
         if self.has_parameter(row.name):
             given = row.meant(self.get_parameter(row.name).value)
             self.undeclare_parameter(row.name)
-        with refusing():
-            check_value(row.name, given, self._rows)
-            refuse_integer(row, given)
-        self.declare_parameter(row.name, given, _descriptor(row), ignore_override=True)
+        with refusing_node_parameter():
+            check_parameter(row.name, given, self._rows)
+            refuse_integer_parameter(row, given)
+        self.declare_parameter(
+            row.name, given, _node_parameter_descriptor(row), ignore_override=True
+        )
 
     def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
         values = {name: self.get_parameter(name).value for name in self._rows}
-        with refusing():
+        with refusing_node_parameter():
             return make_groups(self._groups, {**values, **changes})
 
     def _typed(self, parameters: list[RosParameter]) -> list[RosParameter]:
@@ -351,7 +362,7 @@ class ParameterisedNode(Node):
         self._on_change(self.options)
 
 
-def _refuse_override(name: str, value: Any, publishers: Collection[str] | None = None) -> None:
+def _refuse_node_override(name: str, value: Any, publishers: Collection[str] | None = None) -> None:
     """Refuse an override that cannot be used.
 
     Parameters
@@ -382,13 +393,13 @@ def _refuse_override(name: str, value: Any, publishers: Collection[str] | None =
             policy not in ("depth", *_POLICIES),
             f"cannot be used: the policy must be depth, {', '.join(_POLICIES)}",
         ),
-        (not is_allowed, f"must be {words}; got {shown(value)}"),
+        (not is_allowed, f"must be {words}; got {shown_parameter(value)}"),
     ):
         if wrong:
             raise ParameterError(f"{name} {sentence}")
 
 
-def _descriptor(row: Parameter) -> ParameterDescriptor:
+def _node_parameter_descriptor(row: Parameter) -> ParameterDescriptor:
     ranges: dict[str, list[Any]] = {}
     if row.bounds and row.type in RANGES:
         field, make, limit = RANGES[row.type]
@@ -415,7 +426,7 @@ class NodeClocks:
         A sentence while the node clock stands still, which limits nothing: its time is nan then.
     """
 
-    def __init__(self, node: ParameterisedNode) -> None:
+    def __init__(self, node: BaseNode) -> None:
         self._node, self.fault = node, ""
         self._time, self._since = math.nan, 0.0
 
@@ -434,7 +445,9 @@ class NodeClocks:
         return wall, math.nan
 
 
-def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = "") -> int:
+def run_node(
+    make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = ""
+) -> int:
     """Run a node until it is interrupted, or until its future `finished`, if any, is done.
 
     Parameters
@@ -456,7 +469,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage:
     if "--help" in given or "-h" in given:
         print(usage)
         return 0
-    if stray := _stray_argument(given):
+    if stray := _stray_node_argument(given):
         print(
             f"refused: {stray!r} is not an argument of this program; parameters and remappings "
             "follow --ros-args, such as --ros-args -p max_speed:=5.0 (--help explains)",
@@ -474,7 +487,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage:
         except RuntimeError as error:
             print(f"refused: {error}", file=sys.stderr)
             return EXIT_BAD_PARAMETER
-        return 0 if signals else _run(make_node)
+        return 0 if signals else _run_node(make_node)
     finally:
         rclpy.try_shutdown()
         for number in ENDING_SIGNALS:
@@ -482,7 +495,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None, usage:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _stray_argument(arguments: Sequence[str]) -> str:
+def _stray_node_argument(arguments: Sequence[str]) -> str:
     """The first option outside of ``--ros-args ... --``, which ROS would ignore; may be empty."""
     to_ros = False
     for argument in arguments:
@@ -493,11 +506,11 @@ def _stray_argument(arguments: Sequence[str]) -> str:
     return ""
 
 
-def _run(make_node: Callable[[], Node]) -> int:
+def _run_node(make_node: Callable[[], Node]) -> int:
     try:
         # Before the node, which takes longer: a signal during its construction prints a traceback.
         with SingleThreadedExecutor() as executor:
-            _spin(executor, _made(make_node))
+            _spin_node(executor, _made_node(make_node))
     except ParameterError as error:
         print(f"refused: {error}", file=sys.stderr)
         return EXIT_BAD_PARAMETER
@@ -508,7 +521,7 @@ def _run(make_node: Callable[[], Node]) -> int:
     return 0
 
 
-def _made(make_node: Callable[[], Node]) -> Node:
+def _made_node(make_node: Callable[[], Node]) -> Node:
     """Make the node; what the middleware refuses, such as security without keys, is refused."""
     try:
         return make_node()
@@ -518,7 +531,7 @@ def _made(make_node: Callable[[], Node]) -> Node:
         raise ParameterError(" ".join(str(error).split())) from error
 
 
-def _release(node: Node) -> None:
+def _release_node(node: Node) -> None:
     """Let a node hear again: rclpy keeps what it could not take marked as being worked on."""
     entities = node.subscriptions, node.timers, node.services, node.clients, node.waitables
     for entity in itertools.chain(*entities):
@@ -528,7 +541,7 @@ def _release(node: Node) -> None:
             group.ending_execution(active)
 
 
-def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+def _spin_node(executor: SingleThreadedExecutor, node: Node) -> None:
     """Call a node's callbacks until its end; an exception of one counts, and the next follows."""
     executor.add_node(node)
     finished: Future = getattr(node, "finished", None) or Future()
@@ -537,9 +550,9 @@ def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
             try:
                 executor.spin_once()
             except Exception as error:
-                if not (rclpy.ok() and isinstance(node, ParameterisedNode)):
+                if not (rclpy.ok() and isinstance(node, BaseNode)):
                     raise
-                _release(node)
+                _release_node(node)
                 with suppress(Exception):  # of a MemoryError, its report may be another
                     node.fail(error)
     finally:

@@ -20,7 +20,7 @@ LONGEST = 600.0
 """Time in the queue above which the clocks of publisher and subscriber differ, s."""
 
 
-def seconds_in_queue(information: Any) -> float:
+def pace_seconds_in_queue(information: Any) -> float:
     """Time that a message waited in the middleware, s, by the information that came with it.
 
     From its arrival here, where the middleware notes that, else from its publication. 0 where
@@ -38,7 +38,7 @@ def seconds_in_queue(information: Any) -> float:
     return waited if 0.0 <= waited <= LONGEST else 0.0
 
 
-def newest(
+def newest_at_pace(
     message: Any,
     information: Any,
     interval: float,
@@ -66,13 +66,13 @@ def newest(
     skipped : list
         Older messages that are not processed, oldest first.
     """
-    waited = seconds_in_queue(information)
+    waited = pace_seconds_in_queue(information)
     is_late = interval and waited > max(MAX_BACKLOG, BACKLOG_INTERVALS * interval)
     heard = [(message, information)]
     if is_late or is_behind:
         heard += take_waiting()
     *skipped, (message, information) = heard
-    return message, seconds_in_queue(information), [older for older, _ in skipped]
+    return message, pace_seconds_in_queue(information), [older for older, _ in skipped]
 
 
 class Pace:

@@ -30,13 +30,13 @@ from msg_adapters import (
     track_odometry,
 )
 from msg_adapters.track_messages import marker_sizes
-from tsepm_ros.diagnostics.health_figures import Latency
+from tsepm_ros.diagnostics.health_figures import LatencyFigures
 from tsepm_ros.nodes.base_node import OVERRIDABLE
-from tsepm_ros.nodes.subscriptions import QosWatch
-from tsepm_ros.own_ship.registration import exchanged, stated_axes
+from tsepm_ros.nodes.subscriptions import SubscriptionQos
+from tsepm_ros.own_ship.registration import exchanged_after_registration, registration_axes
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
 
@@ -64,7 +64,7 @@ OUTPUTS = {
 """Topics with their types, depths and durabilities."""
 
 
-def announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
+def published_announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
     """One line of a confirmed track: its id, place, speed and direction, and the reason.
 
     The direction is counter-clockwise from the x axis of the fixed frame; the reason begins with
@@ -78,7 +78,7 @@ def announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
     )
 
 
-class TrackAnnouncements:
+class AnnouncementPublisher:
     """Says a line for each confirmed track and for each end, each at most `MAX_LINES` per `PERIOD`.
 
     Of the tracks left out, one line per period says the number and the ids.
@@ -105,7 +105,9 @@ class TrackAnnouncements:
         self._add(
             "confirmed",
             new,
-            lambda number: announcement(new[number], result.frame_id, reason(new[number])),
+            lambda number: published_announcement(
+                new[number], result.frame_id, reason(new[number])
+            ),
         )
         self._add(
             "ended",
@@ -141,7 +143,7 @@ class TrackAnnouncements:
         ids.clear()
 
 
-class TrackOutputs:
+class TrackPublishers:
     """Publishes the result of each scan.
 
     Parameters
@@ -155,7 +157,7 @@ class TrackOutputs:
     """
 
     def __init__(
-        self, node: Node, session: Session, watch: QosWatch, with_potential_tracks: bool
+        self, node: Node, session: Session, watch: SubscriptionQos, with_potential_tracks: bool
     ) -> None:
         self._session = session
         self._with_potential_tracks = with_potential_tracks
@@ -179,7 +181,7 @@ class TrackOutputs:
             for topic, (kind, depth, durability) in OUTPUTS.items()
         }
 
-    def publish(self, result: ScanResult, entered: float) -> Latency:
+    def publish(self, result: ScanResult, entered: float) -> LatencyFigures:
         """Publish the result of a scan, new tracks first, and return its latency.
 
         `entered` is the `perf_counter` at the beginning of the callback.
@@ -190,7 +192,7 @@ class TrackOutputs:
         published = time.perf_counter()
         self._publish_more(header, result)
         end = time.perf_counter()
-        return Latency(
+        return LatencyFigures(
             to_tracks=published - entered,
             to_all=end - entered,
             waiting=result.waiting,
@@ -245,9 +247,9 @@ class TrackOutputs:
         self._with_potential_tracks = shown
 
     def _publish_placed(self, header: Header, scan: Scan) -> None:
-        detections = convert(scan, self._session.settings.sensor, 0)
+        detections = convert_measurements(scan, self._session.settings.sensor, 0)
         offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
-        order = -1 if stated_axes(header.frame_id) == "down" else 1
+        order = -1 if registration_axes(header.frame_id) == "down" else 1
         placed = PlacedDetections(
             detections["position"][:, ::order],
             detections["covariance"][:, ::order, ::order],
@@ -258,7 +260,7 @@ class TrackOutputs:
 
     def _publish_potential(self, header: Header) -> None:
         potential = TrackArrays.from_tracks(self._session.tracker.potential_tracks())
-        tracks = exchanged(potential, header.frame_id)
+        tracks = exchanged_after_registration(potential, header.frame_id)
         self._publish("potential_tracks", track_cloud(header, tracks))
         if self._is_heard("potential_tracks/markers"):
             markers = potential_track_markers(header, tracks, **self._sizes)

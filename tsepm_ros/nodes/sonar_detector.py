@@ -20,13 +20,13 @@ from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, DetectorOptions, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
-from tsepm_ros.nodes.base_node import ParameterisedNode, run
-from tsepm_ros.nodes.pace import MAX_BACKLOG, Pace, newest, seconds_in_queue
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription, QosWatch
+from tsepm_ros.nodes.base_node import BaseNode, run_node
+from tsepm_ros.nodes.pace import MAX_BACKLOG, Pace, newest_at_pace, pace_seconds_in_queue
+from tsepm_ros.nodes.subscriptions import DetectionsSubscription, SubscriptionQos
 from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
-from tsepm_ros.settings.settings import help_text
+from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tracker.scan import Scan
 
 IMAGE, DETECTIONS = "image", "detections"
@@ -36,7 +36,7 @@ PERIOD = 1.0
 """Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
 
 
-class SonarDetector(ParameterisedNode):
+class SonarDetector(BaseNode):
     """Subscribes to images and publishes their detections."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -61,7 +61,7 @@ class SonarDetector(ParameterisedNode):
             options.image_reliability,
             options.image_depth,
             self._hear,
-            QosWatch(self),
+            SubscriptionQos(self),
             topic=IMAGE,
             readable=tuple(IMAGES),
             least_depth=dict.fromkeys(BEARINGS, BEARINGS_DEPTH),
@@ -72,9 +72,9 @@ class SonarDetector(ParameterisedNode):
 
     def _hear(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest image, or turn."""
-        pace, waited = self._pace, seconds_in_queue(information)
+        pace, waited = self._pace, pace_seconds_in_queue(information)
         if not self._input.in_parts:
-            message, waited, skipped = newest(
+            message, waited, skipped = newest_at_pace(
                 message, information, pace.interval, self._images.take_waiting, pace.is_behind
             )
             stamps = [image.header.stamp for image in (*skipped, message)]
@@ -190,7 +190,7 @@ class SonarDetector(ParameterisedNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(SonarDetector, args, help_text("sonar_detector", __doc__))
+    return run_node(SonarDetector, args, settings_help("sonar_detector", __doc__))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from rclpy.qos import (
 )
 
 from msg_adapters import MessageError, message_class, supported_types
-from tsepm_ros.nodes.base_node import refusing
+from tsepm_ros.nodes.base_node import refusing_node_parameter
 
 DEFAULT_TYPE = "sensor_msgs/msg/PointCloud2"
 """Type that is subscribed to while there is no publisher."""
@@ -38,7 +38,7 @@ NOT_RELIABLE = (
 )
 
 
-class QosWatch:
+class SubscriptionQos:
     """Counts the middleware's events of incompatibility, and checks which still exist.
 
     Parameters
@@ -131,7 +131,7 @@ class OfferedSubscription:
         topic: str,
         depth: int,
         callback: Callable[..., None],
-        watch: QosWatch,
+        watch: SubscriptionQos,
         *,
         reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
         refusal: str = "",
@@ -234,7 +234,7 @@ class DetectionsSubscription:
         reliability: str,
         depth: int,
         callback: Callable[..., None],
-        watch: QosWatch,
+        watch: SubscriptionQos,
         *,
         topic: str = "detections",
         readable: Sequence[str] | None = None,
@@ -260,7 +260,7 @@ class DetectionsSubscription:
         self._published_types: tuple[str, ...] = ()
         self.subscribed = ""
         if type_name != "auto":
-            with refusing(f"{topic}_type"):
+            with refusing_node_parameter(f"{topic}_type"):
                 message_class(type_name, self._readable)
             self._readable, self._expected = (type_name,), type_name
         if type_name != "auto" and self._asked:

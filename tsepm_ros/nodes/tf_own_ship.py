@@ -15,7 +15,12 @@ from rclpy.time import Time
 from msg_adapters import MessageError
 from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import AXES, angles_of, east_north_up, rotation_of
+from tsepm_ros.own_ship.registration import (
+    AXES,
+    registration_angles,
+    registration_east_north_up,
+    registration_rotation,
+)
 from tsepm_ros.session.session import Session
 
 CACHE_TIME = 120.0
@@ -64,7 +69,7 @@ def tf_look_up(
             if not buffer.can_transform(fixed_frame, frame, at):
                 return f"tf has no transform from {frame!r} to {fixed_frame!r} at {stamp:.3f} s"
             transform = buffer.lookup_transform(fixed_frame, frame, at).transform
-            session.add_own_ship(_sample(stamp, transform, axes, fixed_frame))
+            session.add_own_ship(_tf_pose_sample(stamp, transform, axes, fixed_frame))
         return ""
 
     return look_up
@@ -116,21 +121,23 @@ def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> Pose
         raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
     stamped = buffer.lookup_transform(fixed_frame, frame, at)
     stamp = Time.from_msg(stamped.header.stamp).nanoseconds * 1e-9
-    sample = _sample(stamp, stamped.transform, "body", fixed_frame)
+    sample = _tf_pose_sample(stamp, stamped.transform, "body", fixed_frame)
     before = Time(nanoseconds=max(1, round((stamp - VELOCITY_SPAN) * 1e9)))
     if not buffer.can_transform(fixed_frame, frame, before):
         return sample
     earlier = buffer.lookup_transform(fixed_frame, frame, before).transform
-    start = _sample(stamp, earlier, "body", fixed_frame)
+    start = _tf_pose_sample(stamp, earlier, "body", fixed_frame)
     vx, vy = (sample.x - start.x) / VELOCITY_SPAN, (sample.y - start.y) / VELOCITY_SPAN
     return replace(sample, rates=(vx, vy, math.nan))
 
 
-def _sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
-    q, world = transform.rotation, east_north_up(frame_id)
+def _tf_pose_sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
+    q, world = transform.rotation, registration_east_north_up(frame_id)
     x, y = (world[:2, :2] @ [transform.translation.x, transform.translation.y]).tolist()
     try:
-        yaw, pitch, roll = angles_of(world @ rotation_of((q.x, q.y, q.z, q.w)) @ AXES[axes])
+        yaw, pitch, roll = registration_angles(
+            world @ registration_rotation((q.x, q.y, q.z, q.w)) @ AXES[axes]
+        )
     except ValueError:  # no heading: the session refuses and counts nan
         yaw = pitch = roll = math.nan
     return PoseSample(stamp, x, y, yaw, roll=roll, pitch=pitch, frame_id=frame_id)

@@ -15,25 +15,29 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, make_header
 from msg_adapters.message_input import MessageInput
-from tsepm_ros.diagnostics.health import Health, unused_own_ship_on
+from tsepm_ros.diagnostics.health import Health, health_unused_own_ship
 from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.nodes.base_node import OVERRIDABLE, NodeClocks, ParameterisedNode, run
-from tsepm_ros.nodes.pace import newest
+from tsepm_ros.nodes.base_node import OVERRIDABLE, BaseNode, NodeClocks, run_node
+from tsepm_ros.nodes.pace import newest_at_pace
 from tsepm_ros.nodes.publishers import (
-    TrackAnnouncements,
-    TrackOutputs,
+    AnnouncementPublisher,
+    TrackPublishers,
 )
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription, OfferedSubscription, QosWatch
+from tsepm_ros.nodes.subscriptions import (
+    DetectionsSubscription,
+    OfferedSubscription,
+    SubscriptionQos,
+)
 from tsepm_ros.nodes.tf_own_ship import tf_look_up
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.session.consistency_checks import questions
-from tsepm_ros.session.drop_reasons import DETECTIONS, INTERNAL_ERROR, OWN_SHIP, shortened
+from tsepm_ros.session.consistency_checks import check_questions
+from tsepm_ros.session.drop_reasons import DETECTIONS, INTERNAL_ERROR, OWN_SHIP, shortened_reason
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
-from tsepm_ros.settings.settings import help_text, settings_from
+from tsepm_ros.settings.settings import settings_from, settings_help
 from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 WAIT_PERIOD = 0.05
 """Time between checks of the scans that wait for own-ship data, s."""
@@ -51,7 +55,7 @@ SAVING_PERIOD = 60.0
 """Time between writings of that file, s."""
 
 
-class LearnedFile:
+class InitiatorLearnedFile:
     """Reads what was learned at the start, and writes it while the node runs and at its end.
 
     Ages count on the system's clock: a simulated clock starts again with each run.
@@ -87,7 +91,7 @@ class LearnedFile:
             if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
                 raise OSError("a name in its path has more than 200 bytes")
             self._path = path
-            found, age = learned.read(
+            found, age = learned.read_learned(
                 path.read_text(encoding="utf-8"),
                 self._session.settings.sensor,
                 self._session.settings.session.sensor_frame,
@@ -98,7 +102,7 @@ class LearnedFile:
             return
         except (OSError, ValueError, RuntimeError) as error:  # the last: no such user
             self._logger.warning(
-                f"{shortened(f'learned_file {name}')} is not used: "
+                f"{shortened_reason(f'learned_file {name}')} is not used: "
                 f"{getattr(error, 'strerror', None) or error}"  # without the path again
             )
             return
@@ -124,24 +128,24 @@ class LearnedFile:
         if self._path is None or initiator.stamp is None:
             return
         try:
-            text = learned.written(
+            text = learned.write_learned(
                 initiator.learned,
                 initiator.sensor,
                 self._session.settings.session.sensor_frame,
                 time.time(),
             )
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(self._path, text)
+            write_whole_text(self._path, text)
             self._failed = False
         except (OSError, ValueError) as error:
             if not self._failed:
                 self._logger.warning(
-                    shortened(f"learned_file {self._path} cannot be written: {error}")
+                    shortened_reason(f"learned_file {self._path} cannot be written: {error}")
                 )
             self._failed = True
 
 
-class TrackInitiator(ParameterisedNode):
+class TrackInitiator(BaseNode):
     """Subscribes to detections and publishes confirmed tracks.
 
     Attributes
@@ -164,7 +168,7 @@ class TrackInitiator(ParameterisedNode):
             f"method {self.options[SessionOptions].method}: splits, evaluates, prunes and merges "
             "tracks"
         )
-        self._learned = LearnedFile(
+        self._learned = InitiatorLearnedFile(
             self._session,
             options.learned_file,
             options.learned_max_age,
@@ -172,11 +176,11 @@ class TrackInitiator(ParameterisedNode):
         )
         self._input = MessageInput(self._session, options, self.warn_once)
         self.health = Health(self.options[DiagnosticsOptions])
-        self._qos = QosWatch(self)
-        self._outputs = TrackOutputs(
+        self._qos = SubscriptionQos(self)
+        self._outputs = TrackPublishers(
             self, self._session, self._qos, options.publish_potential_tracks
         )
-        self._announced = TrackAnnouncements(self.get_logger().info)
+        self._announced = AnnouncementPublisher(self.get_logger().info)
         self._subscribe_own_ship()
         self._tracked = OfferedSubscription(
             self, PointCloud2, "tracked", TRACKED_DEPTH, self._input.take_tracked, self._qos
@@ -219,7 +223,7 @@ class TrackInitiator(ParameterisedNode):
     def _hear_detections(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
         interval = self._session.tracker.learned.scan_interval.median
-        message, waited, skipped = newest(
+        message, waited, skipped = newest_at_pace(
             message, information, interval, self._detections.take_waiting
         )
         if skipped:
@@ -314,7 +318,7 @@ class TrackInitiator(ParameterisedNode):
 
     def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
         """Log questions about parameters that look like degrees, each once."""
-        for question in questions(parameters[SensorModel], parameters[Mounting]):
+        for question in check_questions(parameters[SensorModel], parameters[Mounting]):
             self.warn_once(question)
 
     def _report_health(self) -> None:
@@ -345,7 +349,7 @@ class TrackInitiator(ParameterisedNode):
         endpoints = self.get_publishers_info_by_topic(topic)
         if "nav_msgs/msg/Odometry" not in {endpoint.topic_type for endpoint in endpoints}:
             return ""
-        self.warn_once(unused_own_ship_on(topic))
+        self.warn_once(health_unused_own_ship(topic))
         return topic
 
     def _report(self, reason: str, sentence: str) -> None:
@@ -354,7 +358,7 @@ class TrackInitiator(ParameterisedNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(TrackInitiator, args, help_text("track_initiator", __doc__))
+    return run_node(TrackInitiator, args, settings_help("track_initiator", __doc__))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ def changed(table: T, **columns: Any) -> T:
     return new
 
 
-def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
+def array_indices(rows: NDArray[np.generic]) -> NDArray[Any]:
     """Rows as indices, given as indices or a mask: several columns take them faster."""
     return rows.nonzero()[0] if rows.dtype == bool else rows
 
@@ -37,10 +37,10 @@ def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.vo
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
     """
-    return records.take(indices(rows), axis=0)
+    return records.take(array_indices(rows), axis=0)
 
 
-def appended(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
+def appended_arrays(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
     """Structured arrays (n,) one after the other.
 
     As blocks of bytes, which is many times faster than field by field.
@@ -72,7 +72,7 @@ class Rows:
 
     def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
         """The given rows: indices, a mask, or a slice, which is a view."""
-        row = rows if isinstance(rows, slice) else indices(rows)
+        row = rows if isinstance(rows, slice) else array_indices(rows)
         new, columns = object.__new__(type(self)), self.__dict__
         for name in self.__dataclass_fields__:
             column = columns[name]
@@ -114,7 +114,7 @@ class Rows:
         return cls(*columns)
 
 
-def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+def array_log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Log of the summed likelihood ratios of each group, ``ln sum_i exp(s_i)``.
 
     Parameters
@@ -129,21 +129,21 @@ def summed(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     (count,) ndarray
         -inf for a group without hypotheses.
     """
-    largest = largest_of(score, group, count)
+    largest = array_largest_of_groups(score, group, count)
     base = np.where(np.isfinite(largest), largest, 0.0)
     sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(sums) + base)
 
 
-def largest_of(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+def array_largest_of_groups(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Largest score of each group, (count,); -inf for a group without hypotheses."""
     largest = np.full(count, -np.inf)
     np.maximum.at(largest, group, score)
     return largest
 
 
-def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
+def among_best_of_array(group: IntArray, score: FloatArray, number: int) -> BoolArray:
     """Which rows are among a number of the largest scores of their group, (n,)."""
     kept = np.ones(len(group), bool)
     if len(group) <= number:
@@ -155,7 +155,7 @@ def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
     return kept
 
 
-def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
+def array_sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
     """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
 
     `ids` holds at least one detection; other hits count 0.
@@ -164,7 +164,7 @@ def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatAr
     return np.asarray(np.where(ids[index] == hits, values[index], 0.0).sum(axis=1))
 
 
-def members_of_groups(labels: IntArray) -> list[IntArray]:
+def array_rows_of_groups(labels: IntArray) -> list[IntArray]:
     """Rows of each group, groups in the order of their first rows."""
     order = np.argsort(labels, kind="stable")
     borders = np.flatnonzero(np.diff(labels[order])) + 1
@@ -208,7 +208,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
         low, high = into[first], into[second]
         key = np.minimum(low, high) * n + np.maximum(low, high)
         key, inverse = np.unique(np.where(low == high, -1, key), return_inverse=True)
-        distance = largest_of(distance, inverse, len(key))
+        distance = array_largest_of_groups(distance, inverse, len(key))
         count = np.bincount(inverse, count, minlength=len(key)).astype(np.int64)
         first, second = key // n, key % n
         kept = (key >= 0) & (count == size[first] * size[second])
@@ -216,7 +216,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
     return label
 
 
-def keep_best(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
+def array_rows_of_least_cost(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
     """Rows of the `limit` smallest costs, in ascending order of rows.
 
     Ties are kept in the order of their rows: the choice is the same on every machine.

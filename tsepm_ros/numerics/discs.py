@@ -58,11 +58,11 @@ def disc_probability(
     if len(row):
         across, along = np.einsum("nij,ni->jn", axes[row], mean[row])
         of_cut = np.broadcast_to(radius, cut.shape)[cut]
-        probability[cut] = _integrals(across, along, minor[row], major[row], of_cut)
+        probability[cut] = _disc_integrals(across, along, minor[row], major[row], of_cut)
     return probability * (radius > 0.0)
 
 
-def _integrals(
+def _disc_integrals(
     across: FloatArray,
     along: FloatArray,
     minor: FloatArray,
@@ -83,7 +83,7 @@ def _integrals(
     return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
 
 
-def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
+def squared_distances_of_discs(centres: FloatArray, positions: FloatArray) -> FloatArray:
     """``|z - c|^2`` of all pairs of centres (g, 2) and positions (n, 2), (g, n)."""
     x = centres[:, :1] - positions[:, 0]
     y = centres[:, 1:] - positions[:, 1]
@@ -93,7 +93,7 @@ def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
     return x
 
 
-def pairs_within(
+def pairs_within_discs(
     positions: FloatArray,
     centres: FloatArray,
     radius: FloatArray,
@@ -119,7 +119,7 @@ def pairs_within(
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
-        within = squared_distances(centres, positions) <= (radius * radius)[:, None]
+        within = squared_distances_of_discs(centres, positions) <= (radius * radius)[:, None]
         centre, position = within.nonzero()
         return (centre, position) if len(centre) <= most else None
     places, middle = positions.T.copy(), centres.T.copy()
@@ -145,10 +145,10 @@ def pairs_within(
         part = slice(first, first + together)
         touched = top[part] - bottom[part] + 1
         owner = np.arange(first, first + len(touched)).repeat(touched)
-        of_row = _counted(bottom[part], touched) * columns
+        of_row = _disc_pair_numbers(bottom[part], touched) * columns
         begin = begins.take(of_row + left.take(owner))
         count = begins.take(of_row + right.take(owner) + 1) - begin
-        centre, index = owner.repeat(count), _counted(begin, count)
+        centre, index = owner.repeat(count), _disc_pair_numbers(begin, count)
         x, y = places.take(index, axis=1) - middle.take(centre, axis=1)
         inside = np.flatnonzero(x * x + y * y <= square.take(centre))
         number += len(inside)
@@ -161,7 +161,7 @@ def pairs_within(
     return centre, position
 
 
-def pairs_between(
+def pairs_within_disc(
     centres: FloatArray, positions: FloatArray, distance: float
 ) -> tuple[IntArray, IntArray]:
     """Rows of centres (k, 2) and positions (n, 2) no farther apart than a distance, ascending."""
@@ -173,7 +173,7 @@ def pairs_between(
     return row[order], other[order]
 
 
-def _counted(first: IntArray, number: IntArray) -> IntArray:
+def _disc_pair_numbers(first: IntArray, number: IntArray) -> IntArray:
     """From each first, as many consecutive numbers as asked for, one after another."""
     ends = np.cumsum(number)
     return np.arange(ends[-1]) + (first - ends + number).repeat(number)

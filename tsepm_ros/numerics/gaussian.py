@@ -18,7 +18,7 @@ MIN_VARIANCE_SHARE = 1e-24
 """Smallest variance of a repaired matrix, as a share of its largest."""
 
 
-def gate_factor(probability: float) -> float:
+def gaussian_gate_factor(probability: float) -> float:
     """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
 
     ``alpha = sqrt(-2 ln(1 - P))``
@@ -26,19 +26,19 @@ def gate_factor(probability: float) -> float:
     return math.sqrt(-2.0 * math.log1p(-probability))
 
 
-def squared_distance(difference: FloatArray, covariance: FloatArray) -> FloatArray:
+def squared_mahalanobis_distance(difference: FloatArray, covariance: FloatArray) -> FloatArray:
     """Squared Mahalanobis distance ``d' C^-1 d`` of vectors (..., 2), covariances (..., 2, 2)."""
     x, y = difference[..., 0], difference[..., 1]
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
 
 
-def is_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
+def is_gaussian_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
     """Whether (..., 2) vectors of (..., 2, 2) covariances differ from 0, at a level of 0.1 %."""
-    return np.asarray(squared_distance(difference, covariance) > SIGNIFICANT)
+    return np.asarray(squared_mahalanobis_distance(difference, covariance) > SIGNIFICANT)
 
 
-def inverse(matrix: FloatArray) -> FloatArray:
+def inverse_covariance(matrix: FloatArray) -> FloatArray:
     """Inverse of each (..., 2, 2) matrix, by its closed form."""
     a, b = matrix[..., 0, 0], matrix[..., 0, 1]
     c, d = matrix[..., 1, 0], matrix[..., 1, 1]
@@ -48,7 +48,9 @@ def inverse(matrix: FloatArray) -> FloatArray:
     return inverted / (a * d - b * c)[..., None, None]
 
 
-def log_density(innovation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def gaussian_log_density(
+    innovation: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Log of the Gaussian density of innovations, and their squared distances.
 
     ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
@@ -67,12 +69,12 @@ def log_density(innovation: FloatArray, covariance: FloatArray) -> tuple[FloatAr
     distance : (n,) ndarray
         ``d' S^-1 d``.
     """
-    distance = squared_distance(innovation, covariance)
+    distance = squared_mahalanobis_distance(innovation, covariance)
     xx, yy, xy = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
 
 
-def mixture(
+def gaussian_mixture(
     weights: FloatArray, states: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Means and covariances over alternatives, the spread of their means included.
@@ -99,7 +101,7 @@ def mixture(
     return states[0] + mean, covariance
 
 
-def proper(covariance: FloatArray) -> FloatArray:
+def proper_covariance(covariance: FloatArray) -> FloatArray:
     """Covariances that are symmetric and positive definite beyond the rounding.
 
     A matrix whose correlations have all eigenvalues above `MIN_EIGENVALUE` is left as it is, to the
@@ -117,16 +119,20 @@ def proper(covariance: FloatArray) -> FloatArray:
     """
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     finite = np.isfinite(covariance).all(axis=(1, 2))
-    if finite.all() and (variance > 0.0).all() and _is_definite(_scaled(covariance, variance)):
+    if (
+        finite.all()
+        and (variance > 0.0).all()
+        and _is_definite_correlation(_scaled_covariance(covariance, variance))
+    ):
         return covariance
     repaired = covariance.copy()
     for row in np.flatnonzero(finite):
-        repaired[row] = _repaired(covariance[row])
+        repaired[row] = _repaired_covariance(covariance[row])
     return repaired
 
 
 @np.errstate(invalid="ignore")
-def inverse_or_nan(matrices: FloatArray) -> FloatArray:
+def inverse_covariance_or_nan(matrices: FloatArray) -> FloatArray:
     """Inverse of each (..., d, d) matrix; nan for a singular matrix."""
     try:
         inverted = np.linalg.inv(matrices)
@@ -141,16 +147,16 @@ def solve(covariance: FloatArray, difference: FloatArray) -> FloatArray:
     try:
         solved = np.linalg.solve(covariance, difference[..., None])
     except np.linalg.LinAlgError:
-        solved = np.linalg.solve(proper(covariance), difference[..., None])
+        solved = np.linalg.solve(proper_covariance(covariance), difference[..., None])
     return solved[..., 0].astype(np.float64, copy=False)
 
 
-def _scaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+def _scaled_covariance(covariance: FloatArray, variance: FloatArray) -> FloatArray:
     sigma = np.sqrt(variance)
     return covariance / sigma[..., :, None] / sigma[..., None, :]
 
 
-def _is_definite(correlation: FloatArray) -> bool:
+def _is_definite_correlation(correlation: FloatArray) -> bool:
     """Whether all matrices are symmetric, and their eigenvalues are above MIN_EIGENVALUE."""
     if np.abs(correlation - np.swapaxes(correlation, -1, -2)).max(initial=0.0) > MIN_EIGENVALUE:
         return False
@@ -161,13 +167,15 @@ def _is_definite(correlation: FloatArray) -> bool:
     return True
 
 
-def _repaired(covariance: FloatArray) -> FloatArray:
+def _repaired_covariance(covariance: FloatArray) -> FloatArray:
     variance = np.diagonal(covariance).copy()
     largest = max(float(variance.max()), np.finfo(float).tiny / MIN_VARIANCE_SHARE)
     variance = np.maximum(variance, MIN_VARIANCE_SHARE * largest)
-    if (np.diagonal(covariance) == variance).all() and _is_definite(_scaled(covariance, variance)):
+    if (np.diagonal(covariance) == variance).all() and _is_definite_correlation(
+        _scaled_covariance(covariance, variance)
+    ):
         return covariance
-    correlation = _scaled(0.5 * (covariance + covariance.T), variance).clip(-1.0, 1.0)
+    correlation = _scaled_covariance(0.5 * (covariance + covariance.T), variance).clip(-1.0, 1.0)
     np.fill_diagonal(correlation, 1.0)
     values, vectors = np.linalg.eigh(correlation)
     correlation = (vectors * np.maximum(values, REPAIRED_EIGENVALUE)) @ vectors.T

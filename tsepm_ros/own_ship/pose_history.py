@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_covariance
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_scan_covariance
 
 RATE_SPAN = 2.0
 """Time over which differences of poses give the sensor's velocity, s."""
@@ -35,7 +35,7 @@ class PoseSample:
         Covariance of x, y, yaw; None if unknown.
     rates : (float, float, float) or None
         Velocity vx, vy (fixed frame, m/s) and yaw rate (rad/s); None if all are unknown, nan for
-        an unknown component: differences of poses replace them. `known_rates` treats zeros.
+        an unknown component: differences of poses replace them. `known_pose_rates` treats zeros.
     roll, pitch : float
         Attitude, rad, as in `tsepm_ros.own_ship.registration`; 0 if unknown.
     frame_id, child_frame_id : str
@@ -72,13 +72,13 @@ class PoseSample:
                 f"rates must be at most {MAX_MAGNITUDE['sensor_velocity']:g}; got {rates}"
             )
         if self.covariance is not None:
-            checked_covariance("covariance", self.covariance)
+            checked_scan_covariance("covariance", self.covariance)
             position = self.covariance[:2, :2]  # a large heading variance must not hide its error
             if np.linalg.eigvalsh(position)[0] < -1e-9 * np.abs(position).max():
                 raise ValueError("covariance of x and y must be positive semi-definite")
 
 
-def known_rates(vx: float, vy: float, yaw_rate: float) -> tuple[float, float, float]:
+def known_pose_rates(vx: float, vy: float, yaw_rate: float) -> tuple[float, float, float]:
     """Replace zero rates by nan: Odometry cannot mark a rate unknown.
 
     Velocity and yaw rate are treated separately, since a source may provide only one of them. For a
@@ -160,9 +160,9 @@ class PoseHistory:
         return True
 
     def _keep(self, samples: list[PoseSample], newest: PoseSample) -> None:
-        del samples[_settled(samples) :]
+        del samples[_settled_poses(samples) :]
         samples.append(newest)
-        old = bisect_left(samples, newest.stamp - self._min_span, key=_stamp)
+        old = bisect_left(samples, newest.stamp - self._min_span, key=_pose_stamp)
         del samples[: min(old, max(len(samples) - self._min_samples, 0))]
 
     @property
@@ -191,7 +191,7 @@ class PoseHistory:
             return PoseCoverage.NOT_YET
         if first < self._samples[0].stamp - self.max_extrapolation:
             return PoseCoverage.NEVER
-        settled = _settled(self._samples)
+        settled = _settled_poses(self._samples)
         newest = self._samples[settled - 1].stamp
         if self._has_gap(first, min(last, newest)):
             return PoseCoverage.NEVER
@@ -331,19 +331,19 @@ class PoseHistory:
         return self._bracket(first, last)
 
     def _bracket(self, first: float, last: float) -> list[PoseSample]:
-        begin = max(bisect_left(self._samples, first, key=_stamp) - 1, 0)
-        end = min(bisect_left(self._samples, last, key=_stamp) + 2, len(self._samples))
+        begin = max(bisect_left(self._samples, first, key=_pose_stamp) - 1, 0)
+        end = min(bisect_left(self._samples, last, key=_pose_stamp) + 2, len(self._samples))
         begin = max(min(begin, end - 2), 0)
         return self._samples[begin:end]
 
 
-def _settled(samples: list[PoseSample]) -> int:
+def _settled_poses(samples: list[PoseSample]) -> int:
     """Number of permanent samples: all but a newest sample too close to its predecessor."""
     close = len(samples) > 1 and samples[-1].stamp - samples[-2].stamp < MIN_SAMPLE_PERIOD
     return len(samples) - close
 
 
-def _stamp(sample: PoseSample) -> float:
+def _pose_stamp(sample: PoseSample) -> float:
     return sample.stamp
 
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import FloatArray, changed
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Arc, Scan, chosen, wrap
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, ScanArc, scan_of_rows, wrap
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MIN_QUATERNION_NORM = 1e-6
@@ -61,7 +61,7 @@ MAX_TRANSMIT_OFFSET = 3600.0
 """Time of a ping after the stamp of its scan, s, that no sweep reaches."""
 
 
-def rotation_of(quaternion: Sequence[float]) -> FloatArray:
+def registration_rotation(quaternion: Sequence[float]) -> FloatArray:
     """Rotation matrix (3, 3) from the child frame to the parent frame.
 
     Parameters
@@ -87,7 +87,7 @@ def rotation_of(quaternion: Sequence[float]) -> FloatArray:
     )
 
 
-def angles_of(rotation: FloatArray) -> tuple[float, float, float]:
+def registration_angles(rotation: FloatArray) -> tuple[float, float, float]:
     """Yaw, pitch and roll (rad) of a rotation matrix, whose columns are ahead, port and up.
 
     Raises
@@ -103,7 +103,7 @@ def angles_of(rotation: FloatArray) -> tuple[float, float, float]:
     return math.atan2(ahead_y, ahead_x), math.atan2(-ahead_z, level), roll
 
 
-def ahead_and_port(
+def registration_ahead_and_port(
     x: FloatArray, y: FloatArray, z: FloatArray, roll: FloatArray, pitch: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Horizontal components of vectors in a tilted vessel's axes.
@@ -128,7 +128,7 @@ def ahead_and_port(
     return x * np.cos(pitch) + unrolled_z * np.sin(pitch), y * np.cos(roll) - z * np.sin(roll)
 
 
-def levelled(
+def levelled_for_registration(
     range: FloatArray,
     azimuth: FloatArray,
     height: FloatArray | None,
@@ -182,13 +182,15 @@ def levelled(
             y, z = cosine * y - sine * z, sine * y + cosine * z
             range, azimuth = np.hypot(x, y), np.arctan2(y, x)
         angle = azimuth + mounting_yaw
-        ahead, port = ahead_and_port(range * np.cos(angle), range * np.sin(angle), z, roll, pitch)
+        ahead, port = registration_ahead_and_port(
+            range * np.cos(angle), range * np.sin(angle), z, roll, pitch
+        )
         horizontal = np.hypot(ahead, port)
     level_azimuth = np.arctan2(port, ahead) - mounting_yaw
     return np.where(tilted, horizontal, range), np.where(tilted, level_azimuth, azimuth)
 
 
-def horizontal_range_rate(
+def registration_range_rate(
     range_rate: FloatArray, slant_range: FloatArray, range: FloatArray
 ) -> FloatArray:
     """Rate of the horizontal range, from the rate along a slant line of sight.
@@ -220,18 +222,18 @@ def horizontal_range_rate(
         return np.where(ratio <= MAX_SLANT_RATIO, ratio * range_rate, np.nan)
 
 
-def stated_axes(frame_id: str) -> str:
+def registration_axes(frame_id: str) -> str:
     """Axes that a frame's name states, a key of `AXES`; `body` without a suffix."""
     suffix = _SUFFIX.search(frame_id)
     return _AXES[suffix[1].lower()] if suffix else "body"
 
 
-def without_suffix(frame_id: str) -> str:
+def registration_frame(frame_id: str) -> str:
     """The frame to which a frame of other axes belongs, with x ahead or east, and z up."""
     return _SUFFIX.sub("", frame_id).rstrip("/") or "level"
 
 
-def east_north_up(frame_id: str) -> FloatArray:
+def registration_east_north_up(frame_id: str) -> FloatArray:
     """Rotation (3, 3) from a fixed frame's axes, as its name states them, to east, north and up.
 
     Raises
@@ -239,18 +241,18 @@ def east_north_up(frame_id: str) -> FloatArray:
     ValueError
         If x and y are not horizontal.
     """
-    axes = stated_axes(frame_id)
+    axes = registration_axes(frame_id)
     if axes not in _EAST_NORTH_UP:
         raise ValueError(
             f"fixed_frame {frame_id!r} has z ahead and y down by its name, but x and y of tracks "
-            f"are horizontal (REP-103): use a frame such as {without_suffix(frame_id)!r}"
+            f"are horizontal (REP-103): use a frame such as {registration_frame(frame_id)!r}"
         )
     return _EAST_NORTH_UP[axes]
 
 
-def exchanged(tracks: TrackArrays, frame_id: str) -> TrackArrays:
+def exchanged_after_registration(tracks: TrackArrays, frame_id: str) -> TrackArrays:
     """Tracks of a fixed frame in east and north, or back: x and y are exchanged if x is north."""
-    if stated_axes(frame_id) != "down":
+    if registration_axes(frame_id) != "down":
         return tracks
     covariance = tracks.covariance[:, _EXCHANGED][:, :, _EXCHANGED]
     return changed(tracks, state=tracks.state[:, _EXCHANGED], covariance=covariance)
@@ -324,13 +326,13 @@ class Mounting(ParameterGroup):
             return vessel[:, :3]
         yaw, roll, pitch = vessel[:, 2:].T
         along, across, up = np.full((len(yaw), 3), (self.x, self.y, 0.0)).T
-        ahead, port = ahead_and_port(along, across, up, roll, pitch)
+        ahead, port = registration_ahead_and_port(along, across, up, roll, pitch)
         cosine, sine = np.cos(yaw), np.sin(yaw)
         east, north = cosine * ahead - sine * port, sine * ahead + cosine * port
         return vessel[:, :3] + np.stack([east, north, np.full(len(yaw), self.yaw)], axis=1)
 
 
-def sensor_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
+def registration_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
     """Covariance of the sensor's pose, from the vessel's.
 
     An error of the heading moves the sensor at the end of the lever arm ``a = (a_x, a_y)``::
@@ -376,7 +378,7 @@ class MessageFacts(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SensorScan:
+class UnregisteredScan:
     """A scan as received, before its registration in the fixed frame.
 
     Attributes
@@ -409,7 +411,7 @@ class SensorScan:
     transmit_offset: FloatArray | None = None
     height: FloatArray | None = None
     axes: str = "body"
-    beams: Arc | None = None
+    beams: ScanArc | None = None
     facts: MessageFacts = dataclasses.field(default_factory=MessageFacts)
 
     @property
@@ -422,13 +424,15 @@ class PosesJumpError(ValueError):
     """Poses so far apart, or with such rates, that none between them is a pose."""
 
 
-def at_rest(sensor_scan: SensorScan) -> Scan:
+def register_at_rest(sensor_scan: UnregisteredScan) -> Scan:
     """Register a scan of a level sensor at rest at the origin of the fixed frame."""
-    return _with_horizontal(sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth).scan
+    return _registration_with_horizontal(
+        sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth
+    ).scan
 
 
-def to_fixed_frame(
-    sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting, *, sector: bool = False
+def register_in_fixed_frame(
+    sensor_scan: UnregisteredScan, poses: PoseHistory, mounting: Mounting, *, sector: bool = False
 ) -> Scan:
     """Register a scan by the poses of its echoes.
 
@@ -436,7 +440,7 @@ def to_fixed_frame(
     ----------
     sensor_scan : SensorScan
     poses : PoseHistory
-        Poses of the vessel; they must cover `echo_span`.
+        Poses of the vessel; they must cover `registration_span`.
     mounting : Mounting
         Mounting of the sensor on the vessel.
     sector : bool, optional
@@ -456,17 +460,17 @@ def to_fixed_frame(
     PosesJumpError
         If an interpolated pose is beyond `MAX_MAGNITUDE`.
     """
-    sensor_scan = _levelled(sensor_scan, poses, mounting)
+    sensor_scan = _level_for_registration(sensor_scan, poses, mounting)
     scan = sensor_scan.scan
     heading = not sensor_scan.north_referenced
     velocity, features = np.zeros(2), scan.features
     if "range_rate" in features:
-        velocity = _sensor_velocity(sensor_scan, poses, mounting)
+        velocity = _registration_velocity(sensor_scan, poses, mounting)
         known = np.asarray((np.abs(velocity) <= MAX_MAGNITUDE["sensor_velocity"]).all(axis=-1))
         velocity = np.where(known[..., None], velocity, 0.0)
         features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
     sensor_pose = echo_poses(
-        lambda times: _sensor_poses(times, poses, mounting),
+        lambda times: _registration_poses(times, poses, mounting),
         scan.stamp,
         scan.time_offset,
         scan.azimuth,
@@ -480,15 +484,17 @@ def to_fixed_frame(
     registered = scan.replaced(
         features=features,
         sensor_pose=sensor_pose,
-        sensor_pose_covariance=_sensor_covariance(scan.stamp, poses, mounting, heading),
+        sensor_pose_covariance=_registration_pose_covariance(scan.stamp, poses, mounting, heading),
         sensor_velocity=velocity,
     )
     if heading or not sector:
         return registered
-    return _by_the_sensor(registered, _arrival_times(sensor_scan), poses, mounting)
+    return _registration_by_sensor(
+        registered, _registration_arrival_times(sensor_scan), poses, mounting
+    )
 
 
-def echo_span(sensor_scan: SensorScan) -> tuple[float, float]:
+def registration_span(sensor_scan: UnregisteredScan) -> tuple[float, float]:
     """Begin and end of the time for which poses are needed, s: transmit to last arrival."""
     scan = sensor_scan.scan
     if scan.time_offset is None or not len(scan):
@@ -498,7 +504,7 @@ def echo_span(sensor_scan: SensorScan) -> tuple[float, float]:
     return scan.stamp + float(times.min()), scan.stamp + float(times.max())
 
 
-def usable_echoes(sensor_scan: SensorScan) -> NDArray[np.bool_]:
+def registration_echoes(sensor_scan: UnregisteredScan) -> NDArray[np.bool_]:
     """Which echoes' times are near enough to their ping's, and the ping's to the stamp, (n,).
 
     A scan waits for the poses at all of its times, so a wrong time must not stay in it.
@@ -508,18 +514,20 @@ def usable_echoes(sensor_scan: SensorScan) -> NDArray[np.bool_]:
     return (np.abs(offset - sent) < MAX_ECHO_TIME) & (np.abs(sent) < MAX_TRANSMIT_OFFSET)
 
 
-def selected(sensor_scan: SensorScan, kept: NDArray[np.bool_]) -> SensorScan:
+def selected_for_registration(
+    sensor_scan: UnregisteredScan, kept: NDArray[np.bool_]
+) -> UnregisteredScan:
     """A scan before its registration with some of its detections."""
     offset, height = sensor_scan.transmit_offset, sensor_scan.height
     return dataclasses.replace(
         sensor_scan,
-        scan=chosen(sensor_scan.scan, np.flatnonzero(kept)),
+        scan=scan_of_rows(sensor_scan.scan, np.flatnonzero(kept)),
         transmit_offset=None if offset is None else offset[kept],
         height=None if height is None else height[kept],
     )
 
 
-def _arrival_times(sensor_scan: SensorScan) -> FloatArray:
+def _registration_arrival_times(sensor_scan: UnregisteredScan) -> FloatArray:
     """Arrival times of the echoes, s, (n,), or (1,) without time offsets."""
     scan = sensor_scan.scan
     if scan.time_offset is None:
@@ -527,7 +535,9 @@ def _arrival_times(sensor_scan: SensorScan) -> FloatArray:
     return scan.stamp + 2.0 * scan.time_offset - sensor_scan.sent
 
 
-def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatArray) -> SensorScan:
+def _registration_with_horizontal(
+    sensor_scan: UnregisteredScan, range: FloatArray, azimuth: FloatArray
+) -> UnregisteredScan:
     """A scan's detections at new horizontal ranges and azimuths, without unusable ranges."""
     scan = sensor_scan.scan
     if range is scan.range and (sensor_scan.height is None or "range_rate" not in scan.features):
@@ -536,50 +546,54 @@ def _with_horizontal(sensor_scan: SensorScan, range: FloatArray, azimuth: FloatA
     if "range_rate" in features:
         height = 0.0 if sensor_scan.height is None else sensor_scan.height
         slant = np.hypot(scan.range, height)
-        features["range_rate"] = horizontal_range_rate(features["range_rate"], slant, range)
+        features["range_rate"] = registration_range_rate(features["range_rate"], slant, range)
     usable = (range >= MIN_MAGNITUDE["range"]) & (range <= MAX_MAGNITUDE["range"])
     changes = {"range": range, "azimuth": wrap(azimuth), "features": features}
     moved = Scan.trusted(**vars(scan) | changes)
-    return selected(dataclasses.replace(sensor_scan, scan=moved, height=None), usable)
+    return selected_for_registration(
+        dataclasses.replace(sensor_scan, scan=moved, height=None), usable
+    )
 
 
-def _sensor_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+def _registration_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Poses of the sensor at the given times (s), (n, 3)."""
     return mounting.sensor_poses(poses.poses(times))
 
 
-def _by_the_sensor(
+def _registration_by_sensor(
     scan: Scan, arrival_times: FloatArray, poses: PoseHistory, mounting: Mounting
 ) -> Scan:
     """Convert a registered scan's azimuths from north to the sensor's azimuths and yaws."""
     pose = np.array(scan.sensor_pose)
     common_pose = pose.ndim == 1
     times = np.array([scan.stamp]) if common_pose else arrival_times
-    yaw = _sensor_poses(times, poses, mounting)[:, 2]
+    yaw = _registration_poses(times, poses, mounting)[:, 2]
     pose[..., 2] = yaw[0] if common_pose else yaw
     # The arc that was looked at is known by north only.
     return scan.replaced(azimuth=scan.azimuth - yaw, sensor_pose=pose, swept=None)
 
 
-def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+def _registration_arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Lever arm from the vessel's origin to the sensor, in the fixed frame's axes, m, (n, 2)."""
     vessel = poses.poses(times)
     return mounting.sensor_poses(vessel)[:, :2] - vessel[:, :2]
 
 
-def _sensor_velocity(sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+def _registration_velocity(
+    sensor_scan: UnregisteredScan, poses: PoseHistory, mounting: Mounting
+) -> FloatArray:
     """Velocity of the sensor at each reflection, m/s, (n, 2), or (2,) for all detections."""
     scan = sensor_scan.scan
     times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
-    rates = poses.rates(times, echo_span(sensor_scan)[1])
+    rates = poses.rates(times, registration_span(sensor_scan)[1])
     velocity = rates[:, :2]
     if mounting.offset:
-        arm = _arm(times, poses, mounting)
+        arm = _registration_arm(times, poses, mounting)
         velocity = velocity + rates[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     return velocity[0] if scan.time_offset is None else velocity
 
 
-def _sensor_covariance(
+def _registration_pose_covariance(
     stamp: float, poses: PoseHistory, mounting: Mounting, heading: bool
 ) -> FloatArray | None:
     """Covariance of the sensor's pose at a stamp (s), from the vessel's."""
@@ -587,17 +601,21 @@ def _sensor_covariance(
     if covariance is None:
         return None
     if mounting.offset:
-        covariance = sensor_covariance(covariance, _arm(np.array([stamp]), poses, mounting)[0])
+        covariance = registration_covariance(
+            covariance, _registration_arm(np.array([stamp]), poses, mounting)[0]
+        )
     return covariance if heading else covariance * np.outer([1, 1, 0], [1, 1, 0])
 
 
-def _levelled(sensor_scan: SensorScan, poses: PoseHistory, mounting: Mounting) -> SensorScan:
+def _level_for_registration(
+    sensor_scan: UnregisteredScan, poses: PoseHistory, mounting: Mounting
+) -> UnregisteredScan:
     """Convert a scan to the horizontal plane, by the attitude at reception."""
     scan = sensor_scan.scan
     range_, azimuth = scan.range, scan.azimuth
     if not sensor_scan.north_referenced:
-        _, _, _, roll, pitch = poses.poses(_arrival_times(sensor_scan)).T
-        range_, azimuth = levelled(
+        _, _, _, roll, pitch = poses.poses(_registration_arrival_times(sensor_scan)).T
+        range_, azimuth = levelled_for_registration(
             range_, azimuth, sensor_scan.height, roll, pitch, mounting.yaw, mounting.roll
         )
-    return _with_horizontal(sensor_scan, range_, azimuth)
+    return _registration_with_horizontal(sensor_scan, range_, azimuth)

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.registration import Mounting, SensorScan
-from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, reason_of
-from tsepm_ros.session.inputs import LEAP_ERROR, Now, leap_seconds
-from tsepm_ros.tracker.clutter.density import Extent
+from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan
+from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, drop_reason_of
+from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds
+from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -89,7 +89,9 @@ class MessageCheck:
         self._counts: Counter[str] = Counter()
         self._asked: set[str] = set()
 
-    def judge(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> list[Notice]:
+    def judge(
+        self, arrived: UnregisteredScan, own_ship_stamp: float | None, now: Now
+    ) -> list[Notice]:
         """Count a message that arrived at `now` (s); return the questions that are new.
 
         `own_ship_stamp` is that of the newest pose, s.
@@ -102,7 +104,7 @@ class MessageCheck:
         self._asked.update(asked)
         return [*(self._changes(arrived) if arrived.facts.states else ()), *new]
 
-    def _count(self, arrived: SensorScan, own_ship_stamp: float | None, now: Now) -> None:
+    def _count(self, arrived: UnregisteredScan, own_ship_stamp: float | None, now: Now) -> None:
         scan, facts, counts = arrived.scan, arrived.facts, self._counts
         self._messages += 1
         if self._messages % WINDOW == 1:
@@ -126,7 +128,7 @@ class MessageCheck:
         usual = float(np.abs(offset).mean()), float(scan.range.mean()) if number else 0.0
         self._times.append((scan.stamp, own_ship, clock, float(offset.max()), *usual))
 
-    def _changes(self, arrived: SensorScan) -> list[Notice]:
+    def _changes(self, arrived: UnregisteredScan) -> list[Notice]:
         """What the message states otherwise than those before it."""
         said = []
         for name, value in arrived.facts.states.items():
@@ -198,7 +200,7 @@ class MessageCheck:
         for name, delay in delays.items():
             steady = np.isfinite(delay).all() and np.ptp(delay) <= LEAP_ERROR and np.ptp(clock) > 0
             middle = float(np.median(delay)) if steady else 0.0
-            hint = leap_seconds(middle)
+            hint = input_leap_seconds(middle)
             if middle < -MAX_AHEAD or (hint and middle > 2.0 * interval):
                 said[f"clock of {name}"] = (
                     f"stamps of {name} are {abs(middle):.3g} s "
@@ -208,7 +210,7 @@ class MessageCheck:
         return said
 
 
-class Repetitions:
+class RepetitionCheck:
     """Finds scans that repeat the scan before: all detections are equal to the bit.
 
     If the detections change otherwise, this is no chance, and no new evidence: a driver or a relay
@@ -237,7 +239,9 @@ class Repetitions:
         return Rejection("scan_repeated", said) if equal and self._changing & self._found else None
 
 
-def explained(reason: str, dropped: Mapping[str, int], sentences: Mapping[str, str]) -> str:
+def explained_by_check(
+    reason: str, dropped: Mapping[str, int], sentences: Mapping[str, str]
+) -> str:
     """A drop reason with its first cause, in words, and the remedy of that.
 
     Parameters
@@ -248,14 +252,14 @@ def explained(reason: str, dropped: Mapping[str, int], sentences: Mapping[str, s
     sentences : mapping of str to str
         First sentence by reason.
     """
-    poses = [name for name in dropped if reason_of(name).lost == "pose"]
+    poses = [name for name in dropped if drop_reason_of(name).lost == "pose"]
     cause = max([reason, *poses], key=dropped.__getitem__) if reason in CONSEQUENCES else reason
     counted = "" if cause == reason else f" after {dropped[cause]} {cause}"
-    sentence = sentences.get(cause) or reason_of(cause).meaning
-    return f"{reason}{counted}: {sentence}. Remedy: {reason_of(cause).remedy}"
+    sentence = sentences.get(cause) or drop_reason_of(cause).meaning
+    return f"{reason}{counted}: {sentence}. Remedy: {drop_reason_of(cause).remedy}"
 
 
-class Losses:
+class LossCheck:
     """The fates of the last scans and of their detections."""
 
     def __init__(self) -> None:
@@ -267,7 +271,7 @@ class Losses:
     def drop(self, reason: str, sentence: str, number: int, dropped: Counter[str]) -> list[Notice]:
         """Note a drop, with the drops so far; a notice if half of the last scans are lost."""
         self._sentences.setdefault(reason, sentence)
-        described = reason_of(reason)
+        described = drop_reason_of(reason)
         if described.lost == "detection" and described.remedy != EXPECTED:
             self._lost[reason] += number
         if described.lost != "scan":
@@ -293,14 +297,14 @@ class Losses:
             ((reason, number),) = reasons.most_common(1) or [("", 0)]
             if half and reason not in {*self._said, ""} and len(names) >= MIN_SCANS:
                 self._said.add(reason)
-                why = explained(reason, dropped, self._sentences)
+                why = explained_by_check(reason, dropped, self._sentences)
                 said.append(
                     Notice(f"lost {reason}", f"{lost} scans were dropped, {number} as {why}")
                 )
         return said
 
 
-def questions(sensor: SensorModel, mounting: Mounting) -> list[str]:
+def check_questions(sensor: SensorModel, mounting: Mounting) -> list[str]:
     """Questions about parameters in radians that look like degrees, a sentence each.
 
     Likely are errors of an azimuth up to 11 degrees, beams up to 46, and a yaw of a mounting up to
@@ -347,29 +351,29 @@ class SensorFigures:
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
-    seen: Extent | None = None
+    seen: ClutterExtent | None = None
     seen_detections: int = 0
     outside: int = 0
     detections: int = 0
-    outside_extent: Extent | None = None
+    outside_extent: ClutterExtent | None = None
     errors: FittedErrors | None = None
     confirmed: int = 0
     duration: float = 0.0
     false_tracks_per_hour: float | None = None
 
 
-def findings(figures: SensorFigures) -> dict[str, str]:
+def check_findings(figures: SensorFigures) -> dict[str, str]:
     """Sentences by subject, for what does not fit."""
     found = {
-        "coverage": coverage_too_large(figures),
-        "coverage_too_small": coverage_too_small(figures),
-        "errors": errors_differ(figures),
-        "confirmations": many_confirmations(figures),
+        "coverage": check_coverage_too_large(figures),
+        "coverage_too_small": check_coverage_too_small(figures),
+        "errors": check_errors_differ(figures),
+        "confirmations": check_many_confirmations(figures),
     }
     return {subject: sentence for subject, sentence in found.items() if sentence}
 
 
-def coverage_too_large(figures: SensorFigures) -> str:
+def check_coverage_too_large(figures: SensorFigures) -> str:
     """Detections fall in a small part of the coverage."""
     seen, given = figures.seen, figures.sensor.coverage_area
     if seen is None or not 0.0 < AREA_FACTOR * seen.area <= given:
@@ -377,13 +381,13 @@ def coverage_too_large(figures: SensorFigures) -> str:
     if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
         return ""
     return (
-        f"all detections are {_of(seen)}; by the parameters, the coverage is "
-        f"{_of(Extent.of_sensor(figures.sensor))}: if the sonar covers no more, set "
-        f"{_settings(seen, figures.sensor)} (m, rad)"
+        f"all detections are {_check_extent_in_words(seen)}; by the parameters, the coverage is "
+        f"{_check_extent_in_words(ClutterExtent.of_sensor(figures.sensor))}: if the sonar covers no more, set "
+        f"{_check_settings(seen, figures.sensor)} (m, rad)"
     )
 
 
-def coverage_too_small(figures: SensorFigures) -> str:
+def check_coverage_too_small(figures: SensorFigures) -> str:
     """Detections are dropped since they lie outside the coverage."""
     share = figures.outside / max(figures.detections, 1)
     extent = figures.outside_extent
@@ -391,12 +395,12 @@ def coverage_too_small(figures: SensorFigures) -> str:
         return ""
     return (
         f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "
-        f"{_of(extent)}: set {_settings(extent, figures.sensor)}, unless the coverage is limited "
+        f"{_check_extent_in_words(extent)}: set {_check_settings(extent, figures.sensor)}, unless the coverage is limited "
         "on purpose"
     )
 
 
-def errors_differ(figures: SensorFigures) -> str:
+def check_errors_differ(figures: SensorFigures) -> str:
     """The errors of range or azimuth do not fit the detections of confirmed tracks."""
     errors = figures.errors
     if errors is None:
@@ -425,7 +429,7 @@ def errors_differ(figures: SensorFigures) -> str:
     return "as the detections of confirmed tracks show, " + "; ".join(parts) if parts else ""
 
 
-def many_confirmations(figures: SensorFigures) -> str:
+def check_many_confirmations(figures: SensorFigures) -> str:
     """Far more tracks are confirmed than the target false-track rate allows."""
     rate, confirmed = figures.false_tracks_per_hour, figures.confirmed
     if rate is None or confirmed < MIN_CONFIRMATIONS:
@@ -439,40 +443,40 @@ def many_confirmations(figures: SensorFigures) -> str:
     )
 
 
-def _is_sector(extent: Extent) -> bool:
+def _check_is_sector(extent: ClutterExtent) -> bool:
     """Whether an extent leaves out more than a chance gap."""
     return extent.azimuth_max - extent.azimuth_min <= 2.0 * math.pi - MIN_EMPTY_SECTOR
 
 
-def _of(extent: Extent) -> str:
+def _check_extent_in_words(extent: ClutterExtent) -> str:
     """An extent in words."""
     sector = "all round"
-    if _is_sector(extent):
+    if _check_is_sector(extent):
         sector = (
             f"between {math.degrees(extent.azimuth_min):.0f} and "
             f"{math.degrees(extent.azimuth_max):.0f} degrees"
         )
-    return f"from {_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
+    return f"from {_check_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
 
 
-def _settings(extent: Extent, sensor: SensorModel) -> str:
+def _check_settings(extent: ClutterExtent, sensor: SensorModel) -> str:
     """Parameters that make an extent the coverage."""
-    settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
+    settings = {"sensor.max_range": f"{_check_rounded_up(extent.max_range):g}"}
     if extent.min_range < sensor.min_range:
-        settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
-    if _is_sector(extent):
+        settings["sensor.min_range"] = f"{_check_rounded_down(extent.min_range):g}"
+    if _check_is_sector(extent):
         settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
         settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
     return ", ".join(f"{name} to {value}" for name, value in settings.items())
 
 
-def _rounded_up(value: float) -> float:
+def _check_rounded_up(value: float) -> float:
     """To two significant digits, not below."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return step * math.ceil(value / step - 0.1)
 
 
-def _rounded_down(value: float) -> float:
+def _check_rounded_down(value: float) -> float:
     """To two significant digits, not above."""
     step = 10.0 ** (math.floor(math.log10(max(value, 1e-300))) - 1)
     return step * math.floor(value / step)
@@ -530,7 +534,7 @@ class SensorCheck:
         """Subjects and sentences not found before; looked for at every tenth scan."""
         if (initiator.scan_index + 1) % SCANS_BETWEEN:
             return []
-        found = findings(self.figures(initiator))
+        found = check_findings(self.figures(initiator))
         new = [(subject, said) for subject, said in found.items() if subject not in self._said]
         self._said |= {subject for subject, _ in new}
         return new

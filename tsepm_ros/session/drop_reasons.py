@@ -58,7 +58,7 @@ _FAULTS = {
 _MISSING = "None if the sensor marks missing values like this; else check the driver and its units"
 
 
-def shortened(sentence: str) -> str:
+def shortened_reason(sentence: str) -> str:
     """A sentence without its middle if it is longer than `MAX_SENTENCE`."""
     if len(sentence) <= MAX_SENTENCE:
         return sentence
@@ -461,6 +461,6 @@ DROP_REASONS: Mapping[str, DropReason] = {
 """Drop reasons by the name that is counted."""
 
 
-def reason_of(name: str) -> DropReason:
+def drop_reason_of(name: str) -> DropReason:
     """Return the description of a reason; unknown reasons, of a user's adapter, are detections'."""
     return DROP_REASONS.get(name) or DropReason(DETECTIONS, "detection", "", "")

@@ -22,7 +22,12 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
-from tsepm_ros.own_ship.registration import Mounting, SensorScan, stated_axes, without_suffix
+from tsepm_ros.own_ship.registration import (
+    Mounting,
+    UnregisteredScan,
+    registration_axes,
+    registration_frame,
+)
 from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -59,13 +64,13 @@ MIN_EIGENVALUE = 1e-12
 """Smallest accepted eigenvalue of the correlations; below, it is due to rounding."""
 
 
-def waited(since: Now, now: Now) -> float:
+def input_waited(since: Now, now: Now) -> float:
     """Minimum elapsed time over the clocks, s; a clock that was set back is ignored."""
     elapsed = np.atleast_1d(np.subtract(now, since))
     return float(elapsed[elapsed >= 0].min(initial=math.inf))
 
 
-def leap_seconds(seconds: float) -> str:
+def input_leap_seconds(seconds: float) -> str:
     """A question about two clocks that differ by seconds like those of GPS time; else empty."""
     near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
     return ": is it GPS time (18 s ahead of UTC) or TAI (37 s)?" if near else ""
@@ -82,7 +87,7 @@ class Arrival(enum.Enum):
     GAP = "gap"
 
 
-class ScanOrder:
+class ScanInputOrder:
     """Classifies the stamps of arriving scans.
 
     Parameters
@@ -171,13 +176,13 @@ class Waiting(NamedTuple):
         Of a scan whose stamp does not permit processing.
     """
 
-    scan: SensorScan
+    scan: UnregisteredScan
     arrival: Arrival
     seconds: float
     refusal: Rejection | None
 
 
-class ScanQueue:
+class ScanInputQueue:
     """Scans from their arrival until they are processed or dropped.
 
     Parameters
@@ -193,8 +198,8 @@ class ScanQueue:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self.order = ScanOrder(settings)
-        self.scans: deque[tuple[Now, SensorScan]] = deque()
+        self.order = ScanInputOrder(settings)
+        self.scans: deque[tuple[Now, UnregisteredScan]] = deque()
         self._arrival: Arrival | None = None  # of the first
 
     @property
@@ -202,7 +207,7 @@ class ScanQueue:
         """Stamp of the waiting scan that arrived last, s."""
         return self.scans[-1][1].scan.stamp if self.scans else None
 
-    def add(self, arrived: SensorScan, now: Now) -> Rejection | None:
+    def add(self, arrived: UnregisteredScan, now: Now) -> Rejection | None:
         """Add a scan that arrived at `now`, s; refuse the oldest scan if the queue is full."""
         self.scans.append((now, arrived))
         if len(self.scans) <= QUEUE_LENGTH:
@@ -237,7 +242,7 @@ class ScanQueue:
             reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self._arrival.value}"
             fault = "not set" if stamp == 0.0 else "not later than the last scan's"
             refusal = Rejection(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
-        return Waiting(scan, self._arrival, waited(since, now), refusal)
+        return Waiting(scan, self._arrival, input_waited(since, now), refusal)
 
     def remove_first(self) -> None:
         """Remove the first scan."""
@@ -260,7 +265,7 @@ class ScanQueue:
         return Arrival.RESTART
 
 
-class Frames:
+class InputFrames:
     """The frames in use: from the options, else from the first messages.
 
     Parameters
@@ -284,8 +289,8 @@ class Frames:
         self.own_ship = ""
 
     def admit(
-        self, arrived: SensorScan, max_detections: int
-    ) -> tuple[SensorScan, Rejection | None]:
+        self, arrived: UnregisteredScan, max_detections: int
+    ) -> tuple[UnregisteredScan, Rejection | None]:
         """A scan with its frame, which is adopted; or a refusal of its size or frame.
 
         An empty frame becomes the frame of the options, if any.
@@ -298,7 +303,7 @@ class Frames:
             return arrived, Rejection(
                 "empty_frame", "the frame_id of the detections is empty, and so is sensor_frame"
             )
-        stem = without_suffix(frame_id)
+        stem = registration_frame(frame_id)
         expected = [(self.sensor, [frame_id])]
         if not self._moves and not arrived.north_referenced:
             # No pose relates another sensor frame to it.
@@ -308,7 +313,7 @@ class Frames:
                 return arrived, Rejection(
                     "unknown_frame", f"detections are in frame {frame_id!r}, expected {frame!r}"
                 )
-        refusal = refuse_size(arrived, max_detections)
+        refusal = refuse_input_size(arrived, max_detections)
         if refusal is None:
             self.sensor = frame_id
             if not self.fixed and not self._moves:
@@ -340,7 +345,7 @@ class Frames:
             return "given"
         if not self.sensor or own_ship.poses.last_stamp is None:
             return "unknown"
-        coincide = without_suffix(self.own_ship) == without_suffix(self.sensor)
+        coincide = registration_frame(self.own_ship) == registration_frame(self.sensor)
         return "not needed" if coincide else "assumed"
 
     def notices(self, mounting: Mounting) -> list[Notice]:
@@ -350,7 +355,7 @@ class Frames:
         if pair in self._noticed or not fixed:
             return []
         self._noticed.append(pair)
-        stem, down = without_suffix(sensor), stated_axes(fixed) == "down"
+        stem, down = registration_frame(sensor), registration_axes(fixed) == "down"
         said = [
             (
                 down,
@@ -364,13 +369,13 @@ class Frames:
                 f"{fixed!r}, x ahead, y to port and z up from the same origin",
             ),
             (
-                mounting.given and stated_axes(own_ship) != "body",
+                mounting.given and registration_axes(own_ship) != "body",
                 "mounting",
                 "mounting.y is to port, mounting.yaw counter-clockwise from the bow, whatever "
                 f"{own_ship!r} says",
             ),
             (
-                bool(own_ship) and without_suffix(own_ship) != stem and not mounting.given,
+                bool(own_ship) and registration_frame(own_ship) != stem and not mounting.given,
                 "mounting",
                 f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}: no "
                 "mounting is given, so the frames are assumed to coincide",
@@ -379,7 +384,7 @@ class Frames:
         return [Notice(subject, sentence) for applies, subject, sentence in said if applies]
 
 
-def refuse_size(arrived: SensorScan, limit: int) -> Rejection | None:
+def refuse_input_size(arrived: UnregisteredScan, limit: int) -> Rejection | None:
     """Refuse a scan with more detections than the limit."""
     number = len(arrived.scan)
     if number <= limit:
@@ -468,21 +473,23 @@ class OwnShipInput:
             self.poses.clear()
         self.restarted = True
 
-    def without_late_echoes(self, arrived: SensorScan) -> tuple[SensorScan, Rejection | None]:
+    def without_late_echoes(
+        self, arrived: UnregisteredScan
+    ) -> tuple[UnregisteredScan, Rejection | None]:
         """Leave out the echoes at times for which a moving sensor's scan would wait in vain."""
-        usable = registration.usable_echoes(arrived)
+        usable = registration.registration_echoes(arrived)
         lost = len(usable) - int(np.count_nonzero(usable))
         if not lost:
             return arrived, None
-        return registration.selected(arrived, usable), Rejection(
+        return registration.selected_for_registration(arrived, usable), Rejection(
             "echo_too_late",
             f"{lost} detections dropped: {registration.MAX_ECHO_TIME:g} s or more from their ping",
             lost,
         )
 
-    def must_wait(self, arrived: SensorScan, waiting: float) -> bool:
+    def must_wait(self, arrived: UnregisteredScan, waiting: float) -> bool:
         """Whether a scan that waited for a time (s) needs poses that may still arrive."""
-        first, last = registration.echo_span(arrived)
+        first, last = registration.registration_span(arrived)
         if self.look_up is not None:
             self._missing = self.look_up(arrived.frame_id, first, last, arrived.axes)
         if self.poses.coverage(first, last) is not PoseCoverage.NOT_YET:
@@ -502,9 +509,9 @@ class OwnShipInput:
             if newest is not None and (now is None or now < newest):
                 return
 
-    def refuse(self, arrived: SensorScan) -> Rejection | None:
+    def refuse(self, arrived: UnregisteredScan) -> Rejection | None:
         """Refuse a scan that need not wait and has no poses."""
-        first, last = registration.echo_span(arrived)
+        first, last = registration.registration_span(arrived)
         coverage = self.poses.coverage(first, last)
         reaches = coverage is PoseCoverage.YES or self.poses.can_extrapolate(last)
         if coverage is not PoseCoverage.NEVER and reaches:
@@ -515,7 +522,7 @@ class OwnShipInput:
         if newest is not None:
             side = "before" if newest < last else "after"
             sentence += f", the newest is {abs(newest - last):.3g} s {side} its last echo"
-            sentence += leap_seconds(newest - last)
+            sentence += input_leap_seconds(newest - last)
         return Rejection(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
 
     def _is_ahead(self, stamp: float) -> bool:
@@ -523,8 +530,8 @@ class OwnShipInput:
         return last is not None and last - stamp > self._options.restart_jump
 
 
-def register(
-    arrived: SensorScan, own_ship: OwnShipInput, frames: Frames, settings: Settings
+def register_input(
+    arrived: UnregisteredScan, own_ship: OwnShipInput, frames: InputFrames, settings: Settings
 ) -> tuple[Scan | None, list[Remark]]:
     """Register a scan in the fixed frame.
 
@@ -545,13 +552,15 @@ def register(
     """
     mounting, sensor = settings.mounting, settings.sensor
     remarks: list[Remark] = [*frames.notices(mounting)]
-    refusal = _refuse_heading(arrived, own_ship, settings)
+    refusal = _refuse_input_heading(arrived, own_ship, settings)
     if refusal is not None:
         return None, [*remarks, refusal]
     if own_ship.moves:
         sector = not sensor.all_round
         try:
-            scan = registration.to_fixed_frame(arrived, own_ship.poses, mounting, sector=sector)
+            scan = registration.register_in_fixed_frame(
+                arrived, own_ship.poses, mounting, sector=sector
+            )
         except registration.PosesJumpError as error:
             return None, [*remarks, Rejection("own_ship_jump", str(error))]
         lost = len(arrived.scan) - len(scan)
@@ -564,8 +573,8 @@ def register(
                 )
             )
     else:
-        scan = registration.at_rest(arrived)
-        if stated_axes(frames.fixed) == "down" and not arrived.north_referenced:
+        scan = registration.register_at_rest(arrived)
+        if registration_axes(frames.fixed) == "down" and not arrived.north_referenced:
             scan = scan.replaced(sensor_pose=np.array([0.0, 0.0, 0.5 * math.pi]))
     if sensor.range_rate_std:
         before, after = (
@@ -583,8 +592,8 @@ def register(
     return scan, remarks
 
 
-def _refuse_heading(
-    arrived: SensorScan, own_ship: OwnShipInput, settings: Settings
+def _refuse_input_heading(
+    arrived: UnregisteredScan, own_ship: OwnShipInput, settings: Settings
 ) -> Rejection | None:
     """Refuse a scan that needs a heading if the heading is unknown."""
     # The sector is relative to the bow, so azimuths from north need the heading.
@@ -623,7 +632,7 @@ class TrackerReport:
     tracks: TrackArrays
 
 
-def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
+def usable_input_tracks(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
     """The tracks that can be held, and the number of the dropped tracks by reason.
 
     Parameters
@@ -639,9 +648,9 @@ def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
         ``tracked_bad_covariance``: not symmetric and positive definite, or a standard deviation
         below `MIN_SIGMA`; ``tracked_duplicate_id``: of several with an id the first is kept.
     """
-    finite = bounded(tracks)
+    finite = bounded_input_tracks(tracks)
     valid = finite.copy()
-    valid[finite] = _proper(tracks.covariance[finite])
+    valid[finite] = _proper_input_covariance(tracks.covariance[finite])
     _, first = np.unique(tracks.track_id[valid], return_index=True)
     kept = np.flatnonzero(valid)[np.sort(first)]
     counts = {
@@ -655,13 +664,13 @@ def usable(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
     return dataclasses.replace(usable_tracks, covariance=symmetric), dropped
 
 
-def bounded(tracks: TrackArrays) -> BoolArray:
+def bounded_input_tracks(tracks: TrackArrays) -> BoolArray:
     """Which tracks have a finite stamp, and a state and a covariance within `MAX_STATE`."""
     finite = np.isfinite(tracks.stamp) & (np.abs(tracks.state) <= MAX_STATE).all(axis=1)
     return np.asarray(finite & (np.abs(tracks.covariance) <= MAX_STATE**2).all(axis=(1, 2)))
 
 
-def _proper(covariance: FloatArray) -> BoolArray:
+def _proper_input_covariance(covariance: FloatArray) -> BoolArray:
     """Which of the finite matrices (n, 4, 4) are covariances."""
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sigma = np.sqrt(np.maximum(variance, MIN_SIGMA**2))
@@ -691,12 +700,12 @@ class ExternalTrackerInput:
             A larger step back, s, is a restart; a smaller one a late report.
         """
         if fixed and report.frame_id != fixed:
-            return [_in_another_frame(report, fixed)]
+            return [_input_in_another_frame(report, fixed)]
         if 0.0 < self._stamp - report.stamp <= restart_jump:
             return [
                 Rejection("tracked_late", f"tracked targets at {report.stamp:.3f} s arrived late")
             ]
-        tracks, dropped = usable(report.tracks)
+        tracks, dropped = usable_input_tracks(report.tracks)
         self._report = dataclasses.replace(report, tracks=tracks)
         self._stamp = report.stamp
         return [
@@ -715,7 +724,7 @@ class ExternalTrackerInput:
         if report is None:
             return None, []
         if report.frame_id != fixed:
-            return None, [_in_another_frame(report, fixed)]
+            return None, [_input_in_another_frame(report, fixed)]
         if abs(stamp - report.stamp) <= timeout:
             return report, []
         self._stamp = -math.inf  # later reports are not late relative to it
@@ -728,7 +737,7 @@ class ExternalTrackerInput:
         ]
 
 
-def _in_another_frame(report: TrackerReport, fixed: str) -> Rejection:
+def _input_in_another_frame(report: TrackerReport, fixed: str) -> Rejection:
     return Rejection(
         "tracked_frame",
         f"tracked targets are in frame {report.frame_id!r}, the fixed frame is {fixed!r}",

@@ -19,28 +19,28 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import SensorScan, exchanged
+from tsepm_ros.own_ship.registration import UnregisteredScan, exchanged_after_registration
 from tsepm_ros.session.consistency_checks import (
-    Losses,
+    LossCheck,
     MessageCheck,
-    Repetitions,
+    RepetitionCheck,
     SensorCheck,
     SensorFigures,
-    findings,
+    check_findings,
 )
-from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark, shortened
+from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark, shortened_reason
 from tsepm_ros.session.inputs import (
     Arrival,
     ExternalTrackerInput,
-    Frames,
+    InputFrames,
     LandInput,
     Now,
     OwnShipInput,
-    ScanQueue,
+    ScanInputQueue,
     TrackerReport,
     Waiting,
-    refuse_size,
-    register,
+    refuse_input_size,
+    register_input,
 )
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
@@ -187,10 +187,10 @@ class ScanResult:
         """The result with tracks in the axes of the fixed frame, for everything that names it."""
         return replace(
             self,
-            new=exchanged(self.new, self.frame_id),
-            revised=exchanged(self.revised, self.frame_id),
-            current=exchanged(self.current, self.frame_id),
-            fixed_echoes=exchanged(self.fixed_echoes, self.frame_id),
+            new=exchanged_after_registration(self.new, self.frame_id),
+            revised=exchanged_after_registration(self.revised, self.frame_id),
+            current=exchanged_after_registration(self.current, self.frame_id),
+            fixed_echoes=exchanged_after_registration(self.fixed_echoes, self.frame_id),
         )
 
 
@@ -243,13 +243,13 @@ class Session:
         """Begin without scans, reports and counts."""
         self.dropped: Counter[str] = Counter()
         self._ends: Counter[str] = Counter()
-        self._losses = Losses()
-        self._repetitions = Repetitions(), Repetitions()  # of messages, and of scans
+        self._losses = LossCheck()
+        self._repetitions = RepetitionCheck(), RepetitionCheck()  # of messages, and of scans
         self._sensor_check = SensorCheck()
         self.arrived_stamp: float | None = None
-        self._queue = ScanQueue(self.settings)
+        self._queue = ScanInputQueue(self.settings)
         self._sweep = Sweep(self.settings)
-        self._frames = Frames(self.settings.session)
+        self._frames = InputFrames(self.settings.session)
         self._downstream = ExternalTrackerInput()
         self._totals_before = ScanStatistics()  # of runs before the last `_start_over`
 
@@ -301,7 +301,7 @@ class Session:
         """Count a drop, and report it, unless it has no sentence."""
         self.dropped[reason] += number
         if sentence:
-            self._report(reason, shortened(sentence))
+            self._report(reason, shortened_reason(sentence))
         self._report_all(self._losses.drop(reason, sentence, number, self.dropped))
 
     def add_own_ship(self, sample: PoseSample) -> None:
@@ -319,7 +319,7 @@ class Session:
         refusal = self._frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
 
-    def add_scan(self, arrived: SensorScan, now: Now) -> None:
+    def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
         of_a_sweep = self._sweep.active
         if not of_a_sweep:
@@ -335,12 +335,12 @@ class Session:
         questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
         scans, remarks = self._sweep.take(arrived, now)
         if self._sweep.active and not of_a_sweep:  # the messages before were no scans
-            self._queue = ScanQueue(self.settings)
+            self._queue = ScanInputQueue(self.settings)
             self._start_over()
         self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
 
-    def _put_in_queue(self, scans: list[SensorScan], now: Now, note: bool = True) -> None:
+    def _put_in_queue(self, scans: list[UnregisteredScan], now: Now, note: bool = True) -> None:
         for scan in scans:
             if note:
                 self.arrived_stamp = scan.scan.stamp
@@ -353,7 +353,7 @@ class Session:
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.
 
-        Unusable targets are left out, see `inputs.usable`.
+        Unusable targets are left out, see `inputs.usable_input_tracks`.
         """
         self._report_all(
             self._downstream.add(report, self.fixed_frame, self.settings.session.restart_jump)
@@ -418,7 +418,7 @@ class Session:
             clutter_density=tracker.clutter_density,
             coverage_area=tracker.covered_area,
             intensity=tracker.intensity,
-            sensor_findings=findings(sensor),
+            sensor_findings=check_findings(sensor),
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
             dropped=dict(self.dropped),
@@ -439,7 +439,7 @@ class Session:
             if isinstance(remark, Rejection):
                 self.drop(*remark)
             else:
-                self._report(remark.subject, shortened(remark.sentence))
+                self._report(remark.subject, shortened_reason(remark.sentence))
 
     def _start_over(self) -> None:
         """Discard tracks and keep counts."""
@@ -458,13 +458,13 @@ class Session:
     def _result(self, first: Waiting) -> ScanResult | None:
         """Register and process the first scan, which need not wait; None if it is dropped."""
         arrived = first.scan
-        refusal = first.refusal or refuse_size(arrived, self.settings.common.max_detections)
+        refusal = first.refusal or refuse_input_size(arrived, self.settings.common.max_detections)
         if refusal is None and self.own_ship.moves:
             refusal = self.own_ship.refuse(arrived)
         if refusal is not None:
             self.drop(*refusal)
             return None
-        scan, remarks = register(arrived, self.own_ship, self._frames, self.settings)
+        scan, remarks = register_input(arrived, self.own_ship, self._frames, self.settings)
         self._report_all(remarks)
         if scan is None:
             return None

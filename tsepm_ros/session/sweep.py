@@ -18,13 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.own_ship.registration import SensorScan, selected
+from tsepm_ros.own_ship.registration import UnregisteredScan, selected_for_registration
 from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
-from tsepm_ros.session.inputs import MAX_INTERVAL, Now, waited
-from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, looked_at, sees_all
+from tsepm_ros.session.inputs import MAX_INTERVAL, Now, input_waited
+from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, turn_looked_at, turn_sees_all
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.scan import Scan, turned
-from tsepm_ros.tracker.sensor import SensorModel, goes_on
+from tsepm_ros.tracker.sensor import SensorModel, sensor_rays_go_on
 
 LINKED_STEPS = 2.5
 """Steps of the beam within which echoes follow each other."""
@@ -43,7 +43,7 @@ MAX_CUT = 4
 """Scans in a row, cut since the beam stands, after which a learned sweep is none any more."""
 
 
-class SeamEchoes:
+class SweepSeamEchoes:
     """Follows echoes from the end of a turn over the seam.
 
     Parameters
@@ -86,14 +86,14 @@ class SeamEchoes:
         return beam > self._limit or not (beam - self._beam <= self._reach).any()
 
 
-def delay(first: SensorScan, message: SensorScan) -> float:
+def sweep_delay(first: UnregisteredScan, message: UnregisteredScan) -> float:
     """Time from the stamp of a message to that of another, s; to the nanosecond, where known."""
     if first.stamp_ns and message.stamp_ns:
         return (message.stamp_ns - first.stamp_ns) / 1e9
     return message.scan.stamp - first.scan.stamp
 
 
-def stacked(
+def stacked_sweep(
     tables: Sequence[Mapping[str, FloatArray]], missing: Callable[[str, int], FloatArray]
 ) -> dict[str, FloatArray]:
     """Rows of tables below each other, with every column that any of them has.
@@ -120,9 +120,9 @@ def stacked(
     }
 
 
-def joined(
-    messages: Sequence[SensorScan], sensor: SensorModel, swept: FloatArray | None
-) -> SensorScan:
+def joined_sweep(
+    messages: Sequence[UnregisteredScan], sensor: SensorModel, swept: FloatArray | None
+) -> UnregisteredScan:
     """One scan of the detections of messages, each at its own time.
 
     Parameters
@@ -153,14 +153,16 @@ def joined(
         value = {"azimuth_std": sensor.azimuth_std, "height": 0.0}.get(name, math.nan)
         return np.full(len(scan), value)
 
-    rows = stacked([_rows(message, delay(first, message)) for message in full], missing)
+    rows = stacked_sweep(
+        [_sweep_rows(message, sweep_delay(first, message)) for message in full], missing
+    )
     height, transmit_offset = rows.pop("height", None), rows.pop("transmit_offset")
     own = {name: rows.pop(name) for name in _OF_SCANS if name in rows}
     scan = Scan.trusted(
         **dict.fromkeys(_OF_SCANS) | own,
         stamp=first.scan.stamp,
         features=rows,
-        group=_groups(messages, sensor),
+        group=_sweep_groups(messages, sensor),
         swept=swept,
     )
     return dataclasses.replace(
@@ -168,7 +170,7 @@ def joined(
     )
 
 
-def _rows(message: SensorScan, later: float) -> dict[str, FloatArray]:
+def _sweep_rows(message: UnregisteredScan, later: float) -> dict[str, FloatArray]:
     """The columns of a message's detections, by name, at times later by some seconds."""
     scan, zero = message.scan, np.zeros(len(message.scan))
     columns = {
@@ -184,7 +186,7 @@ def _rows(message: SensorScan, later: float) -> dict[str, FloatArray]:
     return {name: values for name, values in columns.items() if values is not None}
 
 
-def _groups(messages: Sequence[SensorScan], sensor: SensorModel) -> IntArray | None:
+def _sweep_groups(messages: Sequence[UnregisteredScan], sensor: SensorModel) -> IntArray | None:
     """Groups of all detections; runs of rays go on from one message to the next."""
     if all(message.scan.group is None for message in messages):
         return None
@@ -195,14 +197,16 @@ def _groups(messages: Sequence[SensorScan], sensor: SensorModel) -> IntArray | N
             groups.append(np.full(len(message.scan), -1))
             continue
         own = np.where(group < 0, -1, group - group.min() + following)
-        if before is not None and group.min() >= 0 and _continues(before, message, sensor):
+        if before is not None and group.min() >= 0 and _sweep_continues(before, message, sensor):
             own = own - 1 + (following - own[0])
         groups.append(own)
         following = int(own.max(initial=following - 1)) + 1
     return np.concatenate(groups)
 
 
-def _continues(before: SensorScan, after: SensorScan, sensor: SensorModel) -> bool:
+def _sweep_continues(
+    before: UnregisteredScan, after: UnregisteredScan, sensor: SensorModel
+) -> bool:
     """Whether the last ray of a message and the first of the next see one object."""
     one, two = before.beams, after.beams
     if one is None or two is None or before.scan.group is None or not len(before.scan):
@@ -218,17 +222,17 @@ def _continues(before: SensorScan, after: SensorScan, sensor: SensorModel) -> bo
     if max(abs(turned(last - end)), abs(turned(first - begin))) > SAME_RAY:
         return False
     rays = before.scan.range[-1:], after.scan.range[:1]
-    return bool(goes_on(*rays, turned(first - last), sensor)[0])
+    return bool(sensor_rays_go_on(*rays, turned(first - last), sensor)[0])
 
 
 class Part(NamedTuple):
     """A message of a scan that is not complete, and its azimuth since the seam, rad."""
 
     beam: float
-    message: SensorScan
+    message: UnregisteredScan
 
 
-Taken = tuple[list[SensorScan], list[Remark]]
+Taken = tuple[list[UnregisteredScan], list[Remark]]
 """What a message leads to: scans that are complete, and remarks."""
 
 
@@ -263,10 +267,10 @@ class Sweep:
         self._turn, self._learner = Turn(given), TurnLearner()
         self._parts = self._detections = 0  # of the last scan, and of the open one
         self._heard: Now = math.nan
-        self._far_back: SensorScan | None = None
+        self._far_back: UnregisteredScan | None = None
         self._late_since, self._late_stamp = math.nan, math.inf
         self._open: list[Part] | None = None
-        self._ending: tuple[list[Part], SeamEchoes] | None = None
+        self._ending: tuple[list[Part], SweepSeamEchoes] | None = None
 
     @property
     def is_open(self) -> bool:
@@ -281,7 +285,7 @@ class Sweep:
         known = f" in {self._parts} messages" if self._parts else ", none complete yet"
         return f"sweeps of {self._turn.seconds:.3g} s{known}"
 
-    def take(self, message: SensorScan, now: Now) -> Taken:
+    def take(self, message: UnregisteredScan, now: Now) -> Taken:
         """Take a message that arrived at `now`, s."""
         learns = self.settings.session.sweep == "auto"
         if self.active:
@@ -308,17 +312,17 @@ class Sweep:
 
     def overdue(self, now: Now) -> Taken:
         """End the open scan if no message has arrived for the time of a turn."""
-        silent = max(self._turn.seconds, MIN_SILENCE) < waited(self._heard, now) < math.inf
+        silent = max(self._turn.seconds, MIN_SILENCE) < input_waited(self._heard, now) < math.inf
         return self._end() if self.is_open and silent else [], []
 
     def close(self) -> Taken:
         """End the open scan: no message follows."""
         return self._end(), self._refuse_far_back()
 
-    def _join(self, message: SensorScan) -> Taken:
+    def _join(self, message: UnregisteredScan) -> Taken:
         """Put the next message to the others; return the scans that are complete."""
         stamp, newest, held = message.scan.stamp, self._turn.stamp, self._far_back
-        scans: list[SensorScan] = []
+        scans: list[UnregisteredScan] = []
         if held and held.scan.stamp < stamp < min(newest, held.scan.stamp + MAX_INTERVAL):
             self._far_back = None
             scans = self._end() + self._begin(held)
@@ -345,23 +349,23 @@ class Sweep:
         reason = "stamp_not_set" if stamp == 0.0 else "scan_far_back"
         return [Rejection(reason, f"the message at {stamp:.3f} s is far back")]
 
-    def _begin(self, message: SensorScan) -> list[SensorScan]:
+    def _begin(self, message: UnregisteredScan) -> list[UnregisteredScan]:
         """Begin anew with a message; return it if it is a scan by itself."""
         self._turn.begin(message.scan.stamp, message.beams)
         self._open, self._detections = [Part(0.0, message)], len(message.scan)
-        return self._end(complete=True) if sees_all(message.beams) else []
+        return self._end(complete=True) if turn_sees_all(message.beams) else []
 
-    def _take_next(self, scan: list[Part], message: SensorScan) -> list[SensorScan]:
+    def _take_next(self, scan: list[Part], message: UnregisteredScan) -> list[UnregisteredScan]:
         """Take a message that is newer than the others of the open scan."""
         closing: Closing | None = Closing.PAUSE
         first, axes = scan[0].message, (message.frame_id, message.axes, message.north_referenced)
         if axes == (first.frame_id, first.axes, first.north_referenced):
             closing = self._turn.take(message.scan.stamp, message.beams)
-        scans: list[SensorScan] = []
+        scans: list[UnregisteredScan] = []
         if closing is Closing.FULL:
             scans = self._end_waiting()
             extent = self.settings.common.target_extent
-            seam = SeamEchoes(self.settings.sensor, extent, self._turn.step)
+            seam = SweepSeamEchoes(self.settings.sensor, extent, self._turn.step)
             for part in scan:
                 seam.add(part.beam - TURN, part.message.scan.range)
             self._ending, self._open, closing = (scan, seam), [], None
@@ -371,23 +375,23 @@ class Sweep:
             return self._end() + self._begin(message)
         return scans + self._over_the_seam(message)
 
-    def _over_the_seam(self, message: SensorScan) -> list[SensorScan]:
+    def _over_the_seam(self, message: UnregisteredScan) -> list[UnregisteredScan]:
         """Add a message to the open scan, and what of it belongs before the seam to that before."""
         assert self._open is not None
-        beam, ended = self._turn.azimuth, list[SensorScan]()
+        beam, ended = self._turn.azimuth, list[UnregisteredScan]()
         if self._ending is not None:
             ending, seam = self._ending
             before = seam.take(beam, message.scan.range)
             if before.any():
-                ending.append(Part(TURN, selected(message, before)))
-                message = selected(message, ~before)
+                ending.append(Part(TURN, selected_for_registration(message, before)))
+                message = selected_for_registration(message, ~before)
             if seam.ends(beam + self._turn.step):
                 ended = self._end_waiting()
         self._open.append(Part(beam, message))
         self._detections += len(message.scan)
         return ended
 
-    def _end(self, *, complete: bool = False) -> list[SensorScan]:
+    def _end(self, *, complete: bool = False) -> list[UnregisteredScan]:
         """End the open scan, as a rule incomplete, and return what was not returned yet."""
         scans = self._end_waiting()
         if self._open is not None:
@@ -396,21 +400,21 @@ class Sweep:
         self._turn.forget()
         return scans
 
-    def _end_waiting(self) -> list[SensorScan]:
+    def _end_waiting(self) -> list[UnregisteredScan]:
         """Return the turn that waited for echoes across the seam."""
         ending, self._ending = self._ending, None
         return [] if ending is None else [self._whole(ending[0], complete=True)]
 
-    def _whole(self, scan: list[Part], *, complete: bool) -> SensorScan:
+    def _whole(self, scan: list[Part], *, complete: bool) -> UnregisteredScan:
         """The messages as one scan, with what it has looked at where that is not a whole turn."""
         messages = [part.message for part in scan]
         self._parts = len(messages)
         self.latency = self._turn.stamp - messages[0].scan.stamp
         arcs = [message.beams for message in messages]
-        swept = None if complete else looked_at(arcs, self._turn.step)
-        return joined(messages, self.settings.sensor, swept)
+        swept = None if complete else turn_looked_at(arcs, self._turn.step)
+        return joined_sweep(messages, self.settings.sensor, swept)
 
-    def _take_late(self, scan: list[Part], message: SensorScan) -> Taken:
+    def _take_late(self, scan: list[Part], message: UnregisteredScan) -> Taken:
         """Refuse a late message, unless the clock was set back."""
         stamp = message.scan.stamp
         if any(part.message.scan.stamp == stamp for part in scan):

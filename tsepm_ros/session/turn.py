@@ -9,7 +9,7 @@ arcs are wide, stay, or jump. Where a message lists only its detections, a singl
 turning vessel moves like a beam: the ranges of that do not change from message to message.
 
 `ImageTurns` joins sonar images as they arrive: whole pings, or bearings and sectors that make a
-turn or a pass. `Beam` is the line of azimuths over time on which the next message is expected; a
+turn or a pass. `TurnBeam` is the line of azimuths over time on which the next message is expected; a
 message beside it is left out. The bearings of a turn are put on a grid of even azimuths, since
 their number differs from turn to turn: each in the nearest cell, and NaN where there is none. The
 grid is shifted by the part of a step by which a turn's bearings lie beside it.
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tracker.scan import Arc, turned
+from tsepm_ros.tracker.scan import ScanArc, turned
 
 TURN = 2 * math.pi
 GAP, GAP_INTERVALS = 0.5, 3.0
@@ -114,14 +114,14 @@ class Turn:
         """Largest step back that is not a reversal, rad."""
         return max(0.5 * self.step, 0.5 * max(self._widths, default=0.0))
 
-    def begin(self, stamp: float, arc: Arc | None) -> None:
+    def begin(self, stamp: float, arc: ScanArc | None) -> None:
         """Begin a turn anew with a message, whose azimuth is the seam."""
         self.forget()
         self.stamp, self._begin, self._messages = stamp, stamp, 1
         if arc is not None:
             self._known = stamp, arc.middle, 0.0
 
-    def take(self, stamp: float, arc: Arc | None) -> Closing | None:
+    def take(self, stamp: float, arc: ScanArc | None) -> Closing | None:
         """Move the beam to the next message; return how the turn before it closes, if it does.
 
         After `Closing.FULL` the message is of the next turn, otherwise `begin` follows.
@@ -136,7 +136,7 @@ class Turn:
         interval = stamp - self.stamp
         self._intervals.append(interval)
         usual = GAP_INTERVALS * statistics.median(self._intervals)
-        if interval > max(GAP * self.seconds, usual) or sees_all(arc):
+        if interval > max(GAP * self.seconds, usual) or turn_sees_all(arc):
             return Closing.PAUSE
         forward = self._forward(stamp, arc)
         if forward is not None and forward < -self._noise:
@@ -153,13 +153,13 @@ class Turn:
             return Closing.CUT
         return None
 
-    def is_beside(self, arc: Arc | None) -> bool:
+    def is_beside(self, arc: ScanArc | None) -> bool:
         """Whether a message with the newest stamp is another beam of the same batch."""
         if arc is None or self._known is None:
             return False
         return abs(turned(arc.middle - self._known[1])) > 0.5 * self.step
 
-    def _forward(self, stamp: float, arc: Arc | None) -> float | None:
+    def _forward(self, stamp: float, arc: ScanArc | None) -> float | None:
         """Step of the beam since the last known azimuth, along the turn, rad; None if unknown.
 
         Of the steps that differ by turns, the one that the time suggests; and of both directions
@@ -177,7 +177,7 @@ class Turn:
             self._direction = 1.0 if forward == steps[0] else -1.0
         return forward
 
-    def _advance(self, stamp: float, arc: Arc | None, forward: float | None) -> None:
+    def _advance(self, stamp: float, arc: ScanArc | None, forward: float | None) -> None:
         """Move the beam to a message."""
         if forward is None or self._known is None or arc is None:
             self.azimuth += TURN / self.seconds * (stamp - self.stamp)
@@ -212,12 +212,12 @@ class Turn:
         self._begin, self._messages = stamp, 1
 
 
-def sees_all(arc: Arc | None) -> bool:
+def turn_sees_all(arc: ScanArc | None) -> bool:
     """Whether a message looks at nearly all azimuths."""
     return arc is not None and arc.whole and arc.width >= WHOLE_VIEW
 
 
-def looked_at(arcs: Sequence[Arc | None], step: float) -> FloatArray | None:
+def turn_looked_at(arcs: Sequence[ScanArc | None], step: float) -> FloatArray | None:
     """The arc that messages are known to have looked at; None for a whole turn.
 
     Parameters
@@ -258,7 +258,7 @@ SECTOR_TOLERANCE = 0.2
 
 
 @dataclass
-class Pass:
+class TurnPass:
     """Messages whose azimuths move in one direction.
 
     Attributes
@@ -273,7 +273,7 @@ class Pass:
     rows: list[tuple[float, float, float, float]] = field(default_factory=list)
     whole: bool = True
 
-    def add(self, stamp: float, arc: Arc, azimuth: float, ranges: FloatArray) -> None:
+    def add(self, stamp: float, arc: ScanArc, azimuth: float, ranges: FloatArray) -> None:
         """Add a message at an unwrapped azimuth, rad."""
         middle = float(np.median(ranges)) if len(ranges) else math.nan
         self.rows.append((stamp, azimuth, arc.width, middle))
@@ -305,10 +305,12 @@ class TurnLearner:
     """Looks for a sweep in messages as they arrive."""
 
     def __init__(self) -> None:
-        self._pass = Pass()
-        self._before: deque[Pass] = deque(maxlen=2)
+        self._pass = TurnPass()
+        self._before: deque[TurnPass] = deque(maxlen=2)
 
-    def take(self, stamp: float, arc: Arc | None, ranges: FloatArray) -> tuple[float, int] | None:
+    def take(
+        self, stamp: float, arc: ScanArc | None, ranges: FloatArray
+    ) -> tuple[float, int] | None:
         """Look at the next message; return what is learned with it, if it is a sweep's.
 
         That is the time of a turn or of a pass over the sector, s, and its number of messages.
@@ -326,7 +328,7 @@ class TurnLearner:
         if arc is None:
             return None
         if arc.width > WIDEST_PART:
-            self._pass = Pass()
+            self._pass = TurnPass()
             self._before.clear()
             return None
         if not rows:
@@ -338,7 +340,7 @@ class TurnLearner:
             return None
         turns_back = len(rows) > 1 and step * self._pass.extent < 0.0
         if abs(step) > WIDEST_PART or turns_back:
-            ended, self._pass = self._pass, Pass()
+            ended, self._pass = self._pass, TurnPass()
             self._pass.add(stamp, arc, arc.middle, ranges)
             return self._of_sector(ended)
         self._pass.add(stamp, arc, azimuth + step, ranges)
@@ -351,10 +353,10 @@ class TurnLearner:
             return None
         if extent >= TURN and self._pass.is_sweep():
             return (rows[-1][0] - rows[0][0]) * TURN / extent, len(rows)
-        self._pass = Pass()
+        self._pass = TurnPass()
         return None
 
-    def _of_sector(self, ended: Pass) -> tuple[float, int] | None:
+    def _of_sector(self, ended: TurnPass) -> tuple[float, int] | None:
         """What passes show of which the last has ended: two over the same sector are a sweep."""
         self._before.append(ended)
         if len(self._before) < 2:
@@ -390,7 +392,7 @@ WHOLE_GAP, SHORTEST = 2.5, 3.0
 """Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
 
 
-class Beam:
+class TurnBeam:
     """The azimuth of a beam over time: a line through its last messages.
 
     Parameters
@@ -498,7 +500,7 @@ class Part(NamedTuple):
     ping: ImagePing
 
 
-class Round(NamedTuple):
+class TurnRound(NamedTuple):
     """The messages of a turn, or of a pass over a sector, their azimuths and the step, rad."""
 
     parts: list[Part]
@@ -511,12 +513,12 @@ class Round(NamedTuple):
         """Whether it is a turn."""
         return self.high - self.low >= TURN - WHOLE_GAP * self.step
 
-    def ends(self, other: Round) -> tuple[float, float]:
+    def ends(self, other: TurnRound) -> tuple[float, float]:
         """Where another one begins and ends, at the turn that is nearest to this one."""
         shift = TURN * round(0.5 * (other.low + other.high - self.low - self.high) / TURN)
         return other.low - shift, other.high - shift
 
-    def is_like(self, other: Round, beyond: float) -> bool:
+    def is_like(self, other: TurnRound, beyond: float) -> bool:
         """Whether another one fills this one, and goes beyond its ends by less than an angle."""
         least, most = -CHANGED * (self.high - self.low), beyond
         low, high = self.ends(other)
@@ -526,7 +528,7 @@ class Round(NamedTuple):
             return self.is_whole and high - low >= (1.0 - CHANGED) * TURN
         return least <= self.low - low <= most and least <= high - self.high <= most
 
-    def grid(self, before: Round | None) -> Round:
+    def grid(self, before: TurnRound | None) -> TurnRound:
         """The grid of this turn, or of this pass and the one before."""
         if self.is_whole or before is None:
             step = TURN / round(TURN / self.step)
@@ -535,7 +537,7 @@ class Round(NamedTuple):
         return self._replace(parts=[], low=min(low, self.low), high=max(high, self.high))
 
 
-class Rounds:
+class TurnRounds:
     """Follows a beam, and joins the messages of each turn, or pass over a sector, to an image.
 
     A message that is not where the beam is expected, or is of another geometry, is left out. Where
@@ -553,11 +555,11 @@ class Rounds:
         Messages of turns and passes that filled too little of the grid.
     """
 
-    def __init__(self, beam: Beam, drop: Drop) -> None:
+    def __init__(self, beam: TurnBeam, drop: Drop) -> None:
         self._beam, self.drop, self.parts = beam, drop, list[Part]()
         self._odd, self._first = list[tuple[str, ImagePing]](), 0.0
-        self._grid: Round | None = None
-        self._narrow: Round | None = None  # the last, where it does not fill the grid
+        self._grid: TurnRound | None = None
+        self._narrow: TurnRound | None = None  # the last, where it does not fill the grid
         self.vain = self.messages = self.unused = 0
 
     @property
@@ -569,12 +571,12 @@ class Rounds:
     def take(self, ping: ImagePing) -> list[ImagePing]:
         """Take a message; return the images that are complete by it."""
         stamp, azimuth = 1e-9 * ping.stamp_ns, float(ping.azimuth[0])
-        odd = self.parts and not is_alike(self.parts[-1].ping, ping) and "bearing_geometry"
+        odd = self.parts and not is_turn_alike(self.parts[-1].ping, ping) and "bearing_geometry"
         if odd := odd or self._beam.fault(stamp, azimuth):
             self._odd.append((odd, ping))
             return self._begin() if len(self._odd) >= ODD else []
         for reason, left in self._odd:
-            self.drop(reason, f"message left out: {stated(left)}")
+            self.drop(reason, f"message left out: {stated_turn(left)}")
         self._odd.clear()
         place, _ = self._beam.place(stamp, azimuth)
         self._beam.take(stamp, place)
@@ -603,14 +605,14 @@ class Rounds:
 
     def _finish(self, parts: list[Part]) -> list[ImagePing]:
         """The images that a turn or pass completes, on the grid, which two passes alike renew."""
-        azimuth = azimuths(parts)
+        azimuth = turn_azimuths(parts)
         low, high = float(azimuth.min(initial=math.inf)), float(azimuth.max(initial=-math.inf))
         if len(parts) < MIN_PARTS or high - low < SHORTEST * self._beam.step:
             self.unused += len(parts)
             return []
         least = (high - low) / (4.0 * len(azimuth))  # else a grid of any size
         step = max(float(np.median(np.abs(np.diff(azimuth)))), least)
-        this, before = Round(parts, low, high, step), self._narrow
+        this, before = TurnRound(parts, low, high, step), self._narrow
         used, self._narrow = [this], None
         if self._grid is None or not self._grid.is_like(this, self._grid.step):
             if before is not None and before.is_like(this, CHANGED * (high - low)):
@@ -621,47 +623,47 @@ class Rounds:
                 self._narrow, used = this, []
         self.unused += len(before.parts) if before and before not in used else 0
         self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
-        return [on_grid(one, self._grid) for one in used if self._grid]
+        return [turn_on_grid(one, self._grid) for one in used if self._grid]
 
 
-def stated(ping: ImagePing) -> str:
+def stated_turn(ping: ImagePing) -> str:
     """Where and when a message looked, in words."""
     return f"{ping.azimuth[0]:.3f} rad at {1e-9 * ping.stamp_ns:.3f} s"
 
 
-def increment(ping: ImagePing) -> float:
+def turn_increment(ping: ImagePing) -> float:
     """Step between the bearings of a message, rad; nan of a single one."""
     number = len(ping.azimuth) - 1
     return float(ping.azimuth[-1] - ping.azimuth[0]) / number if number else math.nan
 
 
-def is_alike(one: ImagePing, other: ImagePing) -> bool:
+def is_turn_alike(one: ImagePing, other: ImagePing) -> bool:
     """Whether two messages of parts have the same frame, ranges and step between bearings."""
-    steps = increment(one), increment(other)
+    steps = turn_increment(one), turn_increment(other)
     return (
         one.frame_id == other.frame_id
         and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
-        and not is_all_round(other)
+        and not is_whole_turn(other)
         and np.array_equal(one.range, other.range)
     )
 
 
-def is_all_round(ping: ImagePing) -> bool:
+def is_whole_turn(ping: ImagePing) -> bool:
     """Whether the bearings of a message are nearly a turn."""
     return bool(np.ptp(ping.azimuth) >= WHOLE_VIEW)
 
 
-def azimuths(parts: Sequence[Part]) -> FloatArray:
+def turn_azimuths(parts: Sequence[Part]) -> FloatArray:
     """Azimuths of all bearings along the turn, rad."""
     return np.concatenate(
         [np.zeros(0), *[place + ping.azimuth - ping.azimuth[0] for place, ping in parts]]
     )
 
 
-def on_grid(this: Round, grid: Round) -> ImagePing:
+def turn_on_grid(this: TurnRound, grid: TurnRound) -> ImagePing:
     """One image of the bearings of messages, each at its own time, in the nearest cell."""
     parts, cells = this.parts, round((grid.high - grid.low) / grid.step) + 1
-    first, azimuth = parts[0].ping, azimuths(parts)
+    first, azimuth = parts[0].ping, turn_azimuths(parts)
     time = np.concatenate(
         [
             1e-9 * (ping.stamp_ns - first.stamp_ns)
@@ -687,7 +689,7 @@ def on_grid(this: Round, grid: Round) -> ImagePing:
     )
 
 
-class Repeats:
+class TurnRepeats:
     """Finds images that are equal to the one before to the bit: these are no new evidence.
 
     A source without noise, whose images have all been equal so far, goes on.
@@ -701,13 +703,13 @@ class Repeats:
     def has(self, ping: ImagePing) -> bool:
         """Whether an image is not to be used."""
         before, self.last = self.last, ping
-        if before is None or not is_equal(before, ping):
+        if before is None or not is_turn_equal(before, ping):
             self._equal, self._varies = 0, before is not None
             return False
         self._equal += 1
         if self._varies or self._equal < ODD:
             self._drop(
-                "image_repeated", f"image left out: {stated(ping)} is that before, to the bit"
+                "image_repeated", f"image left out: {stated_turn(ping)} is that before, to the bit"
             )
             return True
         self._say(NO_NOISE)
@@ -720,7 +722,7 @@ NO_NOISE = (
 )
 
 
-def is_equal(one: ImagePing, other: ImagePing) -> bool:
+def is_turn_equal(one: ImagePing, other: ImagePing) -> bool:
     """Whether two images are equal to the bit, and show something; turns round their azimuths."""
     if one.intensity.shape != other.intensity.shape or not np.array_equal(one.range, other.range):
         return False
@@ -756,7 +758,7 @@ class ImageTurns:
         self, drop: Drop = lambda *_: None, say: Callable[[str], None] = lambda _: None
     ) -> None:
         self._tell, self._why, self._since = drop, "less than a turn has come", 0
-        self._messages, self._images = Repeats(self._drop, say), Repeats(self._drop, say)
+        self._messages, self._images = TurnRepeats(self._drop, say), TurnRepeats(self._drop, say)
         self._learning, self._passes = list[ImagePing](), None  # type: list[ImagePing], Rounds | None
         self.unused, self._next = 0, MIN_PARTS
 
@@ -781,9 +783,9 @@ class ImageTurns:
         if self._messages.has(ping):
             return []
         if ping.is_part and before is not None and ping.stamp_ns == before.stamp_ns == 0:
-            self._drop("stamp_not_set", f"message left out: {stated(ping)}, as that before")
+            self._drop("stamp_not_set", f"message left out: {stated_turn(ping)}, as that before")
             return []
-        if not ping.is_part or (is_all_round(ping) and not self._parts):
+        if not ping.is_part or (is_whole_turn(ping) and not self._parts):
             self._since = 0
             return [ping]
         images = self._learn(ping) if self._passes is None else self._follow(self._passes, ping)
@@ -794,11 +796,11 @@ class ImageTurns:
         self._why = f"messages are left out as {reason}"
         self._tell(reason, sentence)
 
-    def _follow(self, passes: Rounds, ping: ImagePing) -> list[ImagePing]:
+    def _follow(self, passes: TurnRounds, ping: ImagePing) -> list[ImagePing]:
         """Take a message of a learned turn; learn anew where the beam is followed in vain."""
         before, images = passes.unused, passes.take(ping)
         self.unused += passes.unused - before
-        if passes.vain >= VAIN or is_much(passes.parts, ping):
+        if passes.vain >= VAIN or is_much_of_turn(passes.parts, ping):
             self._passes, self._next = None, MIN_PARTS
             for waiting in passes.waiting:
                 learned = self._passes
@@ -812,16 +814,16 @@ class ImageTurns:
             self._why, self.unused = "the beam stands", self.unused + 1
             return []
         waiting.append(ping)
-        if is_much(waiting, ping):
+        if is_much_of_turn(waiting, ping):
             self._leave_half()
         elif len(waiting) < self._next:
             return []
         self._next, dropped = math.ceil(TRY_AGAIN * len(waiting)), list[tuple[str, str]]()
-        beam = beam_of(waiting)
-        if not isinstance(beam, Beam):
+        beam = turn_beam_of(waiting)
+        if not isinstance(beam, TurnBeam):
             self._why = beam
             return []
-        passes = Rounds(beam, lambda *why: dropped.append(why))
+        passes = TurnRounds(beam, lambda *why: dropped.append(why))
         images = [image for one in waiting for image in passes.take(one)]
         self._why = (
             "their azimuths do not advance evenly with their stamps to a turn, or two passes"
@@ -843,17 +845,17 @@ class ImageTurns:
         del self._learning[:half]
 
 
-def is_much(waiting: Sequence[Any], ping: ImagePing) -> bool:
+def is_much_of_turn(waiting: Sequence[Any], ping: ImagePing) -> bool:
     """Whether too much waits, if all is as large as the last message."""
     size = ping.intensity.nbytes + ping.range.nbytes
     return len(waiting) * size > MOST_BYTES or len(waiting) > MOST_PARTS
 
 
-def beam_of(pings: Sequence[ImagePing]) -> Beam | str:
+def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
     """The beam that most messages show, or why they show none."""
     stamp = 1e-9 * np.array([ping.stamp_ns - pings[0].stamp_ns for ping in pings])
     azimuth = np.array([ping.azimuth[0] for ping in pings])
-    step = float(np.median(np.abs(wrapped(np.diff(azimuth)))))
+    step = float(np.median(np.abs(wrapped_turn(np.diff(azimuth)))))
     width = float(np.median([np.ptp(ping.azimuth) for ping in pings]))
     if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * width:
         return "the beam stands, or looks at the same sector again"
@@ -861,16 +863,16 @@ def beam_of(pings: Sequence[ImagePing]) -> Beam | str:
         max(int(0.5 * math.pi / step), 1), NEWEST, len(pings) - 1
     )  # stamps may come in groups
     seconds = stamp[lag:] - stamp[:-lag]
-    rises, moved = seconds > 0.0, np.abs(wrapped(azimuth[lag:] - azimuth[:-lag]))
+    rises, moved = seconds > 0.0, np.abs(wrapped_turn(azimuth[lag:] - azimuth[:-lag]))
     if 2 * int(rises.sum()) <= len(rises):
         return "their stamps do not rise"
     rate = float(np.median(moved[rises] / seconds[rises]))
     if not rate > 0.0:
         return "the beam trembles"
-    off = np.abs(np.abs(wrapped(np.diff(azimuth))) - rate * np.diff(stamp))
-    return Beam(step, rate, float(np.quantile(off, EVEN_RATES)))
+    off = np.abs(np.abs(wrapped_turn(np.diff(azimuth))) - rate * np.diff(stamp))
+    return TurnBeam(step, rate, float(np.quantile(off, EVEN_RATES)))
 
 
-def wrapped(angle: FloatArray) -> FloatArray:
+def wrapped_turn(angle: FloatArray) -> FloatArray:
     """Angles wrapped to a turn, rad."""
     return np.asarray(np.angle(np.exp(1j * angle)), float)

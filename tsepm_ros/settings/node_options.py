@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.own_ship.registration import east_north_up
+from tsepm_ros.own_ship.registration import registration_east_north_up
 from tsepm_ros.parameters import ParameterGroup, parameter
 
 MIN_SOUND_SPEED = 100.0
@@ -333,7 +333,7 @@ class SessionOptions(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        east_north_up(self.fixed_frame)
+        registration_east_north_up(self.fixed_frame)
         if self.sweep not in ("off", "auto") and not 0.0 < self._seconds() <= MAX_SWEEP:
             raise ValueError(
                 f"sweep must be off, auto, or a number of seconds above 0 and at most "
@@ -458,15 +458,15 @@ class BridgeNodeOptions(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        udp_address("nmea_address", self.nmea_address)
-        udp_address("signal_k_address", self.signal_k_address)
+        udp_address_option("nmea_address", self.nmea_address)
+        udp_address_option("signal_k_address", self.signal_k_address)
         if not re.fullmatch("[A-Z]{2}", self.nmea_talker):
             raise ValueError(
                 f"nmea_talker must be two capital letters, such as RA; got {self.nmea_talker!r}"
             )
 
 
-def udp_address(name: str, text: str) -> tuple[str, int] | None:
+def udp_address_option(name: str, text: str) -> tuple[str, int] | None:
     """Host and port of an address; None of an empty text.
 
     Raises

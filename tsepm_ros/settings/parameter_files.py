@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from tsepm_ros.parameters import EXPONENT, Value, shown
+from tsepm_ros.parameters import EXPONENT, Value, shown_parameter
 
 ANY_NODE = "/**"
 """Key of a parameter file that fits a node of any name in any namespace."""
@@ -24,7 +24,7 @@ OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 _SECTION = "ros__parameters"
 
 
-def yaml_text(value: Value) -> str:
+def parameter_file_text(value: Value) -> str:
     """Write a value as YAML 1.1, which ROS reads; YAML 1.1 reads 1e-06 as a text, not 1.0e-06."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -34,7 +34,7 @@ def yaml_text(value: Value) -> str:
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
-def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
+def parse_parameter_file_values(assignments: Iterable[str]) -> dict[str, Value]:
     """Read assignments ``name:=value``, typed as in YAML, except that 1e-9 is a number.
 
     Raises
@@ -46,16 +46,18 @@ def parse_values(assignments: Iterable[str]) -> dict[str, Value]:
     for assignment in assignments:
         name, separator, text = assignment.partition(":=")
         if not separator or not name:
-            raise ValueError(f"a parameter must have the form NAME:=VALUE; got {shown(assignment)}")
+            raise ValueError(
+                f"a parameter must have the form NAME:=VALUE; got {shown_parameter(assignment)}"
+            )
         try:
             exponential = EXPONENT.fullmatch(text.strip())
-            values[name] = float(text) if exponential else load_yaml(text)
+            values[name] = float(text) if exponential else load_parameter_file_text(text)
         except (yaml.YAMLError, RecursionError, ValueError):  # a date such as 2026-13-01
-            raise ValueError(f"{name}: {shown(text)} is not a value") from None
+            raise ValueError(f"{name}: {shown_parameter(text)} is not a value") from None
     return values
 
 
-class _PlainLoader(yaml.SafeLoader):
+class _ParameterFileLoader(yaml.SafeLoader):
     """A loader without aliases."""
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
@@ -68,7 +70,7 @@ class _PlainLoader(yaml.SafeLoader):
         return node
 
 
-def load_yaml(text: str) -> Any:
+def load_parameter_file_text(text: str) -> Any:
     """The content of a YAML text.
 
     Raises
@@ -76,10 +78,10 @@ def load_yaml(text: str) -> Any:
     yaml.YAMLError, ValueError, RecursionError
         If it is none.
     """
-    return yaml.load(text, _PlainLoader)
+    return yaml.load(text, _ParameterFileLoader)
 
 
-def section(key: str = ANY_NODE) -> list[str]:
+def parameter_file_section(key: str = ANY_NODE) -> list[str]:
     """Lines that begin the section of a parameter file for the nodes of a key."""
     return [f"{key}:", "  ros__parameters:"]
 
@@ -89,7 +91,7 @@ def parameter_files(arguments: Sequence[str]) -> list[Path]:
     return [Path(path) for flag, path in itertools.pairwise(arguments) if flag == "--params-file"]
 
 
-def unused_files(arguments: Sequence[str], node: str) -> list[str]:
+def unused_parameter_files(arguments: Sequence[str], node: str) -> list[str]:
     """A sentence for each parameter file without a section that fits a node.
 
     Parameters
@@ -101,8 +103,8 @@ def unused_files(arguments: Sequence[str], node: str) -> list[str]:
     """
     sentences = []
     for path in parameter_files(arguments):
-        keys = [key for key, _ in sections(content(path))]
-        if keys and not any(fits(key, node) for key in keys):
+        keys = [key for key, _ in parameter_file_sections(parameter_file_content(path))]
+        if keys and not any(parameter_file_fits(key, node) for key in keys):
             sentences.append(
                 f"parameter file {path} is not used: it has no section for {node}, only for "
                 f"{', '.join(keys)}; the key {ANY_NODE} fits any name and namespace"
@@ -110,19 +112,19 @@ def unused_files(arguments: Sequence[str], node: str) -> list[str]:
     return sentences
 
 
-def without_value(arguments: Sequence[str], node: str) -> list[str]:
+def parameter_files_without_value(arguments: Sequence[str], node: str) -> list[str]:
     """Names of the parameters in the files of a node that have no value that ROS can hold."""
     return [
         name
         for path in parameter_files(arguments)
-        for key, values in sections(content(path))
-        if fits(key, node)
-        for name, value in flattened(values)
+        for key, values in parameter_file_sections(parameter_file_content(path))
+        if parameter_file_fits(key, node)
+        for name, value in flattened_parameter_file(values)
         if value is None or value == []
     ]
 
 
-def fits(key: str, node: str) -> bool:
+def parameter_file_fits(key: str, node: str) -> bool:
     """Whether the key of a section fits a fully qualified name of a node, as in rcl.
 
     ``*`` stands for one part of the name, ``**`` for any number.
@@ -134,15 +136,15 @@ def fits(key: str, node: str) -> bool:
     return re.fullmatch(pattern, node) is not None
 
 
-def content(path: Path) -> Any:
+def parameter_file_content(path: Path) -> Any:
     """Content of a file; None if it is no YAML, which ROS itself refuses."""
     try:
-        return load_yaml(path.read_text(encoding="utf-8"))
+        return load_parameter_file_text(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError, ValueError):
         return None
 
 
-def sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def parameter_file_sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Keys of nodes, with the namespaces around them, and their parameters."""
     if not isinstance(content, Mapping):
         return
@@ -150,16 +152,18 @@ def sections(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
         if key == _SECTION:
             yield prefix, value
         else:
-            yield from sections(value, f"{prefix}/{key}".replace("//", "/") if prefix else str(key))
+            yield from parameter_file_sections(
+                value, f"{prefix}/{key}".replace("//", "/") if prefix else str(key)
+            )
 
 
-def flattened(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flattened_parameter_file(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Full names and values of parameters in nested mappings."""
     if not isinstance(values, Mapping):
         return
     for key, value in values.items():
         name = f"{prefix}{key}"
         if isinstance(value, Mapping):
-            yield from flattened(value, f"{name}.")
+            yield from flattened_parameter_file(value, f"{name}.")
         else:
             yield name, value

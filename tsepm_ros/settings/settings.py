@@ -13,9 +13,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tsepm_ros.detector.image import NO_LONGER, DetectorOptions
-from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, method_class
+from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, registered_method
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.parameters import Parameter, Value, check_value, table, unknown_parameter
+from tsepm_ros.parameters import (
+    Parameter,
+    Value,
+    check_parameter,
+    parameter_table,
+    unknown_parameter,
+)
 from tsepm_ros.settings.node_options import (
     BridgeNodeOptions,
     DiagnosticsOptions,
@@ -40,7 +46,7 @@ TRACK_INITIATOR: Groups = (
     ("diagnostics.", DiagnosticsOptions),
     ("sensor.", SensorModel),
     ("mounting.", Mounting),
-    *((f"{name}.", method_class(name).Options) for name in NODE_METHODS),
+    *((f"{name}.", registered_method(name).Options) for name in NODE_METHODS),
 )
 SONAR_DETECTOR: Groups = (
     ("", SonarDetectorNodeOptions),
@@ -119,7 +125,7 @@ class Settings:
     def method_options(self) -> Any:
         """Options of the chosen method."""
         method = self.session.method
-        return self.methods.get(method) or method_class(method).Options()
+        return self.methods.get(method) or registered_method(method).Options()
 
     def make_tracker(self) -> Tracker:
         """Make the tracker that these settings describe."""
@@ -144,21 +150,23 @@ Groups = tuple[tuple[str, type[Any]], ...]
 """Groups of parameters, each with the prefix of its names."""
 
 
-def full_table(groups: Groups) -> Iterator[Parameter]:
+def settings_table(groups: Groups) -> Iterator[Parameter]:
     """Iterate over all parameters of groups, with their full names."""
     return (
-        replace(row, name=prefix + row.name) for prefix, group in groups for row in table(group)
+        replace(row, name=prefix + row.name)
+        for prefix, group in groups
+        for row in parameter_table(group)
     )
 
 
-def with_method(groups: Groups, method: Any) -> Groups:
+def settings_with_method(groups: Groups, method: Any) -> Groups:
     """The groups of `track_initiator` with those of the chosen method; all others as they are."""
     if not isinstance(method, str) or method not in METHODS or ("", SessionOptions) not in groups:
         return groups
-    return tuple(dict.fromkeys((*groups, (f"{method}.", method_class(method).Options))))
+    return tuple(dict.fromkeys((*groups, (f"{method}.", registered_method(method).Options))))
 
 
-def why_unused(name: str, rows: Collection[str]) -> str:
+def why_settings_unused(name: str, rows: Collection[str]) -> str:
     """Why a name is not used, though a file that nodes share may have it; empty if it is unknown.
 
     Parameters
@@ -171,14 +179,14 @@ def why_unused(name: str, rows: Collection[str]) -> str:
         return NO_LONGER[name]
     group, _, own = name.partition(".")
     if "method" in rows and group in METHODS:
-        return "another method is chosen" * _has(method_class(group).Options, own)
+        return "another method is chosen" * _has_setting(registered_method(group).Options, own)
     limits = [row for row in rows if row.startswith("sensor.")]
     why = f"it takes {', '.join(limits)} alone, no model of the sensor's errors"
-    return why * (group == "sensor" and bool(limits) and _has(SensorModel, own))
+    return why * (group == "sensor" and bool(limits) and _has_setting(SensorModel, own))
 
 
-def _has(group: type[Any], name: str) -> bool:
-    return name in {row.name for row in table(group)}
+def _has_setting(group: type[Any], name: str) -> bool:
+    return name in {row.name for row in parameter_table(group)}
 
 
 def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], Any]:
@@ -190,18 +198,18 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         If a name is unknown, or a value is not allowed by itself or in combination with another;
         the message has the full name.
     """
-    groups = with_method(groups, values.get("method"))
-    rows = {row.name: row for row in full_table(groups)}
+    groups = settings_with_method(groups, values.get("method"))
+    rows = {row.name: row for row in settings_table(groups)}
     for name, value in values.items():
         if name in rows:
-            check_value(name, value, rows)
-        elif not why_unused(name, rows):
+            check_parameter(name, value, rows)
+        elif not why_settings_unused(name, rows):
             raise ValueError(unknown_parameter(name, rows))
     options = {}
     for prefix, group in groups:
         given = {
             row.name: values[prefix + row.name]
-            for row in table(group)
+            for row in parameter_table(group)
             if prefix + row.name in values
         }
         try:
@@ -209,11 +217,11 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         except ValueError as error:
             raise ValueError(f"{prefix}{error}") from None
     if SessionOptions in options:
-        _check_combination(options)
+        _check_settings(options)
     return options
 
 
-def _check_combination(options: Mapping[type[Any], Any]) -> None:
+def _check_settings(options: Mapping[type[Any], Any]) -> None:
     """Refuse values of different groups that contradict each other."""
     settings_from(options)
     session: SessionOptions = options[SessionOptions]
@@ -240,13 +248,13 @@ def settings_from(options: Mapping[type[Any], Any]) -> Settings:
         methods={
             name: options[kind]
             for name in {*NODE_METHODS, options[SessionOptions].method}
-            if (kind := method_class(name).Options) in options
+            if (kind := registered_method(name).Options) in options
         },
         mounting=options[Mounting],
     )
 
 
-def help_text(node: str, summary: str | None) -> str:
+def settings_help(node: str, summary: str | None) -> str:
     """Usage, an example, the topics, and the parameters' names with where they are described.
 
     Parameters
@@ -262,7 +270,7 @@ def help_text(node: str, summary: str | None) -> str:
         (summary or "").splitlines()[0],
         f"example: ros2 run tsepm_ros {node} --ros-args {_EXAMPLES[node]}",
         f"topics: {_TOPICS[node]}",
-        *_parameter_lines(node),
+        *_settings_lines(node),
         f"Descriptions, units, bounds and defaults: tsepm parameters {node} (a parameter file to "
         f"edit; also in share/tsepm_ros/config/{node}.yaml), or docs/parameters.md. Numbers that "
         "are not integers need their decimal point: 5.0, not 5.",
@@ -270,11 +278,13 @@ def help_text(node: str, summary: str | None) -> str:
     return "\n\n".join(textwrap.fill(part, WIDTH, subsequent_indent="  ") for part in parts)
 
 
-def _parameter_lines(node: str) -> list[str]:
+def _settings_lines(node: str) -> list[str]:
     """A paragraph of names per prefix."""
     groups = NODES[node]
     return [
         f"{f'parameters {prefix}*' if prefix else 'parameters'}: "
-        + ", ".join(row.name for one, group in groups if one == prefix for row in table(group))
+        + ", ".join(
+            row.name for one, group in groups if one == prefix for row in parameter_table(group)
+        )
         for prefix in dict.fromkeys(prefix for prefix, _ in groups)
     ]

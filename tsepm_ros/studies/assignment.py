@@ -1,7 +1,7 @@
 """Association: pairs of potential tracks and detections, and their assignment.
 
-`within` gates pairs. `disjoint`, `nearest_first` and `oldest_first` assign each track and each
-detection once; `best_of_each` assigns each track once, and a detection to several tracks.
+`assignment_within` gates pairs. `disjoint_assignment`, `nearest_first_assignment` and `oldest_first_assignment` assign each track and each
+detection once; `best_assignment_of_each` assigns each track once, and a detection to several tracks.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BLOCK = 50_000
 
 
 @dataclass(frozen=True)
-class Pairs(Rows):
+class AssignmentPairs(Rows):
     """Potential tracks and the detections that may extend them: a row each.
 
     Attributes
@@ -37,30 +37,30 @@ class Pairs(Rows):
     cost: FloatArray
 
     @classmethod
-    def none(cls) -> Pairs:
+    def none(cls) -> AssignmentPairs:
         """No pairs."""
         return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
-def within(
+def assignment_within(
     parent: IntArray,
     row: IntArray,
     distance: Callable[[IntArray, IntArray], FloatArray],
     threshold: float,
-) -> Pairs:
+) -> AssignmentPairs:
     """The pairs (parent, row), (p,), with a distance of at most `threshold`, which is their cost.
 
     Distances are computed in blocks, which bounds memory.
     """
-    parts = [Pairs.none()]
+    parts = [AssignmentPairs.none()]
     for first in range(0, len(parent), BLOCK):
         block = slice(first, first + BLOCK)
-        pairs = Pairs(parent[block], row[block], distance(parent[block], row[block]))
+        pairs = AssignmentPairs(parent[block], row[block], distance(parent[block], row[block]))
         parts.append(pairs[pairs.cost <= threshold])
-    return Pairs.joined(*parts)
+    return AssignmentPairs.joined(*parts)
 
 
-def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
+def disjoint_assignment(members: IntArray, cost: FloatArray) -> IntArray:
     """Choose rows without common members, greedily by cost.
 
     Parameters
@@ -94,12 +94,12 @@ def disjoint(members: IntArray, cost: FloatArray) -> IntArray:
     return np.sort(np.array(chosen, np.int64))
 
 
-def nearest_first(pairs: Pairs) -> Pairs:
+def nearest_first_assignment(pairs: AssignmentPairs) -> AssignmentPairs:
     """Assign each track and each detection at most once, the pair of least cost first."""
-    return pairs[exclusive(pairs, pairs.cost)]
+    return pairs[exclusive_assignment(pairs, pairs.cost)]
 
 
-def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
+def oldest_first_assignment(pairs: AssignmentPairs, first_scan: IntArray) -> AssignmentPairs:
     """Assign each track and each detection at most once, the oldest track first.
 
     Of tracks begun in the same scan the pair of least cost goes first.
@@ -112,16 +112,16 @@ def oldest_first(pairs: Pairs, first_scan: IntArray) -> Pairs:
     """
     rank = np.empty(len(pairs))
     rank[np.lexsort((pairs.cost, first_scan[pairs.parent]))] = np.arange(len(pairs))
-    return pairs[exclusive(pairs, rank)]
+    return pairs[exclusive_assignment(pairs, rank)]
 
 
-def exclusive(pairs: Pairs, rank: FloatArray) -> IntArray:
+def exclusive_assignment(pairs: AssignmentPairs, rank: FloatArray) -> IntArray:
     """Rows (k,) with each track and each detection at most once, those of the smallest ranks."""
     members = np.stack([pairs.parent, -2 - pairs.row], axis=1)  # distinct, and never NO_HIT
-    return disjoint(members, rank)
+    return disjoint_assignment(members, rank)
 
 
-def best_of_each(pairs: Pairs) -> Pairs:
+def best_assignment_of_each(pairs: AssignmentPairs) -> AssignmentPairs:
     """The pair of least cost of each track; several tracks may use a detection."""
     order = np.lexsort((pairs.row, pairs.cost, pairs.parent))
     first = np.flatnonzero(np.diff(pairs.parent[order], prepend=-1))

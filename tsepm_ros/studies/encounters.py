@@ -8,7 +8,7 @@ single track, by its distance in position and features. Both are tests of a fixe
 of densities: they need no distribution of the features of clutter.
 
 Targets meet if their gates overlap at their closest approach (Section 2.2, Eqs. 1-9,
-`measures.closest_approach`). A target's detections resemble each other in intensity, range width
+`measures.measured_closest_approach`). A target's detections resemble each other in intensity, range width
 and azimuth width (Section 2.3). With u the mean of a track's n detections so far (Eq. 10) and u'
 the mean with another, the decision function is ``J = sum_p |u'_p - u_p|^2`` (Eq. 11), small for a
 detection of its own.
@@ -47,9 +47,9 @@ from scipy.spatial import cKDTree
 from scipy.special import chdtri, fdtrc
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed
-from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.studies.assignment import Pairs, exclusive
-from tsepm_ros.tools.evaluation.measures import closest_approach
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
+from tsepm_ros.studies.assignment import AssignmentPairs, exclusive_assignment
+from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import (
@@ -80,7 +80,7 @@ ZONE_FACTOR = 3.0
 """Ratio of the density in a clutter zone to its mean."""
 
 
-def measured_features(scan: Scan) -> FloatArray:
+def encounter_features(scan: Scan) -> FloatArray:
     """Features of a scan's detections, (n, 3); nan where not measured."""
     columns = [scan.features.get(name, np.full(len(scan), np.nan)) for name in ECHO_FEATURES]
     values = np.stack(columns, axis=1)
@@ -88,7 +88,7 @@ def measured_features(scan: Scan) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Histories(Rows):
+class EncounterHistories(Rows):
     """Statistics of the features of tracks' detections, a row for each track.
 
     Attributes
@@ -147,7 +147,7 @@ class Histories(Rows):
         return np.asarray((self.dissimilarity(features) <= gate) | (freedom == 0))
 
 
-def meeting(
+def encounter_pairs(
     state: FloatArray,
     covariance: FloatArray,
     error: FloatArray,
@@ -184,7 +184,7 @@ def meeting(
     near = cKDTree(state[:, 0::2]).query_pairs(2.0 * farthest.max(), output_type="ndarray")
     first, second = near[np.lexsort((near[:, 1], near[:, 0]))].T
     apart = state[second] - state[first]
-    time = np.clip(closest_approach(apart)[0], -max_time, max_time)
+    time = np.clip(measured_closest_approach(apart)[0], -max_time, max_time)
 
     def reach(rows: IntArray) -> FloatArray:
         position_covariance = motion.position_covariance_after(covariance[rows], time)
@@ -195,7 +195,7 @@ def meeting(
 
 
 @dataclass(frozen=True)
-class Environment:
+class EncounterEnvironment:
     """Clutter zones and clutter features in a scan.
 
     Attributes
@@ -212,7 +212,9 @@ class Environment:
     in_zone: BoolArray
     clutter: FloatArray
 
-    def factors(self, histories: Histories, meets: BoolArray, pairs: Pairs) -> FloatArray:
+    def factors(
+        self, histories: EncounterHistories, meets: BoolArray, pairs: AssignmentPairs
+    ) -> FloatArray:
         """Factor of the likelihood ratio of each pair of a track and a detection, (p,).
 
         Parameters
@@ -246,12 +248,12 @@ class Environment:
         contested = (row[:, None] == row) & meets[parent[:, None], parent]
         rivals = rivals[contested.any(axis=1)]
         cost = tested.cost[rivals] + tracks[rivals].dissimilarity(features[rivals])
-        assigned = exclusive(tested[rivals], cost)
+        assigned = exclusive_assignment(tested[rivals], cost)
         factors[rows[np.delete(rivals, assigned)]] = 0.0
         return factors
 
 
-class FeatureMaintenance(TrackMaintenance):
+class EncounterMaintenance(TrackMaintenance):
     """Track maintenance that associates by features where clutter is dense and targets meet.
 
     Parameters
@@ -279,7 +281,7 @@ class FeatureMaintenance(TrackMaintenance):
 
     def look(self, index: int, scan: Scan, in_zone: BoolArray) -> None:
         """Take the next scan, of an index, and which of its detections are in a clutter zone."""
-        self.scans[index] = measured_features(scan), in_zone
+        self.scans[index] = encounter_features(scan), in_zone
         self.scans.pop(index - MAX_WINDOW, None)
 
     def step(
@@ -304,7 +306,7 @@ class FeatureMaintenance(TrackMaintenance):
         features, in_zone = self.scans[max(self.scans)]
         return features[detections["index"]], in_zone[detections["index"]]
 
-    def histories(self, tracks: TrackArrays) -> Histories:
+    def histories(self, tracks: TrackArrays) -> EncounterHistories:
         """Features of the latest detections of tracks: of new tracks, their hits."""
         self.latest = {
             track_id: self.latest.get(track_id)
@@ -314,7 +316,7 @@ class FeatureMaintenance(TrackMaintenance):
         features = np.full((len(tracks), DETECTION_COUNT, len(ECHO_FEATURES)), np.nan)
         for row, latest in enumerate(self.latest.values()):
             features[row, : len(latest)] = np.reshape(list(latest), (-1, len(ECHO_FEATURES)))
-        return Histories.of(features)
+        return EncounterHistories.of(features)
 
     def gate(
         self,
@@ -325,18 +327,18 @@ class FeatureMaintenance(TrackMaintenance):
         detections: NDArray[np.void],
         sensor: SensorModel,
     ) -> GatedDetections:
-        """The detections in the gates, with likelihoods times `Environment.factors`."""
+        """The detections in the gates, with likelihoods times `EncounterEnvironment.factors`."""
         gated = super().gate(confirmed, state, covariance, stamp, detections, sensor)
-        environment = Environment(*self.of_scan(detections), self.clutter)
+        environment = EncounterEnvironment(*self.of_scan(detections), self.clutter)
         histories = self.histories(confirmed.tracks)
         if not gated.row.size:
             return gated
         error = detections["major_sigma"][gated.row[:, 0, 0]]
-        first, second = meeting(
+        first, second = encounter_pairs(
             confirmed.tracks.state,
             confirmed.tracks.covariance,
             error,
-            gate_factor(GATE_PROBABILITY),
+            gaussian_gate_factor(GATE_PROBABILITY),
             self.encounter_time,
         )
         meets = np.zeros((len(confirmed), len(confirmed)), bool)
@@ -346,13 +348,13 @@ class FeatureMaintenance(TrackMaintenance):
         for seeker in (0, 1):
             track, place = inside = mean[:, seeker].nonzero()
             cost = -2.0 * np.log(mean[:, seeker][inside])
-            pairs = Pairs(track, gated.row[track, seeker, place], cost)
+            pairs = AssignmentPairs(track, gated.row[track, seeker, place], cost)
             factors[track, seeker, place] = environment.factors(histories, meets, pairs)
         return changed(gated, likelihood=gated.likelihood * factors[:, SEEKER])
 
 
 class FeatureTracker(Tracker):
-    """A tracker with `FeatureMaintenance`.
+    """A tracker with `EncounterMaintenance`.
 
     Parameters
     ----------
@@ -361,11 +363,11 @@ class FeatureTracker(Tracker):
         s.
     """
 
-    maintenance: FeatureMaintenance
+    maintenance: EncounterMaintenance
 
     def __init__(self, method: Method, encounter_time: float = 60.0) -> None:
         super().__init__(method)
-        self.maintenance = FeatureMaintenance(method.common, encounter_time)
+        self.maintenance = EncounterMaintenance(method.common, encounter_time)
 
     def process(self, scan: Scan) -> TrackArrays:
         """See `Tracker.process`."""

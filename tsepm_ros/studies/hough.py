@@ -61,11 +61,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, keep_best
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_rows_of_least_cost
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.assignment import Pairs
-from tsepm_ros.studies.path_following import Estimates, HitCounter, PathFollower
-from tsepm_ros.tracker.initial_state import NO_HIT, Paths, starting
+from tsepm_ros.studies.assignment import AssignmentPairs
+from tsepm_ros.studies.path_following import Estimates, PathFollower, PathHitCounter
+from tsepm_ros.tracker.initial_state import NO_HIT, Paths, initial_paths
 from tsepm_ros.tracker.method import ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
@@ -85,7 +85,7 @@ class HoughOptions(MnOptions):
     cell: float = parameter(300.0, "Size of a cell of rho", unit="m", minimum=0.1, maximum=1e6)
 
 
-class Hough(HitCounter):
+class Hough(PathHitCounter):
     """The Hough transform: straight lines in the image of the last scans."""
 
     Options = HoughOptions
@@ -127,7 +127,7 @@ class Hough(HitCounter):
         image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
-        kept = lines[keep_best(votes, self.common.max_potential_tracks)]
+        kept = lines[array_rows_of_least_cost(votes, self.common.max_potential_tracks)]
         tracks, hits, refused = self.confirm(kept)
         self._image = image[~np.isin(image, hits)]
         return Step(
@@ -155,7 +155,11 @@ class Hough(HitCounter):
         See `Method.potential_tracks`.
         """
         lines = self._lines(self._image, 2, observed.sensor_position)
-        lines = lines[keep_best(-lines.hit_count.astype(float), self.common.max_potential_tracks)]
+        lines = lines[
+            array_rows_of_least_cost(
+                -lines.hit_count.astype(float), self.common.max_potential_tracks
+            )
+        ]
         tracks, _, _ = self.confirm(lines)
         return tracks.numbered(np.arange(len(tracks)))
 
@@ -175,7 +179,7 @@ class Hough(HitCounter):
         scan = detections["scan"]
         cells = np.unique(cell[scan == self.scan_index])
         if not len(cells):
-            return starting(cells, self.scan_index, 2)
+            return initial_paths(cells, self.scan_index, 2)
         line = np.minimum(np.searchsorted(cells, cell), len(cells) - 1)
         detection, angle = np.nonzero(cells[line] == cell)
         line, from_middle = line[detection, angle], from_middle[detection, angle]
@@ -274,15 +278,15 @@ class ModifiedHough(PathFollower):
     )
     every_detection_starts = True
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
         kept = displacements.faster_than(options.min_step_speed)
         turn = np.where(first, 0.0, displacements.turn)
         kept &= turn <= options.max_turn
-        return Pairs(parent[kept], row[kept], turn[kept]), cut
+        return AssignmentPairs(parent[kept], row[kept], turn[kept]), cut
 
-    def choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """All pairs: each detection that satisfies the rules makes a potential track."""
         return pairs

@@ -44,9 +44,9 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
-from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.assignment import Pairs, within
+from tsepm_ros.studies.assignment import AssignmentPairs, assignment_within
 from tsepm_ros.studies.path_following import PathFollower
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.measurement import major_sigma
@@ -54,7 +54,7 @@ from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 
 
 @dataclass(frozen=True, eq=False)
-class Polynomials:
+class LogicPolynomials:
     """Polynomials fitted to the hits of n tracks by least squares.
 
     At the time t, with ``s = (t - reference) / scale`` of the track, the position is
@@ -82,7 +82,7 @@ class Polynomials:
     covariance: FloatArray
 
     @classmethod
-    def fitted(cls, hits: NDArray[np.void], reference: float, degree: int) -> Polynomials:
+    def fitted(cls, hits: NDArray[np.void], reference: float, degree: int) -> LogicPolynomials:
         """Fit hits (n, m) of DETECTION, by the minimum norm where their times leave it open."""
         interval = hits["time"] - reference
         scale = np.abs(interval).max(axis=1)
@@ -188,29 +188,31 @@ class Logic(PathFollower):
         """See `PathFollower.ends_when_missed`."""
         return self.options.missed == "ends"
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """The detections in the acceptance region of each potential track, by D."""
         if not len(detections):
-            return Pairs.none(), 0
+            return AssignmentPairs.none(), 0
         middle = float(detections["time"].min() + 0.5 * np.ptp(detections["time"]))
-        parts, cuts = [Pairs.none()], 0
+        parts, cuts = [AssignmentPairs.none()], 0
         for rows, ids in self.potential.of_equal_count():
             hits = self.detections[ids]
-            predicted = Polynomials.fitted(hits, middle, min(ids.shape[1] - 1, self.options.degree))
+            predicted = LogicPolynomials.fitted(
+                hits, middle, min(ids.shape[1] - 1, self.options.degree)
+            )
             owner, row, cut = self._near(predicted, detections)
             distance = partial(self._distance, predicted, detections)
-            inside = within(owner, row, distance, self._threshold)
-            parts.append(Pairs(rows[inside.parent], inside.row, inside.cost))
+            inside = assignment_within(owner, row, distance, self._threshold)
+            parts.append(AssignmentPairs(rows[inside.parent], inside.row, inside.cost))
             cuts += cut
-        return Pairs.joined(*parts), cuts
+        return AssignmentPairs.joined(*parts), cuts
 
     @property
     def _threshold(self) -> float:
         """gamma: the chi-square quantile of two degrees of freedom."""
-        return gaussian.gate_factor(self.options.gate_probability) ** 2
+        return gaussian.gaussian_gate_factor(self.options.gate_probability) ** 2
 
     def _near(
-        self, predicted: Polynomials, detections: NDArray[np.void]
+        self, predicted: LogicPolynomials, detections: NDArray[np.void]
     ) -> tuple[IntArray, IntArray, int]:
         """Pairs of predictions and detections, no fewer than lie in the regions."""
         times = detections["time"]
@@ -223,7 +225,7 @@ class Logic(PathFollower):
             )
             radius += np.sqrt(2.0) * self.common.max_speed * elapsed.max(axis=0)
         positions = np.ascontiguousarray(detections["position"])
-        return splitting.neighbours(
+        return splitting.splitting_neighbours(
             positions,
             np.ascontiguousarray(predicted.coefficients[:, 0]),
             radius * (1.0 + 1e-9),
@@ -232,7 +234,7 @@ class Logic(PathFollower):
 
     def _distance(
         self,
-        predicted: Polynomials,
+        predicted: LogicPolynomials,
         detections: NDArray[np.void],
         owner: IntArray,
         row: IntArray,
@@ -246,4 +248,4 @@ class Logic(PathFollower):
             misfit = np.maximum(0.0, misfit - reach[:, None]) + np.maximum(
                 0.0, -misfit - reach[:, None]
             )
-        return squared_distance(misfit, covariance + candidates["covariance"])
+        return squared_mahalanobis_distance(misfit, covariance + candidates["covariance"])

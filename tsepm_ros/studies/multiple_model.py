@@ -38,14 +38,22 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from tsepm_ros.numerics.gaussian import MIN_EIGENVALUE, proper, squared_distance
+from tsepm_ros.numerics.gaussian import (
+    MIN_EIGENVALUE,
+    proper_covariance,
+    squared_mahalanobis_distance,
+)
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.assignment import Pairs, nearest_first, within
+from tsepm_ros.studies.assignment import (
+    AssignmentPairs,
+    assignment_within,
+    nearest_first_assignment,
+)
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.evaluation import normalized_distance
-from tsepm_ros.tracker.initial_state import Fit, Paths, starting
-from tsepm_ros.tracker.measurement import major_sigma, rotated
+from tsepm_ros.tracker.initial_state import Fit, Paths, initial_paths
+from tsepm_ros.tracker.measurement import major_sigma, rotated_measurement_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -75,10 +83,10 @@ class MultipleModelOptions(MnOptions):
     )
 
 
-def correlated_beyond_one(covariance: FloatArray) -> BoolArray:
+def multiple_model_beyond_one(covariance: FloatArray) -> BoolArray:
     """Which matrices (n, d, d) have a variance or a correlation that no covariance has, (n,).
 
-    This is a cheap test for many matrices; `proper` tests all of their eigenvalues.
+    This is a cheap test for many matrices; `proper_covariance` tests all of their eigenvalues.
     """
     variance = np.diagonal(covariance, axis1=-2, axis2=-1)
     square = variance[..., :, None] * variance[..., None, :]
@@ -89,7 +97,7 @@ def correlated_beyond_one(covariance: FloatArray) -> BoolArray:
 
 
 @dataclass(frozen=True)
-class Banks(Paths):
+class MultipleModelBanks(Paths):
     """Potential tracks with a bank of f filters each.
 
     Attributes
@@ -106,7 +114,7 @@ class Banks(Paths):
     covariance: FloatArray
     weight: FloatArray
 
-    def predicted(self, step: float, noise: float) -> Banks:
+    def predicted(self, step: float, noise: float) -> MultipleModelBanks:
         """The banks after a time step, s, with a process noise, m^2/s^3."""
         state, covariance = motion.predict(
             self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4), step, noise
@@ -117,7 +125,9 @@ class Banks(Paths):
             covariance=covariance.reshape(self.covariance.shape),
         )
 
-    def updated(self, time_after_state: FloatArray, detections: NDArray[np.void]) -> Banks:
+    def updated(
+        self, time_after_state: FloatArray, detections: NDArray[np.void]
+    ) -> MultipleModelBanks:
         """The banks after an update by a detection each (n,), at times (n,) after the stamp, s."""
         n, number = self.weight.shape
         state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
@@ -126,15 +136,15 @@ class Banks(Paths):
         innovation_covariance = (
             motion.position_covariance_after(covariance, elapsed) + hits["covariance"]
         )
-        density, _ = gaussian.log_density(innovation, innovation_covariance)
+        density, _ = gaussian.gaussian_log_density(innovation, innovation_covariance)
         state, covariance = motion.update(
             state, covariance, elapsed, innovation, innovation_covariance
         )
         # P - K S K' loses its definiteness to rounding where the detection is far more accurate
         # than the prediction; the error would grow from scan to scan.
-        lost = correlated_beyond_one(covariance)
+        lost = multiple_model_beyond_one(covariance)
         if lost.any():
-            covariance[lost] = proper(covariance[lost])
+            covariance[lost] = proper_covariance(covariance[lost])
         density = density.reshape(n, number)
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
         # A floor, so that no filter is lost to rounding.
@@ -148,7 +158,7 @@ class Banks(Paths):
 
     def output(self) -> tuple[FloatArray, FloatArray]:
         """Weighted mean (n, 4) and covariance (n, 4, 4)."""
-        return gaussian.mixture(
+        return gaussian.gaussian_mixture(
             self.weight.T, np.swapaxes(self.state, 0, 1), np.swapaxes(self.covariance, 0, 1)
         )
 
@@ -164,7 +174,7 @@ class MultipleModel(PathFollower):
             for min_hits, window in ((8, 10), (7, 8), (6, 8), (5, 6), (5, 8), (4, 6), (3, 5))
         }
     )
-    potential: Banks
+    potential: MultipleModelBanks
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; other cells start over, as does another number of hits.
@@ -183,12 +193,12 @@ class MultipleModel(PathFollower):
         self.potential = self.potential.predicted(observed.interval, self.options.process_noise)
         return super().begin(observed)
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """The detections in the gate of each weighted prediction, by normalised distance."""
         if not len(detections):
-            return Pairs.none(), 0
+            return AssignmentPairs.none(), 0
         state, covariance = self.potential.output()
-        factor = gaussian.gate_factor(self.options.gate_probability)
+        factor = gaussian.gaussian_gate_factor(self.options.gate_probability)
         longest = np.abs(detections["time"] - self.stamp).max()
         sigma = major_sigma(covariance[:, 0::2, 0::2])
         sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
@@ -196,33 +206,39 @@ class MultipleModel(PathFollower):
         radius += longest * np.hypot(state[:, 1], state[:, 3])
         positions = np.ascontiguousarray(detections["position"])
         centres = np.ascontiguousarray(state[:, 0::2])
-        parent, row, cut = splitting.neighbours(positions, centres, radius, self.most_pairs)
+        parent, row, cut = splitting.splitting_neighbours(
+            positions, centres, radius, self.most_pairs
+        )
 
         def distance(parent: IntArray, row: IntArray) -> FloatArray:
             hits = taken(detections, row)
             elapsed = hits["time"] - self.stamp
             expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
             predicted = motion.position_covariance_after(covariance[parent], elapsed)
-            return squared_distance(hits["position"] - expected, predicted + hits["covariance"])
+            return squared_mahalanobis_distance(
+                hits["position"] - expected, predicted + hits["covariance"]
+            )
 
-        return within(parent, row, distance, factor**2), cut
+        return assignment_within(parent, row, distance, factor**2), cut
 
-    def choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """Each track and each detection is matched once, the nearest first."""
-        return nearest_first(pairs)
+        return nearest_first_assignment(pairs)
 
-    def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Banks:
+    def extended(
+        self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]
+    ) -> MultipleModelBanks:
         """See `PathFollower.extended`."""
         children = self.potential.extended(parent, ids)
         return children.updated(detections["time"] - self.stamp, detections)
 
-    def started(self, ids: IntArray, detections: NDArray[np.void]) -> Banks:
+    def started(self, ids: IntArray, detections: NDArray[np.void]) -> MultipleModelBanks:
         """A bank for each detection, carried from its time to the scan's stamp."""
-        mean, velocity_covariance = cells(
+        mean, velocity_covariance = multiple_model_cells(
             self.common.max_speed, self.options.speeds, self.options.headings
         )
         n, number = len(ids), len(mean)
-        path = starting(ids, self.scan_index, self.options.min_hits)
+        path = initial_paths(ids, self.scan_index, self.options.min_hits)
         state, covariance = np.zeros((n, number, 4)), np.zeros((n, number, 4, 4))
         state[..., 0::2], state[..., 1::2] = detections["position"][:, None], mean
         covariance[..., 0::2, 0::2] = detections["covariance"][:, None]
@@ -231,7 +247,7 @@ class MultipleModel(PathFollower):
         state, covariance = motion.predict(
             state.reshape(-1, 4), covariance.reshape(-1, 4, 4), elapsed, self.options.process_noise
         )
-        return Banks(
+        return MultipleModelBanks(
             path.hits,
             path.hit_count,
             path.first_scan,
@@ -242,7 +258,7 @@ class MultipleModel(PathFollower):
 
     def estimate(self, paths: Paths) -> Estimates:
         """The weighted output, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""
-        assert isinstance(paths, Banks)
+        assert isinstance(paths, MultipleModelBanks)
         state, covariance = paths.output()
         figure = np.zeros(len(paths))
         for rows, ids in paths.of_equal_count():
@@ -259,7 +275,9 @@ class MultipleModel(PathFollower):
         return min(self.common.max_potential_tracks, most)
 
 
-def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, FloatArray]:
+def multiple_model_cells(
+    max_speed: float, speeds: int, headings: int
+) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance of the velocity in each cell of speed and heading.
 
     Parameters
@@ -285,4 +303,6 @@ def cells(max_speed: float, speeds: int, headings: int) -> tuple[FloatArray, Flo
     along = 0.5 * square * (1.0 + share) - mean**2
     across = 0.5 * square * (1.0 - share)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return mean[:, None] * direction, rotated(along, across, np.cos(heading), np.sin(heading))
+    return mean[:, None] * direction, rotated_measurement_covariance(
+        along, across, np.cos(heading), np.sin(heading)
+    )

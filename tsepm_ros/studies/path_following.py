@@ -38,11 +38,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import WindowedMethod
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, keep_best, taken
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Rows,
+    array_rows_of_least_cost,
+    taken,
+)
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.assignment import Pairs, best_of_each, disjoint
+from tsepm_ros.studies.assignment import (
+    AssignmentPairs,
+    best_assignment_of_each,
+    disjoint_assignment,
+)
 from tsepm_ros.tracker import evaluation, splitting
-from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit, starting
+from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_initial_states, initial_paths
 from tsepm_ros.tracker.measurement import DETECTION
 from tsepm_ros.tracker.method import ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
@@ -71,12 +82,12 @@ class Estimates(Rows):
     evaluation: FloatArray
 
 
-class HitCounter(WindowedMethod):
+class PathHitCounter(WindowedMethod):
     """A method that counts the hits of paths and puts out those that share no detection."""
 
     def fit(self, hits: NDArray[np.void]) -> Fit:
         """Fit the states to the hits (n, m) of n tracks."""
-        return fit(hits, self.stamp, self.sensor, "unweighted")
+        return fit_initial_states(hits, self.stamp, self.sensor, "unweighted")
 
     def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
         """The method's figure, (n,), small for a target; f_1 (TSEPM 2018, Eq. 23) if not another.
@@ -127,7 +138,7 @@ class HitCounter(WindowedMethod):
         estimates = self.estimate(raw)
         accepted = self.accept(estimates)
         candidates, estimates = raw[accepted], estimates[accepted]
-        best = disjoint(candidates.hits, self.preference(candidates, estimates))
+        best = disjoint_assignment(candidates.hits, self.preference(candidates, estimates))
         tracks = self.tracks(candidates[best], estimates[best])
         return tracks, candidates.hits[best], len(raw) - len(candidates)
 
@@ -145,7 +156,7 @@ class HitCounter(WindowedMethod):
 
 
 @dataclass(frozen=True)
-class Displacements(Rows):
+class PathDisplacements(Rows):
     """Two steps that follow each other, a row each.
 
     Attributes
@@ -162,7 +173,7 @@ class Displacements(Rows):
     time_after: FloatArray
 
     @classmethod
-    def of(cls, position: FloatArray, time: FloatArray) -> Displacements:
+    def of(cls, position: FloatArray, time: FloatArray) -> PathDisplacements:
         """The steps between three positions (p, 3, 2), m, at times (p, 3), s."""
         step, elapsed = np.diff(position, axis=1), np.diff(time, axis=1)
         return cls(step[:, 0], step[:, 1], elapsed[:, 0], elapsed[:, 1])
@@ -192,7 +203,7 @@ class Displacements(Rows):
         return np.abs(np.arctan2(across, along))
 
 
-class PathFollower(HitCounter):
+class PathFollower(PathHitCounter):
     """A hit counter that extends potential tracks from scan to scan.
 
     A method finds the detections that may extend each potential track (`pairs`) and chooses among
@@ -204,16 +215,16 @@ class PathFollower(HitCounter):
     """Whether a detection that extends a potential track starts another as well."""
 
     @abstractmethod
-    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """Potential tracks and detections that may extend them; and the pairs a limit left out."""
 
-    def choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """The pairs that become potential tracks: for each track the best.
 
         A first hit, of which no motion is known yet, is extended by every detection it may be.
         """
         single = self.potential.hit_count[pairs.parent] == 1
-        return Pairs.joined(pairs[single], best_of_each(pairs[~single]))
+        return AssignmentPairs.joined(pairs[single], best_assignment_of_each(pairs[~single]))
 
     @property
     def ends_when_missed(self) -> bool:
@@ -311,7 +322,7 @@ class PathFollower(HitCounter):
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """New potential tracks of one hit each, from detections (n,) and their ids."""
-        return starting(ids, self.scan_index, self.options.min_hits)
+        return initial_paths(ids, self.scan_index, self.options.min_hits)
 
     def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""
@@ -339,7 +350,7 @@ class PathFollower(HitCounter):
             self.potential.last_hit, return_index=True, return_inverse=True
         )
         hits = self.detections[last_hits]
-        gated = splitting.gate_within(
+        gated = splitting.splitting_gate_within(
             hits,
             detections,
             self.common.max_speed,
@@ -358,7 +369,7 @@ class PathFollower(HitCounter):
 
     def displacements(
         self, detections: NDArray[np.void], gate_sigmas: float
-    ) -> tuple[IntArray, IntArray, Displacements, BoolArray, int]:
+    ) -> tuple[IntArray, IntArray, PathDisplacements, BoolArray, int]:
         """The displacements to reachable detections from the last two hits of the potential tracks.
 
         Parameters
@@ -386,9 +397,9 @@ class PathFollower(HitCounter):
             [known["position"][parent], detections["position"][row, None]], axis=1
         )
         time = np.concatenate([known["time"][parent], detections["time"][row, None]], axis=1)
-        return parent, row, Displacements.of(position, time), tracks.hit_count[parent] == 1, cut
+        return parent, row, PathDisplacements.of(position, time), tracks.hit_count[parent] == 1, cut
 
-    def _within_limits(self, pairs: Pairs) -> tuple[Pairs, int, int]:
+    def _within_limits(self, pairs: AssignmentPairs) -> tuple[AssignmentPairs, int, int]:
         """The best pairs within the limits, and how many potential and complete tracks are cut."""
         complete = self.potential.hit_count[pairs.parent] == self.options.min_hits - 1
         kept = []
@@ -396,14 +407,14 @@ class PathFollower(HitCounter):
             (pairs[~complete], self.max_tracks),
             (pairs[complete], self.common.max_potential_tracks),
         ):
-            kept.append(part[keep_best(part.cost, limit)])
+            kept.append(part[array_rows_of_least_cost(part.cost, limit)])
         counts = np.count_nonzero(~complete), np.count_nonzero(complete)
         cut = [int(count) - len(part) for count, part in zip(counts, kept, strict=True)]
-        return Pairs.joined(*kept), cut[0], cut[1]
+        return AssignmentPairs.joined(*kept), cut[0], cut[1]
 
     def _limit(self, tracks: Paths) -> tuple[Paths, int]:
         """Keep the potential tracks of the most hits; returns them and the number cut."""
-        kept = keep_best(-tracks.hit_count.astype(float), self.max_tracks)
+        kept = array_rows_of_least_cost(-tracks.hit_count.astype(float), self.max_tracks)
         return tracks[kept], len(tracks) - len(kept)
 
 
@@ -434,7 +445,7 @@ class HeuristicOptions(MnOptions):
     )
 
 
-class Heuristic(PathFollower):
+class HeuristicPathFollower(PathFollower):
     """The heuristic method: limits of speed and acceleration over consecutive scans."""
 
     Options = HeuristicOptions
@@ -460,7 +471,7 @@ class Heuristic(PathFollower):
     )
     every_detection_starts = True
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """The detections that satisfy the rules after each track's last hits, by acceleration."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
@@ -468,7 +479,7 @@ class Heuristic(PathFollower):
         kept = displacements.faster_than(options.min_step_speed)
         kept &= first | (acceleration <= options.max_acceleration)
         kept &= first | (displacements.turn <= options.max_turn)
-        return Pairs(parent[kept], row[kept], acceleration[kept]), cut
+        return AssignmentPairs(parent[kept], row[kept], acceleration[kept]), cut
 
     def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
         """Largest acceleration of each track, (n,), m/s^2; 0 of two hits."""
@@ -476,6 +487,6 @@ class Heuristic(PathFollower):
         largest = np.zeros(n)
         for last in range(2, count):
             three = hits[:, last - 2 : last + 1]
-            displacements = Displacements.of(three["position"], three["time"])
+            displacements = PathDisplacements.of(three["position"], three["time"])
             largest = np.maximum(largest, displacements.acceleration)
         return largest

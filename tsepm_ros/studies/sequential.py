@@ -44,10 +44,15 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
-from tsepm_ros.studies.assignment import Pairs, best_of_each, nearest_first, oldest_first
+from tsepm_ros.studies.assignment import (
+    AssignmentPairs,
+    best_assignment_of_each,
+    nearest_first_assignment,
+    oldest_first_assignment,
+)
 from tsepm_ros.studies.path_following import PathFollower
-from tsepm_ros.tracker.initial_state import Fit, fit
-from tsepm_ros.tracker.measurement import measured_polar, range_variance_at
+from tsepm_ros.tracker.initial_state import Fit, fit_initial_states
+from tsepm_ros.tracker.measurement import measured_polar, measurement_range_variance_at
 from tsepm_ros.tracker.motion import predict, update
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.sensor import SensorModel
@@ -55,7 +60,7 @@ from tsepm_ros.tracker.sensor import SensorModel
 ESTIMATORS = ("least_squares", "linear_fitting", "kalman_filter")
 
 
-def estimate(
+def sequential_estimate(
     hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str, noise: float
 ) -> Fit:
     """Estimate the state at `stamp` from the hits of each track.
@@ -68,7 +73,7 @@ def estimate(
         Time of the state, s.
     sensor : SensorModel
     estimator : {"least_squares", "linear_fitting", "kalman_filter"}
-        ``X = (H'H)^-1 H'Z`` (Eq. 11), `line`, or `kalman`.
+        ``X = (H'H)^-1 H'Z`` (Eq. 11), `sequential_line`, or `sequential_kalman`.
     noise : float
         Process noise of the Kalman filter, m^2/s^3.
 
@@ -76,13 +81,17 @@ def estimate(
     -------
     Fit
     """
-    least_squares = fit(hits, stamp, sensor, "unweighted")
+    least_squares = fit_initial_states(hits, stamp, sensor, "unweighted")
     if estimator == "least_squares":
         return least_squares
     time_after_state, raw = least_squares.time_after_state, hits["covariance"]
     if estimator == "kalman_filter":
-        return Fit(*kalman(time_after_state, hits["position"], raw, noise), time_after_state, raw)
-    state, covariance = line(time_after_state, hits["position"], raw)
+        return Fit(
+            *sequential_kalman(time_after_state, hits["position"], raw, noise),
+            time_after_state,
+            raw,
+        )
+    state, covariance = sequential_line(time_after_state, hits["position"], raw)
     # Where all hits are at one place there is no line.
     point = np.isnan(covariance).any(axis=(1, 2))
     state[point] = least_squares.state[point]
@@ -91,7 +100,7 @@ def estimate(
 
 
 @np.errstate(invalid="ignore", divide="ignore")  # no line, or no time between the ends: nan
-def line(
+def sequential_line(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Straight line through the hits' positions, run along from the first hit to the last.
@@ -147,7 +156,7 @@ def line(
 
 
 @np.errstate(invalid="ignore", divide="ignore")  # equal times have no velocity: nan
-def kalman(
+def sequential_kalman(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray, noise: float
 ) -> tuple[FloatArray, FloatArray]:
     """Kalman filter over the hits, begun by two-point differencing, then carried to the stamp.
@@ -160,7 +169,7 @@ def kalman(
     Parameters
     ----------
     time_after_state, positions, covariances
-        As in `line`.
+        As in `sequential_line`.
     noise : float
         Spectral density of the acceleration, m^2/s^3.
 
@@ -239,29 +248,31 @@ class Sequential(PathFollower):
         }
     )
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[Pairs, int]:
+    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """The detections in the gate of each potential track, by distance (Eq. 7)."""
         last_hits = self.detections[self.potential.last_hit]
         margin = self.options.gate_sigmas * self._sigma(last_hits)
         parent, row, cut = self.reachable(detections, margin)
         displacement = detections["position"][row] - last_hits["position"][parent]
-        return Pairs(parent, row, np.hypot(displacement[:, 0], displacement[:, 1])), cut
+        return AssignmentPairs(parent, row, np.hypot(displacement[:, 0], displacement[:, 1])), cut
 
     def _sigma(self, hits: NDArray[np.void]) -> FloatArray:
         """Standard deviation of each hit's error, (n,), m."""
         if self.options.gate_error == "major_axis":
             return np.asarray(hits["major_sigma"])
-        return np.sqrt(range_variance_at(hits, measured_polar(hits)[0], self.sensor))
+        return np.sqrt(measurement_range_variance_at(hits, measured_polar(hits)[0], self.sensor))
 
-    def choose(self, pairs: Pairs) -> Pairs:
+    def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """One detection at most for each track, by the reading of Step 3 that is chosen."""
         if self.options.matching == "shared":
-            return best_of_each(pairs)
+            return best_assignment_of_each(pairs)
         if self.options.matching == "oldest":
-            return oldest_first(pairs, self.potential.first_scan)
-        return nearest_first(pairs)
+            return oldest_first_assignment(pairs, self.potential.first_scan)
+        return nearest_first_assignment(pairs)
 
     def fit(self, hits: NDArray[np.void]) -> Fit:
         """See `HitCounter.fit`."""
         options = self.options
-        return estimate(hits, self.stamp, self.sensor, options.estimator, options.process_noise)
+        return sequential_estimate(
+            hits, self.stamp, self.sensor, options.estimator, options.process_noise
+        )

@@ -32,7 +32,7 @@ Readings:
 - A target has one detection a scan, so a combination is one or the other: its moments are those of
   the mixture with equal weights, the spread of their means included. Averaging them as two
   measurements of one target, the other reading, would halve the variance.
-- The position is Eq. 4's, R is from the unscented transform (`unscented`).
+- The position is Eq. 4's, R is from the unscented transform (`split_merge_unscented`).
 
 The clutter test
 ----------------
@@ -69,17 +69,17 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
+from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
 from tsepm_ros.tracker.measurement import (
-    DetectionWindow,
+    MeasurementWindow,
     major_sigma,
     measured_polar,
-    pose_error_covariance,
-    range_variance_at,
-    rotated,
+    measurement_pose_covariance,
+    measurement_range_variance_at,
+    rotated_measurement_covariance,
 )
 from tsepm_ros.tracker.method import Step
 from tsepm_ros.tracker.observation import Observation
@@ -88,7 +88,7 @@ from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
-def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
+def split_merge_unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
     """Convert the detections as Split-merge 2016 does, with R by the unscented transform.
 
     The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position` removes.
@@ -115,13 +115,13 @@ def unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.v
     cosine, sine = np.cos(azimuth), np.sin(azimuth)
     offset = range_[..., None] * np.stack([cosine, sine], axis=-1)
     angle = math.sqrt(3.0) * detections["azimuth_std"]
-    along = range_variance_at(detections, range_, sensor)
+    along = measurement_range_variance_at(detections, range_, sensor)
     along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
     across = np.square(range_ * np.sin(angle)) / 3.0
     converted["position"] = detections["sensor_pose"][..., :2] + offset
-    converted["covariance"] = rotated(along, across, cosine, sine) + pose_error_covariance(
-        offset, detections["sensor_pose_covariance"]
-    )
+    converted["covariance"] = rotated_measurement_covariance(
+        along, across, cosine, sine
+    ) + measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
     converted["major_sigma"] = major_sigma(converted["covariance"])
     return converted
 
@@ -169,14 +169,14 @@ class SplitMerge(Tsepm):
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self._unscented = DetectionWindow()
+        self._unscented = MeasurementWindow()
 
     def step(self, observed: Observation) -> Step:
         """Step of `Tsepm` on detections with the unscented transform's covariances.
 
         See `Method.step`.
         """
-        detections = unscented(observed.detections, self.sensor)
+        detections = split_merge_unscented(observed.detections, self.sensor)
         self._unscented.forget(observed.scan_index + 1 - self.options.window)
         ids, window = self._unscented.append(detections), self._unscented
         return super().step(replace(observed, detections=detections, ids=ids, window=window))
@@ -186,13 +186,13 @@ class SplitMerge(Tsepm):
         """Nothing is pruned."""
         return math.inf
 
-    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group, from its combined measurements."""
-        fitted = self.fit(combined(self.detections[np.unique(group.hits)])[None])
+        fitted = self.fit(split_merge_combined(self.detections[np.unique(group.hits)])[None])
         return fitted.state[0], fitted.covariance[0]
 
 
-def combined(hits: NDArray[np.void]) -> NDArray[np.void]:
+def split_merge_combined(hits: NDArray[np.void]) -> NDArray[np.void]:
     """Combine the distinct measurements of merged tracks to a single measurement a scan.
 
     ``z = sum z_i / k``, ``R = sum (R_i + (z_i - z)(z_i - z)') / k``, at the mean of their times.
@@ -243,7 +243,7 @@ class ClutterTestOptions(MnOptions):
     estimator: str = parameter("unweighted", "Fit of a track, as with tsepm", choices=ESTIMATORS)
 
 
-class ClutterTest(Tsepm):
+class SplitMergeClutterTest(Tsepm):
     """Track splitting with Kennedy's test for clutter, without merging."""
 
     Options = ClutterTestOptions  # type: ignore[assignment]
@@ -255,6 +255,6 @@ class ClutterTest(Tsepm):
         }
     )
 
-    def merge(self, candidates: Candidates) -> TrackArrays:
+    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
         """Every candidate is a track of its own."""
         return self.tracks(candidates)

@@ -28,24 +28,24 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import read_track_cloud, time_to_ns, track_states
 from msg_adapters.message_input import MessageInput
-from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, signals_held
+from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, ending_signals_held
 from tsepm_ros.parameters import Value
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.parameter_files import yaml_text
+from tsepm_ros.settings.parameter_files import parameter_file_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
-from tsepm_ros.tools.commands.given_parameters import add_values, given_values
-from tsepm_ros.tools.pictures.plan_position import save
+from tsepm_ros.tools.commands.given_parameters import add_given_parameters, given_parameter_values
+from tsepm_ros.tools.pictures.plan_position import save_plan
 from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
-    ScanView,
-    headline,
-    target_name,
+    SceneScan,
+    scene_headline,
+    scene_target_name,
 )
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
-from tsepm_ros.tools.terminal import progress_bar, text_table
+from tsepm_ros.tools.terminal import terminal_progress_bar, terminal_table
 
 DEPTH = 1000
 HEADER = [
@@ -74,7 +74,7 @@ ARGUMENTS: Arguments = {
 }
 
 
-class TopicCollector(Node):
+class DemoCollector(Node):
     """Keeps the messages of one run.
 
     Attributes
@@ -108,19 +108,19 @@ class TopicCollector(Node):
         self.processed += 1
 
 
-def target_rows(scene: RunScene) -> list[list[str]]:
+def demo_target_rows(scene: RunScene) -> list[list[str]]:
     """The header and a row per target of a judged run."""
-    return [HEADER, *(_row(target, scene) for target in range(len(scene.truth)))]
+    return [HEADER, *(_demo_row(target, scene) for target in range(len(scene.truth)))]
 
 
-def _row(target: int, scene: RunScene) -> list[str]:
+def _demo_row(target: int, scene: RunScene) -> list[str]:
     start = scene.true_starts.get(target)
     if start is None:
-        return [target_name(target), "none", *[""] * (len(HEADER) - 2)]
+        return [scene_target_name(target), "none", *[""] * (len(HEADER) - 2)]
     track = start.track
     sigma = np.sqrt(np.diag(track.covariance))
     return [
-        target_name(target),
+        scene_target_name(target),
         str(track.track_id),
         f"{track.stamp - scene.scans[0].stamp:.0f}",
         str(scene.start_scans[track.track_id]),
@@ -132,8 +132,8 @@ def _row(target: int, scene: RunScene) -> list[str]:
     ]
 
 
-def review(
-    collector: TopicCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
+def demo_review(
+    collector: DemoCollector, scenario: Scenario, seed: int, parameters: Mapping[str, Value]
 ) -> tuple[str, RunScene, str]:
     """Process the recorded messages offline, and judge the tracks by the truth.
 
@@ -161,13 +161,13 @@ def review(
         message_input.take_detections(message, now=0.0)
         results.extend(session.process())
     settings = session.settings
-    views = [ScanView.of(result, settings.sensor, settings.mounting.yaw) for result in results]
+    views = [SceneScan.of(result, settings.sensor, settings.mounting.yaw) for result in results]
     simulator = Simulator(scenario, seed)
     recording, origins = simulated_recording(simulator)
     title = f"{scenario.name}, seed {seed}, method {settings.session.method}"
     scene = RunScene(title, views, recording.truth)
     scene.judge(simulator, recording, origins)
-    header, *rows = target_rows(scene)
+    header, *rows = demo_target_rows(scene)
     states = [track_states(np.array([record]))[0].tolist() for record in collector.tracks]
     same = states == [track.state.tolist() for track in scene.starts]
     missing = len(simulator.targets) - len(scene.true_starts)
@@ -176,7 +176,7 @@ def review(
         failure = f"{missing} of {len(simulator.targets)} targets were not truly started"
     if not same:
         failure = "the node's tracks differ from the same messages processed offline"
-    return text_table(header, rows), scene, failure
+    return terminal_table(header, rows), scene, failure
 
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # before rclpy.init
@@ -195,25 +195,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 if both nodes ended without an error, every scan was processed, and every target has a
         true start; 130 if interrupted, 143 if terminated.
     """
-    options = _parse(arguments)
+    options = _parse_demo_arguments(arguments)
     with ending_on_termination():
         try:
-            return _demonstrate(options)
+            return _run_demonstration(options)
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             return INTERRUPTED
 
 
-def _demonstrate(options: argparse.Namespace) -> int:
+def _run_demonstration(options: argparse.Namespace) -> int:
     try:
-        options.parameter = {"own_ship_source": "odometry", **given_values(options.parameter)}
+        options.parameter = {
+            "own_ship_source": "odometry",
+            **given_parameter_values(options.parameter),
+        }
         make_groups(TRACK_INITIATOR, options.parameter)
         scenario = load_scenario(options.scenario)
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
     scans = scenario.scans
-    collector, codes = _run(options, scans)
+    collector, codes = _run_demo_nodes(options, scans)
     if any(codes) or collector.processed < scans:
         print(
             f"failed: {collector.processed} of {scans} pings were processed; exit codes of the "
@@ -221,22 +224,22 @@ def _demonstrate(options: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return 1
-    table, drawn, failure = review(collector, scenario, options.seed, options.parameter)
-    save(drawn, options.picture)
-    print(f"\n{headline(drawn)}\n\n{table}\n\npicture: {options.picture}")
+    table, drawn, failure = demo_review(collector, scenario, options.seed, options.parameter)
+    save_plan(drawn, options.picture)
+    print(f"\n{scene_headline(drawn)}\n\n{table}\n\npicture: {options.picture}")
     if failure:
         print(f"failed: {failure}", file=sys.stderr)
     return 1 if failure else 0
 
 
-def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+def _parse_demo_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="tsepm_demo", description=__doc__)
     add_arguments(parser, ARGUMENTS)
-    add_values(parser)
+    add_given_parameters(parser)
     return parser.parse_args(arguments)
 
 
-def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[int]]:
+def _run_demo_nodes(options: argparse.Namespace, scans: int) -> tuple[DemoCollector, list[int]]:
     """Run both nodes; returns the collected messages and the exit codes of those started."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -249,11 +252,11 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
     # Without the arguments of this command, which rclpy would read as remappings, and without
     # its handlers: a signal is an exception, as in the other commands.
     rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-    collector = TopicCollector(namespace=NAMESPACE)
+    collector = DemoCollector(namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
     executor.add_node(collector)
     try:
-        with _process("track_initiator", options.parameter) as tracker:
+        with _demo_process("track_initiator", options.parameter) as tracker:
             until = time.monotonic() + MAX_IDLE_TIME
             while not (collector.count_publishers("tracks") or tracker.poll() is not None):
                 executor.spin_once(timeout_sec=0.1)
@@ -261,10 +264,13 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
                     break
             if tracker.poll() is not None:
                 return collector, [tracker.returncode]
-            with _process("sonar_simulator", source) as player:
-                _watch(executor, collector, scans, tracker)
+            with _demo_process("sonar_simulator", source) as player:
+                _watch_demo(executor, collector, scans, tracker)
                 unfinished = collector.processed < scans  # the source would go on, or wait
-                codes = [_end(player, interrupt=unfinished), _end(tracker, interrupt=True)]
+                codes = [
+                    _end_demo(player, interrupt=unfinished),
+                    _end_demo(tracker, interrupt=True),
+                ]
     finally:
         executor.shutdown()
         collector.destroy_node()
@@ -273,14 +279,16 @@ def _run(options: argparse.Namespace, scans: int) -> tuple[TopicCollector, list[
 
 
 @contextmanager
-def _process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Popen[bytes]]:
+def _demo_process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Popen[bytes]]:
     """A node with parameters; not with their file, whose section need not fit the namespace."""
     command = [sys.executable, "-c", PROCESS.format(name), "--ros-args"]
-    command += [part for key in values for part in ("-p", f"{key}:={yaml_text(values[key])}")]
+    command += [
+        part for key in values for part in ("-p", f"{key}:={parameter_file_text(values[key])}")
+    ]
     command += ["--log-level", "warn", "-r", f"__ns:={NAMESPACE}"]
     process = None
     try:
-        with signals_held():
+        with ending_signals_held():
             process = subprocess.Popen(command)
         yield process
     finally:
@@ -289,15 +297,15 @@ def _process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Pope
             process.wait()
 
 
-def _watch(
+def _watch_demo(
     executor: SingleThreadedExecutor,
-    collector: TopicCollector,
+    collector: DemoCollector,
     scans: int,
     tracker: subprocess.Popen[bytes],
 ) -> None:
     """Spin until every scan is processed, or no message arrives any more."""
     heard, last = 0, time.monotonic()
-    with progress_bar(scans, "pings", "ping", keep=True) as bar:
+    with terminal_progress_bar(scans, "pings", "ping", keep=True) as bar:
         while collector.processed < scans:
             executor.spin_once(timeout_sec=0.1)
             if collector.heard != heard:
@@ -308,7 +316,7 @@ def _watch(
                 return
 
 
-def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
+def _end_demo(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
     """Wait for the end of a process, interrupted or not; returns its exit code."""
     if interrupt:
         process.send_signal(signal.SIGINT)

@@ -26,7 +26,7 @@ SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
 
 
-class HealthReader(Node):
+class LiveHealthReader(Node):
     """Reads one message of ``/diagnostics`` of each initiator and detector, or of one node.
 
     Parameters
@@ -91,7 +91,9 @@ class HealthReader(Node):
             self.finished.set_result(None)
 
 
-def read_health(name: str, timeout: float, arguments: Sequence[str]) -> list[tuple[Level, str]]:
+def read_live_health(
+    name: str, timeout: float, arguments: Sequence[str]
+) -> list[tuple[Level, str]]:
     """Level and sentence of each entry of the running nodes, or of one node.
 
     Parameters
@@ -110,7 +112,7 @@ def read_health(name: str, timeout: float, arguments: Sequence[str]) -> list[tup
     """
     try:  # signals stay exceptions of the command
         rclpy.init(args=["--ros-args", *arguments], signal_handler_options=SignalHandlerOptions.NO)
-        node = HealthReader(name, timeout)
+        node = LiveHealthReader(name, timeout)
     except RuntimeError as error:
         raise ValueError(str(error)) from None
     try:

@@ -23,12 +23,14 @@ MIN_UPDATE_TIME = 0.2
 """Minimum time between two updates of a bar, s."""
 
 
-def silent(results: Iterable[Any], total: int) -> Iterable[Any]:
+def silent_terminal(results: Iterable[Any], total: int) -> Iterable[Any]:
     """Pass the results through without showing progress."""
     return results
 
 
-def progress_bar(total: int | None, label: str | None, unit: str, keep: bool = False) -> Any:
+def terminal_progress_bar(
+    total: int | None, label: str | None, unit: str, keep: bool = False
+) -> Any:
     """A bar on the standard error, if that is a terminal and tqdm is installed.
 
     Parameters
@@ -55,7 +57,7 @@ def progress_bar(total: int | None, label: str | None, unit: str, keep: bool = F
     )
 
 
-def with_progress(
+def terminal_progress(
     results: Iterable[Any], total: int | None, label: str | None = None, unit: str = "run"
 ) -> Iterable[Any]:
     """Pass the results through and show their number; a bar with a label is gone when it is done.
@@ -70,24 +72,24 @@ def with_progress(
     unit : str, optional
         Name of a result.
     """
-    with progress_bar(total, label, unit, keep=label is None) as bar:
+    with terminal_progress_bar(total, label, unit, keep=label is None) as bar:
         for result in results:
             yield result
             bar.update()
 
 
-def named_progress(label: str) -> Progress:
-    """Progress of a part of the work by its name, as `with_progress`; gone when it is done."""
-    return functools.partial(with_progress, label=label)
+def named_terminal_progress(label: str) -> Progress:
+    """Progress of a part of the work by its name, as `terminal_progress`; gone when it is done."""
+    return functools.partial(terminal_progress, label=label)
 
 
-def write_line(text: str, file: TextIO) -> None:
+def write_terminal_line(text: str, file: TextIO) -> None:
     """Write a line at once, above the bars of the same terminal."""
     (print if tqdm is None else tqdm.write)(text, file=file)
     file.flush()
 
 
-def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def terminal_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Align the columns of a table, the first to the left and the others to the right."""
     lines = [list(header), *(list(row) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
@@ -101,7 +103,7 @@ def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join([texts[0], "-" * len(texts[0]), *texts[1:]])
 
 
-def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def terminal_markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Format a table in Markdown."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -45,12 +45,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import softmax
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, sums_over_hits
-from tsepm_ros.numerics.gaussian import mixture
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_sums_over_hits
+from tsepm_ros.numerics.gaussian import gaussian_mixture
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
@@ -107,7 +107,7 @@ the weight falls clearly below 1 only at useless false-track rates.
 
 def confirm(
     tree: Tree,
-    window: DetectionWindow,
+    window: MeasurementWindow,
     threshold: float,
     false_tracks_per_hour: float,
     *,
@@ -176,7 +176,7 @@ def confirm(
     return starts, merged
 
 
-def _strong(tree: Tree, window: DetectionWindow, threshold: float) -> dict[int, bool]:
+def _strong(tree: Tree, window: MeasurementWindow, threshold: float) -> dict[int, bool]:
     """Detections whose evidence may start a track, and whether that may be without a margin."""
     strong = (tree.evidence >= threshold) & _has_hits(tree)
     confirmed = window.confirmed_probability(tree.ids) > PROBABLE
@@ -195,7 +195,7 @@ def _has_hits(tree: Tree) -> BoolArray:
     return tree.largest(tree.hypotheses.hit_count.astype(float)) >= MIN_HITS
 
 
-def attainable(tree: Tree, window: DetectionWindow) -> FloatArray:
+def attainable(tree: Tree, window: MeasurementWindow) -> FloatArray:
     """Upper bound of the evidence by which each detection may start a track, (d,).
 
     Less than its evidence where it is a confirmed track's: what is left given these, without the
@@ -242,7 +242,7 @@ def _may_pass(tree: Tree, threshold: float) -> BoolArray:
 def resolved(
     members: Hypotheses,
     tree: Tree,
-    window: DetectionWindow,
+    window: MeasurementWindow,
     max_confirmed_share: float,
     min_time: float,
     fit: HitFit,
@@ -283,7 +283,7 @@ def resolved(
     return Start(hits, detections, probability, state, covariance, evidence)
 
 
-def confirmed_share(hypotheses: Hypotheses, window: DetectionWindow) -> float:
+def confirmed_share(hypotheses: Hypotheses, window: MeasurementWindow) -> float:
     """Share of the hits of hypotheses that are a confirmed track's.
 
     ``sum_i w_i c_i / sum_i w_i n_i`` with c_i of the n_i hits of hypothesis i due to confirmed
@@ -293,7 +293,7 @@ def confirmed_share(hypotheses: Hypotheses, window: DetectionWindow) -> float:
     return float(weight @ confirmed_hits(hypotheses, window) / (weight @ hypotheses.hit_count))
 
 
-def confirmed_hits(hypotheses: Hypotheses, window: DetectionWindow) -> FloatArray:
+def confirmed_hits(hypotheses: Hypotheses, window: MeasurementWindow) -> FloatArray:
     """Mean number of the hits of each hypothesis that are a confirmed track's, (n,)."""
     hit = hypotheses.hits != NO_HIT
     confirmed = np.zeros(hypotheses.hits.shape)
@@ -312,7 +312,7 @@ def rivals_of(members: Hypotheses, tree: Tree, evidence: float) -> Hypotheses:
         hypotheses.hit_count + hypotheses.amplitude_count >= 2
     )
     rivals = hypotheses[pool]
-    common = sums_over_hits(rivals.hits, likely, probability)
+    common = array_sums_over_hits(rivals.hits, likely, probability)
     least = np.minimum(rivals.hit_count, probability.sum())
     return rivals[common > MIN_COMMON_SHARE * least]
 
@@ -343,7 +343,7 @@ def hit_posterior(detections: IntArray, probability: FloatArray, best: IntArray)
 
 
 def spans_time(
-    hypotheses: Hypotheses, min_hits: int, window: DetectionWindow, min_time: float
+    hypotheses: Hypotheses, min_hits: int, window: MeasurementWindow, min_time: float
 ) -> BoolArray:
     """Which hypotheses have enough hits over more than a minimum time (s), (n,)."""
     enough = hypotheses.hit_count >= min_hits
@@ -359,7 +359,7 @@ def mixed(members: Hypotheses, fit: HitFit) -> tuple[FloatArray, FloatArray]:
     share = softmax(members.score)
     counted = share >= MIN_RELATIVE_WEIGHT * share.max()
     states, covariances = fit(members[counted])
-    return mixture(share[counted] / share[counted].sum(), states, covariances)
+    return gaussian_mixture(share[counted] / share[counted].sum(), states, covariances)
 
 
 def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArray:
@@ -484,7 +484,7 @@ def _instead(
     hits: IntArray,
     tree: Tree,
     row: int,
-    window: DetectionWindow,
+    window: MeasurementWindow,
     threshold: float,
     min_time: float,
     fit: HitFit,

@@ -50,12 +50,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, largest_of
-from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    array_largest_of_groups,
+    changed,
+)
+from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
@@ -109,7 +115,7 @@ def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
     residual = hits["position"] - motion.position_after(fit.state[:, None], time_after_state)
     covariance = motion.position_covariance_after(fit.covariance[:, None], time_after_state)
     residual_covariance = covariance + fit.hit_covariance
-    return squared_distance(residual, residual_covariance).max(axis=1)
+    return squared_mahalanobis_distance(residual, residual_covariance).max(axis=1)
 
 
 def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float) -> FloatArray:
@@ -241,7 +247,7 @@ def path_amplitudes(
     return PathAmplitudes(count, sums, both[len(row) :] - both[: len(row)])
 
 
-def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
+def target_hits(paths: Hypotheses, window: MeasurementWindow) -> TargetHits:
     """Hits of paths that are probably targets' by their positions."""
     log_odds = paths.score - paths.amplitude_score + math.log(PATH_ODDS)
     likely = np.flatnonzero(
@@ -250,7 +256,7 @@ def target_hits(paths: Hypotheses, window: DetectionWindow) -> TargetHits:
     hits = paths.hits[likely]
     path, column = np.nonzero(hits != NO_HIT)
     hit = hits[path, column] - window.first_id
-    best = largest_of(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
+    best = array_largest_of_groups(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
     hit_rows = np.flatnonzero(best > -np.inf)
     detections = window[hit_rows + window.first_id]
     return detections["scan"], detections["index"], expit(best[hit_rows])

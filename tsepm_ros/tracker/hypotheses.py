@@ -18,15 +18,15 @@ from scipy.special import expit
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
+    array_largest_of_groups,
+    array_log_sums,
+    array_sums_over_hits,
     changed,
-    largest_of,
-    summed,
-    sums_over_hits,
     taken,
 )
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
-from tsepm_ros.tracker.measurement import covariance_at
+from tsepm_ros.tracker.measurement import measurement_covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 PRIOR_TARGET_ODDS = 0.001
@@ -130,11 +130,11 @@ class Tree:
 
         -inf where none does.
         """
-        return summed(score[self.missed :], self.newest, len(self.ids))
+        return array_log_sums(score[self.missed :], self.newest, len(self.ids))
 
     def largest(self, values: FloatArray) -> FloatArray:
         """Largest of the values (n,) over those that end in each detection, (d,); or -inf."""
-        return largest_of(values[self.missed :], self.newest, len(self.ids))
+        return array_largest_of_groups(values[self.missed :], self.newest, len(self.ids))
 
     def ending_in(self, detection: int) -> Hypotheses:
         """The hypotheses that end in a detection of the scan."""
@@ -179,7 +179,7 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     """
     score = hypotheses.score_given_confirmed
     for start in starts:
-        due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
+        due = array_sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
     return changed(hypotheses, score_given_confirmed=score)
 
@@ -225,7 +225,7 @@ class ExpectedDetections:
             after = first["time"] - stamp
             expected = motion.position_after(hypotheses.state, after)
             spread = motion.position_covariance_after(hypotheses.covariance, after)
-            spread += covariance_at(first, expected, sensor)
+            spread += measurement_covariance_at(first, expected, sensor)
             common = expected, spread
         return cls(hypotheses, stamp, detections, sensor, common)
 

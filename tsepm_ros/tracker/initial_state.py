@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
-from tsepm_ros.numerics.gaussian import inverse_or_nan, squared_distance
+from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
-from tsepm_ros.tracker.measurement import DetectionWindow, covariance_at, major_sigma
+from tsepm_ros.tracker.measurement import MeasurementWindow, major_sigma, measurement_covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 NO_HIT = -1
@@ -76,7 +76,7 @@ class Paths(Rows):
                 yield block, self.hits[block, :count]
 
 
-def starting(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
+def initial_paths(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
     """New paths of a single hit, with space for `max_hits` hits (Step 8)."""
     hits = np.full((len(detection), max_hits), NO_HIT, np.int64)
     hits[:, 0] = detection
@@ -106,7 +106,9 @@ class Fit:
     hit_covariance: FloatArray
 
 
-def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str) -> Fit:
+def fit_initial_states(
+    hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str
+) -> Fit:
     """Fit the state at `stamp` to the hits of each track.
 
     Parameters
@@ -127,7 +129,7 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     Notes
     -----
     Range rates are processed last, as further measurements after the fit to the positions
-    (`range_rates.fitted`).
+    (`range_rates.fit_range_rates`).
 
     R at a fit is rotated by the fit's own azimuth error. Where ``r s_a^2`` is not small compared
     with s_r, the covariance is therefore too small: for 5 hits at 5 km, 10 m and 2 (3) degrees the
@@ -135,17 +137,19 @@ def fit(hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: st
     positions.
     """
     time_after_state, at_fit = hits["time"] - stamp, hits["covariance"]
-    state, covariance = unweighted(time_after_state, hits["position"], at_fit)
+    state, covariance = unweighted_initial_state(time_after_state, hits["position"], at_fit)
     for _ in range(WEIGHTED_PASSES if estimator == "weighted" else 0):
         positions = motion.position_after(state[:, None], time_after_state)
-        at_fit = covariance_at(hits, positions, sensor)
-        state, covariance = weighted(time_after_state, hits["position"], at_fit, state)
-    state, covariance = range_rates.fitted(state, covariance, time_after_state, hits)
+        at_fit = measurement_covariance_at(hits, positions, sensor)
+        state, covariance = weighted_initial_state(
+            time_after_state, hits["position"], at_fit, state
+        )
+    state, covariance = range_rates.fit_range_rates(state, covariance, time_after_state, hits)
     return Fit(state, covariance, time_after_state, at_fit)
 
 
-def fit_paths(
-    paths: Paths, window: DetectionWindow, stamp: float, sensor: SensorModel
+def fit_initial_states_of_paths(
+    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted fits of the states of paths with different numbers of hits, at least two each.
 
@@ -155,7 +159,7 @@ def fit_paths(
     window : DetectionWindow
         Window that holds their hits.
     stamp, sensor
-        As in `fit`.
+        As in `fit_initial_states`.
 
     Returns
     -------
@@ -164,13 +168,13 @@ def fit_paths(
     """
     state, covariance = np.zeros((len(paths), 4)), np.zeros((len(paths), 4, 4))
     for rows, hits in paths.of_equal_count():
-        fitted = fit(window[hits], stamp, sensor, "weighted")
+        fitted = fit_initial_states(window[hits], stamp, sensor, "weighted")
         state[rows], covariance[rows] = fitted.state, fitted.covariance
     return state, covariance
 
 
-def figures_of_hits(
-    window: DetectionWindow,
+def initial_state_figures(
+    window: MeasurementWindow,
     hits: NDArray[np.object_],
     stamp: FloatArray,
     state: FloatArray,
@@ -211,7 +215,7 @@ def figures_of_hits(
         if freedom > 0:
             elapsed = in_window["time"][:, None] - stamp[track]
             expected = state[track, 0::2] + elapsed * state[track, 1::2]
-            square = squared_distance(
+            square = squared_mahalanobis_distance(
                 in_window["position"] - expected, in_window["covariance"]
             ).sum()
             if square > chdtri(freedom, 1.0 - GOOD_FIT):
@@ -219,7 +223,7 @@ def figures_of_hits(
     return misfit, (amplitude_hits, amplitude_total), hit_sigma
 
 
-def unweighted(
+def unweighted_initial_state(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Unweighted least squares with the sandwich covariance.
@@ -253,7 +257,7 @@ def unweighted(
     return state, blocks.transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
 
 
-def weighted(
+def weighted_initial_state(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted least squares: ``P = (H'R^-1 H)^-1``, ``X = P H'R^-1 Z``.
@@ -261,7 +265,7 @@ def weighted(
     Parameters
     ----------
     time_after_state, positions, covariances
-        As in `unweighted`.
+        As in `unweighted_initial_state`.
     start : (n, 4) ndarray
         Any state near the solution. The fit solves for the correction to it, so that large map
         coordinates cost no digits.
@@ -271,7 +275,7 @@ def weighted(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    information = inverse_or_nan(covariances)  # (n, m, 2, 2)
+    information = inverse_covariance_or_nan(covariances)  # (n, m, 2, 2)
     residual = positions - motion.position_after(start[:, None], time_after_state)
     weighted_residual = (information @ residual[..., None])[..., 0]
     n = len(time_after_state)
@@ -282,6 +286,6 @@ def weighted(
     order = np.add.outer([0, 1], [0, 1])  # t^a t^b = t^(a + b)
     normal = moments[:, order].transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
     right = np.einsum("nam,nmp->npa", powers[:, :2], weighted_residual).reshape(n, 4)
-    covariance = inverse_or_nan(normal)
+    covariance = inverse_covariance_or_nan(normal)
     covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
     return start + (covariance @ right[..., None])[..., 0], covariance

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, appended, taken
+from tsepm_ros.numerics.arrays import FloatArray, appended_arrays, taken
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -54,7 +54,9 @@ MIN_VARIANCE_SHARE = 1e-11
 """Smallest variance of a position as a share of the largest: axes of 3e-6 to 1."""
 
 
-def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike) -> FloatArray:
+def unbiased_measured_position(
+    range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike
+) -> FloatArray:
     """Convert range and azimuth to a Cartesian position without bias.
 
     ``E[cos(a + e)] = exp(-s^2/2) cos(a)`` for Gaussian e of deviation s, so dividing by that factor
@@ -75,7 +77,7 @@ def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLi
 
 
 def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
-    """Measured range and azimuth, the inverse of `unbiased_position`.
+    """Measured range and azimuth, the inverse of `unbiased_measured_position`.
 
     Parameters
     ----------
@@ -95,14 +97,14 @@ def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray
     return range_, np.arctan2(offset[..., 1], offset[..., 0])
 
 
-def position_covariance(
+def measurement_covariance(
     range: ArrayLike,
     azimuth: ArrayLike,
     range_variance: ArrayLike,
     azimuth_std: ArrayLike,
     least_across: ArrayLike = 0.0,
 ) -> FloatArray:
-    """Covariance of `unbiased_position`, exact for a target at the given range and azimuth.
+    """Covariance of `unbiased_measured_position`, exact for a target at the given range and azimuth.
 
     With ``b = exp(-s^2/2)``, along and across the line of sight::
 
@@ -123,13 +125,13 @@ def position_covariance(
     (..., 2, 2) ndarray
         m^2.
     """
-    along, across = _variances(
+    along, across = _measurement_variances(
         np.square(range), np.asarray(range_variance), azimuth_std, least_across
     )
-    return rotated(along, across, np.cos(azimuth), np.sin(azimuth))
+    return rotated_measurement_covariance(along, across, np.cos(azimuth), np.sin(azimuth))
 
 
-def _variances(
+def _measurement_variances(
     square: FloatArray,
     range_variance: FloatArray,
     azimuth_std: ArrayLike,
@@ -137,7 +139,7 @@ def _variances(
 ) -> tuple[FloatArray, FloatArray]:
     """Variances along and across the line of sight, of squared ranges.
 
-    See `position_covariance`.
+    See `measurement_covariance`.
     """
     angle_variance = np.square(azimuth_std)
     # (1 +- b^4) / (2 b^2) = cosh(s^2), sinh(s^2), and cosh(u) - 1 = 2 sinh(u/2)^2: small s
@@ -150,7 +152,7 @@ def _variances(
     return np.maximum(along, least), np.maximum(across, least)
 
 
-def rotated(
+def rotated_measurement_covariance(
     along: FloatArray, across: FloatArray, cosine: FloatArray, sine: FloatArray
 ) -> FloatArray:
     """Covariance (..., 2, 2) of variances (...) along and across a direction.
@@ -164,7 +166,7 @@ def rotated(
     return covariance
 
 
-def pose_error_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:
+def measurement_pose_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:
     """Position covariance that an uncertain sensor pose adds: J C J', to first order.
 
     Parameters
@@ -194,7 +196,7 @@ def major_sigma(covariance: FloatArray) -> FloatArray:
     return np.sqrt(half_sum + np.hypot(half_difference, covariance[..., 0, 1]))
 
 
-def convert(
+def convert_measurements(
     scan: Scan, sensor: SensorModel, scan_index: int, least_across: ArrayLike = 0.0
 ) -> NDArray[np.void]:
     """Convert a scan to detections in the fixed frame (Step 1; Eqs. 6-11).
@@ -208,7 +210,7 @@ def convert(
     scan_index : int
         Index stored with each detection.
     least_across : (n,) array_like, optional
-        See `position_covariance`.
+        See `measurement_covariance`.
 
     Returns
     -------
@@ -225,9 +227,9 @@ def convert(
     detections["least_across"] = least_across
     detections["sensor_pose"] = scan.sensor_pose
     yaw = detections["sensor_pose"][:, 2]
-    offset = unbiased_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
+    offset = unbiased_measured_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
     detections["position"] = detections["sensor_pose"][:, :2] + offset
-    covariance = position_covariance(
+    covariance = measurement_covariance(
         scan.range,
         scan.azimuth + yaw,
         sensor.range_variance(scan.range) if scan.range_std is None else scan.range_std**2,
@@ -236,10 +238,10 @@ def convert(
     )
     if scan.sensor_pose_covariance is not None:
         detections["sensor_pose_covariance"] = scan.sensor_pose_covariance
-        covariance += pose_error_covariance(offset, detections["sensor_pose_covariance"])
+        covariance += measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
     detections["covariance"] = covariance
     detections["major_sigma"] = major_sigma(covariance)
-    range_rates.take(detections, scan, sensor)
+    range_rates.take_range_rates(detections, scan, sensor)
     detections["clutter_density"] = sensor.clutter_density
     intensity = scan.features.get("intensity", np.nan)
     detections["intensity"] = np.where(np.abs(intensity) < MAX_INTENSITY, intensity, np.nan)
@@ -247,7 +249,7 @@ def convert(
     return detections
 
 
-def covariance_at(
+def measurement_covariance_at(
     detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel
 ) -> FloatArray:
     """Re-evaluate the detections' covariances for targets at other positions.
@@ -272,20 +274,20 @@ def covariance_at(
     offset = positions - detections["sensor_pose"][..., :2]
     x, y = offset[..., 0], offset[..., 1]
     range_ = np.hypot(x, y)
-    range_variance = range_variance_at(detections, range_, sensor)
-    along, across = _variances(
+    range_variance = measurement_range_variance_at(detections, range_, sensor)
+    along, across = _measurement_variances(
         range_**2, range_variance, detections["azimuth_std"], detections["least_across"]
     )
     away = range_ > 0.0
     cosine = np.divide(x, range_, out=np.ones(range_.shape), where=away)
     sine = np.divide(y, range_, out=np.zeros(range_.shape), where=away)
-    covariance = rotated(along, across, cosine, sine)
+    covariance = rotated_measurement_covariance(along, across, cosine, sine)
     if not detections["sensor_pose_covariance"].any():
         return covariance
-    return covariance + pose_error_covariance(offset, detections["sensor_pose_covariance"])
+    return covariance + measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
 
 
-def range_variance_at(
+def measurement_range_variance_at(
     detections: NDArray[np.void], range: FloatArray, sensor: SensorModel
 ) -> FloatArray:
     """Variance of the detections' ranges for targets at the given ranges, (...), m^2.
@@ -296,7 +298,7 @@ def range_variance_at(
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
 
 
-class DetectionWindow:
+class MeasurementWindow:
     """Detections of the recent scans, addressed by ids that never change.
 
     Ids count from 0 in order of arrival. Removing old scans leaves the other ids unchanged:
@@ -316,7 +318,7 @@ class DetectionWindow:
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
         first = self.first_id + len(self._detections)
-        self._detections = appended(self._detections, detections)
+        self._detections = appended_arrays(self._detections, detections)
         self._not_confirmed = np.concatenate([self._not_confirmed, np.ones(len(detections))])
         return np.arange(first, first + len(detections))
 

@@ -12,7 +12,7 @@ Of the likelihood-ratio method, by the hits and the states::
     with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
 
 Confirmed tracks that agree for some scans are one (`agrees_with_older`), and at once where it turns
-out that targets have several detections (`extended_targets.may_repeat_older`).
+out that targets have several detections (`extended_targets.may_be_older_extended_target`).
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
 )
-from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances
-from tsepm_ros.numerics.gaussian import gate_factor, solve
+from tsepm_ros.numerics.discs import ALL_PAIRS, squared_distances_of_discs
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor, solve
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -73,7 +73,7 @@ def merging_threshold(probability: float) -> float:
     Eq. 30's distance has four degrees of freedom, Eq. 5 is the quantile for two. The quantile for
     four at P is reached with probability ``1 - exp(-chi2(4).ppf(P) / 2)``, 0.980 for P = 0.9.
     """
-    return gate_factor(probability) ** 2
+    return gaussian_gate_factor(probability) ** 2
 
 
 def groups(
@@ -436,7 +436,7 @@ def _pairs_with_older(positions: FloatArray, known: BoolArray) -> tuple[IntArray
         return _all_pairs(n)
     rows = np.flatnonzero(known)
     if len(rows) * n <= ALL_PAIRS:
-        distances = squared_distances(positions[rows], positions)
+        distances = squared_distances_of_discs(positions[rows], positions)
         nearest = np.argpartition(distances, NEAREST - 1, axis=1)[:, :NEAREST]
     else:
         _, nearest = cKDTree(positions).query(positions[rows], k=NEAREST)

@@ -35,9 +35,14 @@ from scipy.special import log_ndtr
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
 from tsepm_ros.numerics.discs import NODES, WEIGHTS
-from tsepm_ros.numerics.gaussian import gate_factor, inverse, log_density, mixture
+from tsepm_ros.numerics.gaussian import (
+    gaussian_gate_factor,
+    gaussian_log_density,
+    gaussian_mixture,
+    inverse_covariance,
+)
 from tsepm_ros.tracker import range_rates
-from tsepm_ros.tracker.measurement import covariance_at, major_sigma
+from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 _CONSTANT, _LINEAR, _SQUARE = np.zeros((3, 4, 4))
@@ -183,7 +188,7 @@ def innovations(
     """
     expected = state[:, 0::2] + time_after_state[:, None] * state[:, 1::2]
     innovation_covariance = position_covariance_after(covariance, time_after_state)
-    innovation_covariance += covariance_at(detections, expected, sensor)
+    innovation_covariance += measurement_covariance_at(detections, expected, sensor)
     return detections["position"] - expected, innovation_covariance
 
 
@@ -226,7 +231,7 @@ def kalman_gain(
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
-    return np.asarray(cross @ inverse(innovation_covariance))
+    return np.asarray(cross @ inverse_covariance(innovation_covariance))
 
 
 def log_likelihood(
@@ -269,31 +274,31 @@ def log_likelihood(
     (...) ndarray
         ln of 1/m^2, or of s/m^3.
     """
-    density, distance = log_density(innovation, innovation_covariance)
-    gate: FloatArray | float = gate_factor(gate_probability) ** 2
+    density, distance = gaussian_log_density(innovation, innovation_covariance)
+    gate: FloatArray | float = gaussian_gate_factor(gate_probability) ** 2
     measured = range_rates.measured(detections)
     if measured.any():
-        gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
+        gate = np.where(measured[row], range_rates.range_rate_gate_square(gate_probability), gate)
         rows = (measured[row] & (distance <= gate)).nonzero()
         rated, candidates = owner[rows], taken(detections, row[rows])
         after = candidates["time"] - stamp
         updated = update(
             state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
         )
-        error, variance, _ = range_rates.innovations(*updated, after, candidates)
-        density[rows] += range_rates.log_density(error, variance)
+        error, variance, _ = range_rates.range_rate_innovations(*updated, after, candidates)
+        density[rows] += range_rates.range_rate_log_density(error, variance)
         distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)
 
 
-def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
+def motion_gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
     """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
     if range_rates.measured(detections).any():
-        return math.sqrt(range_rates.gate_square(gate_probability))
-    return gate_factor(gate_probability)
+        return math.sqrt(range_rates.range_rate_gate_square(gate_probability))
+    return gaussian_gate_factor(gate_probability)
 
 
-def reaching_outside(
+def motion_beyond_max_speed(
     state: FloatArray,
     covariance: FloatArray,
     max_speed: FloatArray | float,
@@ -320,10 +325,12 @@ def log_speed_probability(
         v_max, m/s.
     """
     result = np.zeros(len(state))
-    rows = reaching_outside(state, covariance, max_speed, NEGLIGIBLE)
+    rows = motion_beyond_max_speed(state, covariance, max_speed, NEGLIGIBLE)
     if len(rows):
         radius = np.broadcast_to(max_speed, len(state))[rows]
-        result[rows] = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[0]
+        result[rows] = _motion_quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[
+            0
+        ]
     return result
 
 
@@ -345,8 +352,8 @@ def limited(
     -------
     state, covariance : (n, 4), (n, 4, 4) ndarray
     """
-    rows = reaching_outside(state, covariance, max_speed, MAX_OUTSIDE)
-    return _conditioned(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
+    rows = motion_beyond_max_speed(state, covariance, max_speed, MAX_OUTSIDE)
+    return _conditioned_motion(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
 
 
 def slowed(
@@ -354,10 +361,10 @@ def slowed(
 ) -> tuple[FloatArray, FloatArray]:
     """As `limited`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
-    return _conditioned(state, covariance, rows, max_speed, math.inf)
+    return _conditioned_motion(state, covariance, rows, max_speed, math.inf)
 
 
-def _conditioned(
+def _conditioned_motion(
     state: FloatArray,
     covariance: FloatArray,
     rows: IntArray,
@@ -368,13 +375,13 @@ def _conditioned(
     if not len(rows):
         return state, covariance
     radius = np.broadcast_to(max_speed, len(state))[rows]
-    inside, mean, spread = in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+    inside, mean, spread = motion_in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
     cut = inside < limit
     if not cut.any():
         return state, covariance
     rows, mean, spread = rows[cut], mean[cut], spread[cut]
     before = covariance[rows, 1::2, 1::2]
-    gain = covariance[rows][:, :, 1::2] @ inverse(before)
+    gain = covariance[rows][:, :, 1::2] @ inverse_covariance(before)
     state, covariance = state.copy(), covariance.copy()
     state[rows] += (gain @ (mean - state[rows, 1::2])[..., None])[..., 0]
     state[rows, 1::2] = mean
@@ -383,7 +390,7 @@ def _conditioned(
     return state, covariance
 
 
-def in_disc(
+def motion_in_disc(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Probability and moments of Gaussians of two dimensions in a disc about the origin.
@@ -404,10 +411,10 @@ def in_disc(
     mean, covariance : (n, 2), (n, 2, 2) ndarray
         Given that they are in the disc.
     """
-    inside, offset, weight, chords, (axes, centre, deviation) = _quadrature(
+    inside, offset, weight, chords, (axes, centre, deviation) = _motion_quadrature(
         mean, covariance, radius
     )
-    minor, spread = _moments(chords, centre, deviation)
+    minor, spread = _motion_chord_moments(chords, centre, deviation)
     scale = radius[:, None]
     weight = weight / weight.sum(axis=1)[:, None]
     points = np.stack([minor, offset], axis=-1)
@@ -421,10 +428,10 @@ def in_disc(
     return inside, average, second
 
 
-def _quadrature(
+def _motion_quadrature(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, _Chords, tuple[FloatArray, ...]]:
-    """The integral over the unit disc along the major axis; see `in_disc`.
+    """The integral over the unit disc along the major axis; see `motion_in_disc`.
 
     Returns
     -------
@@ -446,7 +453,7 @@ def _quadrature(
     low, high = np.full(len(mean), -0.5 * np.pi), np.full(len(mean), 0.5 * np.pi)
     for _ in range(PASSES):
         angle = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * GRID
-        density, _ = _chords(np.sin(angle), centre, deviation)
+        density, _ = _motion_chords(np.sin(angle), centre, deviation)
         counts = density >= density.max(axis=1, keepdims=True) - LOG_DROP
         first = np.maximum(counts.argmax(axis=1) - 1, 0)
         last = np.minimum(len(GRID) - counts[:, ::-1].argmax(axis=1), len(GRID) - 1)
@@ -455,7 +462,7 @@ def _quadrature(
     half = 0.5 * (high - low)
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
     offset = np.sin(angle)
-    density, chords = _chords(offset, centre, deviation)
+    density, chords = _motion_chords(offset, centre, deviation)
     peak = density.max(axis=1)
     weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
     inside = np.minimum(peak + np.log(weight.sum(axis=1) * half), 0.0)
@@ -467,7 +474,7 @@ _Chords = tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]
 mirrored to the left of the mean; whether they are; logarithm of the probability between them."""
 
 
-def _chords(
+def _motion_chords(
     offset: FloatArray, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, _Chords]:
     """Log of the integrals of the density along chords across places (n, k) on the major axis."""
@@ -484,7 +491,7 @@ def _chords(
     return density, (chord, low, high, mirrored, mass)
 
 
-def _moments(
+def _motion_chord_moments(
     chords: _Chords, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and variance on each chord, (n, k) each."""
@@ -542,12 +549,12 @@ class InteractingModels(Rows):
         longest = max(float(np.abs(elapsed).max(initial=0.0)), TURN_TIME)
         turn_noise = (0.5 * max_speed) ** 2 / longest
         before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
-        mixed = mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
+        mixed = gaussian_mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
         noise = np.array([PROCESS_NOISE, PROCESS_NOISE + turn_noise])
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over both modes."""
-        return mixture(
+        return gaussian_mixture(
             self.probability.T, self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
         )

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.clutter.density import Extent
-from tsepm_ros.tracker.clutter.excess import PredictiveDensity
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.clutter.density import ClutterExtent
+from tsepm_ros.tracker.clutter.excess import ExcessPrediction
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -73,7 +73,7 @@ class Observation:
     interval: float
     median_interval: float
     detections: NDArray[np.void]
-    window: DetectionWindow
+    window: MeasurementWindow
     ids: IntArray
     clutter_density: FloatArray
     confirmed_density: FloatArray
@@ -81,13 +81,13 @@ class Observation:
     confirmed: TrackArrays
     probable_detections: tuple[IntArray, IntArray]
     clutter_sensor: SensorModel
-    seen_extent: Extent
+    seen_extent: ClutterExtent
     sensor_position: FloatArray
     detection_probability: Callable[[FloatArray], FloatArray]
     detection_probability_in_use: float
     most_pairs: float
     amplitudes: ScanAmplitudes | None = None
-    predictive: PredictiveDensity | None = None
+    predictive: ExcessPrediction | None = None
 
 
 TargetHits = tuple[IntArray, IntArray, FloatArray]

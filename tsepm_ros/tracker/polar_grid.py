@@ -122,7 +122,7 @@ class PolarGrid:
         return np.asarray(np.searchsorted(self.edges, np.sqrt(square)))
 
 
-class BlockSums:
+class PolarBlockSums:
     """Sums over blocks of cells: each costs four values, whatever its size.
 
     Parameters
@@ -165,14 +165,14 @@ class BlockSums:
         strips = self._sums[:, column + width] - self._sums[:, column]
         return np.maximum(strips[row + height] - strips[row], 0.0)
 
-    def scaled(self, factor: float) -> BlockSums:
+    def scaled(self, factor: float) -> PolarBlockSums:
         """The sums of the values times a factor."""
         other = copy.copy(self)
         other._sums = factor * self._sums
         return other
 
 
-class Batch:
+class PolarBatch:
     """Detections of scans that are learned from together.
 
     Parameters

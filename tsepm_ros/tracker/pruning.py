@@ -15,8 +15,13 @@ import math
 import numpy as np
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, among_best, keep_best
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.arrays import (
+    FloatArray,
+    IntArray,
+    among_best_of_array,
+    array_rows_of_least_cost,
+)
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 
 MOST_ALIKE = 100
 """Hypotheses with the same newest detection, at most."""
@@ -31,7 +36,7 @@ def distance_threshold(probability: float, reading: str) -> float:
     ``gamma_TP = sqrt(-2 ln(1 - P_TP))``. Eq. 22 is a squared distance, so the reading ``literal``
     compares it with gamma_TP as printed, ``squared`` with gamma_TP^2.
     """
-    gamma = gate_factor(probability)
+    gamma = gaussian_gate_factor(probability)
     return gamma if reading == "literal" else gamma * gamma
 
 
@@ -82,7 +87,7 @@ def prune(
     kept = score[rows] > best + RELATIVE_PRUNING
     if number.max(initial=0) > most:
         run = np.repeat(np.arange(len(begin)), number)
-        kept &= among_best(run, score[rows], most)
+        kept &= among_best_of_array(run, score[rows], most)
     rows = rows[kept]
-    within = keep_best(-score[rows], limit)
+    within = array_rows_of_least_cost(-score[rows], limit)
     return rows[within], len(rows) - len(within)

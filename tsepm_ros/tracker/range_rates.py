@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, taken
-from tsepm_ros.numerics.gaussian import inverse_or_nan
+from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -23,7 +23,7 @@ MIN_DISTANCE = 1e-3
 """Lower bound of the distance from the sensor in the line of sight's rate of turn, m."""
 
 
-def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
+def take_range_rates(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
     """Store a scan's range rates in its detections (n,), if the sensor uses them."""
     detections["sensor_velocity"] = scan.sensor_velocity
     rate = scan.features.get("range_rate")
@@ -60,13 +60,13 @@ def expected(
     by_position, by_velocity : (..., 2) ndarray
         1/s and 1.
     """
-    sight, distance = _line_of_sight(detections, position)
+    sight, distance = _range_rate_sight(detections, position)
     relative = velocity - detections["sensor_velocity"]
     rate = (sight * relative).sum(axis=-1)
     return rate, (relative - rate[..., None] * sight) / distance[..., None], sight
 
 
-def _line_of_sight(
+def _range_rate_sight(
     detections: NDArray[np.void], position: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Unit vectors from the sensors to positions, (..., 2), and the distances, (...), m."""
@@ -75,9 +75,9 @@ def _line_of_sight(
     return offset / distance[..., None], distance
 
 
-def over_ground(detections: NDArray[np.void]) -> FloatArray:
+def range_rates_over_ground(detections: NDArray[np.void]) -> FloatArray:
     """Range rates without the sensor's own motion, ``c + u.w`` with u as measured, (...), m/s."""
-    sight, _ = _line_of_sight(detections, detections["position"])
+    sight, _ = _range_rate_sight(detections, detections["position"])
     sensor_rate = (sight * detections["sensor_velocity"]).sum(axis=-1)
     return np.asarray(detections["range_rate"] + sensor_rate)
 
@@ -93,11 +93,11 @@ def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatA
     if not rated.any():
         return np.ones(len(detections))
     width = sensor.clutter_range_rate
-    density = width / (np.pi * (width**2 + np.square(over_ground(detections))))
+    density = width / (np.pi * (width**2 + np.square(range_rates_over_ground(detections))))
     return np.where(rated, density, 1.0)
 
 
-def innovations(
+def range_rate_innovations(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -125,19 +125,19 @@ def innovations(
     velocity = state[:, 1::2]
     position = state[:, 0::2] + time_after_state[:, None] * velocity
     rate, by_position, sight = expected(detections, position, velocity)
-    gradient = _gradients(time_after_state, by_position, sight)
+    gradient = _range_rate_gradients(time_after_state, by_position, sight)
     cross = (covariance @ gradient[..., None])[..., 0]
-    bias, curvature = _curvature(
+    bias, curvature = _range_rate_curvature(
         covariance,
         time_after_state[:, None],
         sight[:, None],
-        _line_of_sight(detections, position)[1][:, None],
+        _range_rate_sight(detections, position)[1][:, None],
     )
     variance = (gradient * cross).sum(axis=1) + np.square(detections["range_rate_std"])
     return detections["range_rate"] - rate - bias[:, 0], variance + curvature[:, 0, 0], cross
 
 
-def _curvature(
+def _range_rate_curvature(
     covariance: FloatArray, time_after_state: FloatArray, sight: FloatArray, distance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance of the linearisation errors of range rates, to second order.
@@ -167,8 +167,8 @@ def _curvature(
         m^2/s^2.
     """
     across = np.stack([-sight[..., 1], sight[..., 0]], axis=-1) / np.sqrt(distance)[..., None]
-    by_position = _gradients(time_after_state, across, 0.0 * across)
-    by_velocity = _gradients(0.0 * time_after_state, 0.0 * across, across)
+    by_position = _range_rate_gradients(time_after_state, across, 0.0 * across)
+    by_velocity = _range_rate_gradients(0.0 * time_after_state, 0.0 * across, across)
     cross = by_position @ covariance
     a = cross @ np.swapaxes(by_position, 1, 2)
     c = cross @ np.swapaxes(by_velocity, 1, 2)
@@ -176,7 +176,7 @@ def _curvature(
     return np.diagonal(c, axis1=1, axis2=2), a * b + c * np.swapaxes(c, 1, 2)
 
 
-def _gradients(
+def _range_rate_gradients(
     time_after_state: FloatArray, by_position: FloatArray, by_velocity: FloatArray
 ) -> FloatArray:
     """Gradients by states ``[x, vx, y, vy]`` a time (...) before, (..., 4)."""
@@ -195,7 +195,7 @@ def update(
     """Update states with the range rates of detections, after their positions.
 
     ``x + k e / S``, ``P - k k' / S`` with k the covariance of state and innovation e. Arguments as
-    in `innovations`; a state without a range rate stays the same.
+    in `range_rate_innovations`; a state without a range rate stays the same.
 
     Returns
     -------
@@ -205,7 +205,7 @@ def update(
     rows = np.flatnonzero(measured(detections))
     if not len(rows):
         return state, covariance
-    innovation, variance, cross = innovations(
+    innovation, variance, cross = range_rate_innovations(
         state[rows], covariance[rows], time_after_state[rows], taken(detections, rows)
     )
     state, covariance = state.copy(), covariance.copy()
@@ -239,18 +239,20 @@ def begun(
     if not len(rows):
         return state, covariance, increment
     rated = taken(detections, rows)
-    innovation, variance, _ = innovations(state[rows], covariance[rows], now[rows], rated)
+    innovation, variance, _ = range_rate_innovations(
+        state[rows], covariance[rows], now[rows], rated
+    )
     clutter = np.log(clutter_density(rated, sensor))
-    increment[rows] = log_density(innovation, variance) - clutter
+    increment[rows] = range_rate_log_density(innovation, variance) - clutter
     return *update(state, covariance, now, detections), increment
 
 
-def log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
+def range_rate_log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
     """``ln N(e; 0, S)`` of innovations (n,) of variances (n,), ln of s/m."""
     return np.asarray(-0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance)))
 
 
-def gate_square(probability: float) -> float:
+def range_rate_gate_square(probability: float) -> float:
     """Squared distance that holds a position and a range rate with a probability.
 
     The quantile of chi-square with three degrees of freedom.
@@ -258,7 +260,7 @@ def gate_square(probability: float) -> float:
     return float(chdtri(3.0, 1.0 - probability))
 
 
-def fitted(
+def fit_range_rates(
     state: FloatArray, covariance: FloatArray, time_after_state: FloatArray, hits: NDArray[np.void]
 ) -> tuple[FloatArray, FloatArray]:
     """Fit states to the hits' range rates, after a fit to their positions.
@@ -267,7 +269,7 @@ def fitted(
     further measurements. Each pass linearises them over the state's current covariance (posterior
     linearisation; Garcia-Fernandez et al., "Posterior linearization filter", IEEE Trans. Signal
     Process. 63(20), 2015). J is the gradient at X; the linearisation errors, of mean m and
-    covariance W (`_curvature`), are noise::
+    covariance W (`_range_rate_curvature`), are noise::
 
         K = P_0 J' (J P_0 J' + S + W)^-1
         X <- X_0 + K (z - h(X) - m - J (X_0 - X)),    P <- P_0 - K J P_0
@@ -304,11 +306,13 @@ def fitted(
         velocity = np.broadcast_to(current[:, None, 1::2], (*time_after_state.shape, 2))
         position = current[:, None, 0::2] + time_after_state[..., None] * velocity
         rate, by_position, sight = expected(hits, position, velocity)
-        distance = _line_of_sight(hits, position)[1]
-        bias, curvature = _curvature(current_covariance, time_after_state, sight, distance)
-        jacobian = _gradients(time_after_state, by_position, sight) * rated[..., None]
+        distance = _range_rate_sight(hits, position)[1]
+        bias, curvature = _range_rate_curvature(
+            current_covariance, time_after_state, sight, distance
+        )
+        jacobian = _range_rate_gradients(time_after_state, by_position, sight) * rated[..., None]
         cross = prior_covariance @ np.swapaxes(jacobian, 1, 2)
-        gain = cross @ inverse_or_nan(jacobian @ cross + noise + curvature * both)
+        gain = cross @ inverse_covariance_or_nan(jacobian @ cross + noise + curvature * both)
         innovation = np.where(rated, hits["range_rate"] - rate - bias, 0.0)[..., None]
         innovation = innovation - jacobian @ (prior - current)[..., None]
         current = prior + (gain @ innovation)[..., 0]
@@ -320,7 +324,7 @@ def fitted(
     return state, covariance
 
 
-def agree(
+def range_rates_agree(
     first: NDArray[np.void],
     second: NDArray[np.void],
     max_speed: float,
@@ -347,8 +351,8 @@ def agree(
     (p,) ndarray of bool
     """
     pair = (first, second)
-    rates = [over_ground(detections) for detections in pair]
-    sights = [_line_of_sight(detections, detections["position"])[0] for detections in pair]
+    rates = [range_rates_over_ground(detections) for detections in pair]
+    sights = [_range_rate_sight(detections, detections["position"])[0] for detections in pair]
     variance = np.square(sights[1] - sights[0]).sum(axis=1) * (0.25 * max_speed**2)
     for detections in pair:
         square_speed = np.square(detections["sensor_velocity"]).sum(axis=1)

@@ -34,7 +34,7 @@ COARSEST_FAN = math.radians(3.0)
 DEVIATIONS = 3.0
 """Standard deviations within which a measurement may be in error."""
 TURNS = 3
-"""Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
+"""Rounds of `SensorEchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +231,7 @@ class SensorModel(Coverage):
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
 
-def goes_on(
+def sensor_rays_go_on(
     before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
 ) -> BoolArray:
     """Whether the ranges of neighbouring rays do not jump.
@@ -266,7 +266,7 @@ def goes_on(
         return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
-def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
+def inside_sensor_coverage(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
     """Which detections (n,) may be of a target in the coverage, given their errors.
 
     The sensor detects no target outside the coverage: detections beyond are false.
@@ -279,7 +279,7 @@ def inside(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class EchoPoses:
+class SensorEchoPoses:
     """Poses of the sensor at the echoes of a scan, as a function of what determines their time.
 
     Echoes of a ping arrive in the order of their ranges, those of a beam that turns in the order of
@@ -315,20 +315,20 @@ class EchoPoses:
         if len(self.pose) == 1:
             return pose
         if not self.by_azimuth:
-            distance = _range(positions, pose)
+            distance = _range_from_sensor(positions, pose)
             return np.stack([np.interp(distance, key, values) for values in self.pose.T])
         for _ in range(TURNS):
-            from_seam = np.mod(_polar(positions, pose)[1] - key[0], 2 * np.pi)
+            from_seam = np.mod(_polar_from_sensor(positions, pose)[1] - key[0], 2 * np.pi)
             # Beyond the last echo begins the seam, which the first follows.
             pose = np.stack([np.interp(from_seam, key - key[0], values) for values in self.pose.T])
         return pose
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
-        return _polar(positions, self.of_echoes_from(positions))
+        return _polar_from_sensor(positions, self.of_echoes_from(positions))
 
 
-def echo_poses_of(scan: Scan) -> EchoPoses | None:
+def sensor_echo_poses(scan: Scan) -> SensorEchoPoses | None:
     """The poses of a scan; None for a pose per detection without detections.
 
     They follow from the range in a ping, and from the azimuth in a sweep, by which the times in
@@ -336,7 +336,7 @@ def echo_poses_of(scan: Scan) -> EchoPoses | None:
     """
     pose, time = np.reshape(scan.sensor_pose, (-1, 3)), scan.time_offset
     if len(pose) < 2:
-        return EchoPoses(np.zeros(1), pose) if len(pose) else None
+        return SensorEchoPoses(np.zeros(1), pose) if len(pose) else None
     order, key, by_azimuth = np.lexsort((*pose.T, scan.range)), scan.range, False
     if len(pose) > 2 and time is not None:
         around = np.argsort(scan.azimuth, kind="stable")
@@ -348,22 +348,22 @@ def echo_poses_of(scan: Scan) -> EchoPoses | None:
             order, key, by_azimuth = around, seam + np.mod(scan.azimuth - seam, 2 * np.pi), True
     pose = pose[order]
     pose[:, 2] = np.unwrap(pose[:, 2])
-    return EchoPoses(key[order], pose, by_azimuth)
+    return SensorEchoPoses(key[order], pose, by_azimuth)
 
 
-def looked_at(
-    scan: Scan, sensor: SensorModel, poses: EchoPoses, positions: FloatArray
+def sensor_looked_at(
+    scan: Scan, sensor: SensorModel, poses: SensorEchoPoses, positions: FloatArray
 ) -> BoolArray:
     """Whether a scan looked at positions (n, 2) in the fixed frame: coverage, and arc swept."""
     pose = poses.of_echoes_from(positions)
     swept = None if scan.swept is None else tuple(scan.swept)
     if sensor.all_round and swept is None:
-        return sensor.covers(_range(positions, pose), 0.0)
-    range_, azimuth = _polar(positions, pose)
-    return sensor.covers(range_, azimuth) & _in_arc(swept, azimuth)
+        return sensor.covers(_range_from_sensor(positions, pose), 0.0)
+    range_, azimuth = _polar_from_sensor(positions, pose)
+    return sensor.covers(range_, azimuth) & _in_sensor_arc(swept, azimuth)
 
 
-def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
+def _in_sensor_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
     """Whether azimuths (n,) are of an arc, its start and width; None for all around."""
     if arc is None:
         return np.ones(len(azimuth), bool)
@@ -371,7 +371,7 @@ def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
     return np.asarray(np.mod(azimuth - start, 2 * np.pi) <= width)
 
 
-class View(NamedTuple):
+class SensorView(NamedTuple):
     """What a scan looked at.
 
     Attributes
@@ -388,7 +388,7 @@ class View(NamedTuple):
     swept: tuple[float, float] | None
 
     @classmethod
-    def from_scan(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> View:
+    def from_scan(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> SensorView:
         """That of a scan at a pose (3,)."""
         x, y, yaw = map(float, pose)
         start, width = (0.0, 0.0) if scan.swept is None else map(float, scan.swept)
@@ -396,16 +396,16 @@ class View(NamedTuple):
 
     def covers(self, positions: FloatArray) -> BoolArray:
         """Whether positions (n, 2) in the fixed frame were looked at."""
-        range_, azimuth = _polar(positions, np.array(self.pose))
-        return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
+        range_, azimuth = _polar_from_sensor(positions, np.array(self.pose))
+        return self.sensor.covers(range_, azimuth) & _in_sensor_arc(self.swept, azimuth)
 
 
-def _range(positions: FloatArray, pose: FloatArray) -> FloatArray:
+def _range_from_sensor(positions: FloatArray, pose: FloatArray) -> FloatArray:
     """Range of positions (n, 2) from a pose (3,) or poses (3, n)."""
     return np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
 
 
-def _polar(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _polar_from_sensor(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Range and azimuth of positions (n, 2) from a pose (3,) or poses (3, n)."""
     x, y, yaw = pose
     east, north = positions[:, 0] - x, positions[:, 1] - y

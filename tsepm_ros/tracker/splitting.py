@@ -1,6 +1,6 @@
 """Splitting: a potential track goes on by each detection in its gate, and every other starts one.
 
-Of TSEPM 2018 (Eqs. 4-5, Section 3.2, Step 2): `gate`, `split_paths`.
+Of TSEPM 2018 (Eqs. 4-5, Section 3.2, Step 2): `splitting_gate`, `split_paths`.
 
 Of the likelihood-ratio method, with x, P the state of a hypothesis, S its innovation covariance::
 
@@ -25,12 +25,12 @@ from scipy.spatial import cKDTree
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
+    array_rows_of_least_cost,
     changed,
-    keep_best,
     taken,
 )
-from tsepm_ros.numerics.discs import pairs_within
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.discs import pairs_within_discs
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.evaluation import (
     FADED_AT_START,
@@ -40,8 +40,8 @@ from tsepm_ros.tracker.evaluation import (
     path_amplitudes,
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
-from tsepm_ros.tracker.initial_state import starting
-from tsepm_ros.tracker.measurement import covariance_at, major_sigma
+from tsepm_ros.tracker.initial_state import initial_paths
+from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance_at
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
@@ -56,7 +56,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Gated:
+class SplittingGates:
     """The detections in each gate, as compressed rows.
 
     Attributes
@@ -79,19 +79,19 @@ class Gated:
         return self.start[1:] - self.start[:-1]
 
 
-def gate(
+def splitting_gate(
     last_hits: NDArray[np.void],
     detections: NDArray[np.void],
     max_speed: float,
     probability: float,
     most: float = math.inf,
-) -> Gated:
+) -> SplittingGates:
     """Find the detections inside the gate of each last hit (Eq. 4).
 
     ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax`` bounds the displacement of a target
     from hit i; sigma_Rmax is the major axis of hit i's error. Range rates of both, if used, must
     agree with each other and with the displacement along the line of sight, within the same
-    probability (`range_rates.agree`).
+    probability (`range_rates.range_rates_agree`).
 
     Parameters
     ----------
@@ -104,33 +104,33 @@ def gate(
     probability : float
         Gate probability P of Eq. 5.
     most : float, optional
-        Pairs, see `neighbours`.
+        Pairs, see `splitting_neighbours`.
 
     Returns
     -------
     Gated
         A row per last hit.
     """
-    margin = gate_factor(probability) * last_hits["major_sigma"]
-    squared = gate_factor(probability) ** 2
-    return gate_within(last_hits, detections, max_speed, margin, squared, most)
+    margin = gaussian_gate_factor(probability) * last_hits["major_sigma"]
+    squared = gaussian_gate_factor(probability) ** 2
+    return splitting_gate_within(last_hits, detections, max_speed, margin, squared, most)
 
 
-def gate_within(
+def splitting_gate_within(
     last_hits: NDArray[np.void],
     detections: NDArray[np.void],
     max_speed: float,
     margin: FloatArray,
     range_rate_gate: float = math.inf,
     most: float = math.inf,
-) -> Gated:
+) -> SplittingGates:
     """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
 
-    Range rates are gated if `range_rate_gate` is finite. See `gate`.
+    Range rates are gated if `range_rate_gate` is finite. See `splitting_gate`.
     """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:
-        return Gated(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
+        return SplittingGates(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
     times = detections["time"]
     first, last = times.min(), times.max()
     longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
@@ -138,13 +138,13 @@ def gate_within(
     radius = (margin + max_speed * longest) * (1.0 + ROUNDING)
     positions = np.ascontiguousarray(detections["position"])
     centres = np.ascontiguousarray(last_hits["position"])
-    owner, candidate, cut = neighbours(positions, centres, radius, most)
+    owner, candidate, cut = splitting_neighbours(positions, centres, radius, most)
     displacement = positions[candidate] - centres[owner]
     elapsed = np.abs(times[candidate] - last_hits["time"][owner])
     inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
     if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
         near = np.flatnonzero(inside)
-        inside[near] = range_rates.agree(
+        inside[near] = range_rates.range_rates_agree(
             taken(last_hits, owner[near]),
             taken(detections, candidate[near]),
             max_speed,
@@ -152,10 +152,10 @@ def gate_within(
         )
     start = np.zeros(n_gates + 1, np.int64)
     np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
-    return Gated(start, candidate[inside], cut)
+    return SplittingGates(start, candidate[inside], cut)
 
 
-def neighbours(
+def splitting_neighbours(
     positions: FloatArray,
     centres: FloatArray,
     radius: FloatArray,
@@ -185,7 +185,7 @@ def neighbours(
         Pairs left out.
     """
     most = int(min(most, MAX_GATED))
-    pairs = pairs_within(positions, centres, radius, most)
+    pairs = pairs_within_discs(positions, centres, radius, most)
     if pairs is not None:
         return *pairs, 0
     tree = cKDTree(positions)
@@ -199,7 +199,7 @@ def neighbours(
     return centre, near[centre, index].astype(np.int64), cut
 
 
-def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]:
+def split_children(gate_of_track: IntArray, gated: SplittingGates) -> tuple[IntArray, IntArray]:
     """Split every potential track into one child per gated detection (Section 3.2).
 
     Parameters
@@ -225,7 +225,7 @@ def children(gate_of_track: IntArray, gated: Gated) -> tuple[IntArray, IntArray]
 
 def split_paths(
     gate_of_track: IntArray,
-    gated: Gated,
+    gated: SplittingGates,
     limit: int,
     cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
     most: float = math.inf,
@@ -235,7 +235,7 @@ def split_paths(
     Parameters
     ----------
     gate_of_track, gated
-        As in `children`.
+        As in `split_children`.
     limit : int
         Largest number of children.
     cost : callable
@@ -246,25 +246,25 @@ def split_paths(
     Returns
     -------
     parent, detection : (c,) ndarray of int
-        As in `children`.
+        As in `split_children`.
     cut : int
         Children left out.
     """
     counts = gated.count[gate_of_track]
     total = int(counts.sum())
     if total <= limit:
-        return *children(gate_of_track, gated), 0
+        return *split_children(gate_of_track, gated), 0
     parent = detection = np.zeros(0, np.int64)
     costs = np.zeros(0)
     begun = np.cumsum(counts) - counts
     looked = begun[: np.searchsorted(begun, most)]
     blocks = np.searchsorted(looked, np.arange(0, total, SPLIT_BLOCK))
     for begin, end in itertools.pairwise(np.unique([*blocks, len(looked)])):
-        rows, added = children(gate_of_track[begin:end], gated)
+        rows, added = split_children(gate_of_track[begin:end], gated)
         parent = np.concatenate([parent, rows + begin])
         detection = np.concatenate([detection, added])
         costs = np.concatenate([costs, cost(rows + begin, added)])
-        best = keep_best(costs, limit)
+        best = array_rows_of_least_cost(costs, limit)
         parent, detection, costs = parent[best], detection[best], costs[best]
     return parent, detection, total - len(parent)
 
@@ -301,22 +301,24 @@ def split(
     hypothesis, detection : (p,) ndarray of int
         Rows of each pair, ascending.
     cut : int
-        Pairs left out by a limit, see `neighbours`.
+        Pairs left out by a limit, see `splitting_neighbours`.
     """
     detections = expected.detections
     if not len(expected.hypotheses) or not len(detections):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
-    reach = motion.gate_reach(gate_probability, detections)
+    reach = motion.motion_gate_reach(gate_probability, detections)
     if expected.of_hypothesis is not None:
         centres, spread = expected.of_hypothesis
         radius = reach * major_sigma(spread) * (1.0 + ROUNDING)
     else:
-        centres, radius = _widest(expected, reach)
+        centres, radius = _widest_splitting_gate(expected, reach)
     positions = np.ascontiguousarray(detections["position"])
-    return neighbours(positions, centres, radius, most)
+    return splitting_neighbours(positions, centres, radius, most)
 
 
-def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, FloatArray]:
+def _widest_splitting_gate(
+    expected: ExpectedDetections, reach: float
+) -> tuple[FloatArray, FloatArray]:
     """Positions of the hypotheses (n, 2), and radii that hold the gate of any detection."""
     state, covariance = expected.hypotheses.state, expected.hypotheses.covariance
     detections = expected.detections
@@ -324,7 +326,7 @@ def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, Flo
     widest["range_std"] = detections["range_std"].max()  # nan: the sensor model's
     positions = np.ascontiguousarray(state[:, 0::2])
     every = np.broadcast_to(widest, len(positions))
-    error = major_sigma(covariance_at(every, positions, expected.sensor))
+    error = major_sigma(measurement_covariance_at(every, positions, expected.sensor))
     longest = np.abs(detections["time"] - expected.stamp).max()
     position_sigma = major_sigma(covariance[:, 0::2, 0::2])
     speed_sigma = major_sigma(covariance[:, 1::2, 1::2])
@@ -333,7 +335,7 @@ def _widest(expected: ExpectedDetections, reach: float) -> tuple[FloatArray, Flo
     return positions, reach * sigma + longest * speed
 
 
-def confirmed_penalty(observed: Observation, row: IntArray, amplitude: FloatArray) -> FloatArray:
+def splitting_penalty(observed: Observation, row: IntArray, amplitude: FloatArray) -> FloatArray:
     """``ln((lambda + confirmed density) / lambda)``, (p,): a hit's loss by confirmed tracks.
 
     Where the amplitude speaks for a target, by `amplitude` (p,), it speaks for the confirmed one as
@@ -365,7 +367,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         Of one hit each.
     """
     detections = observed.detections
-    path, n = starting(observed.ids, observed.scan_index, window), len(detections)
+    path, n = initial_paths(observed.ids, observed.scan_index, window), len(detections)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
@@ -380,7 +382,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     row, none = np.arange(n), np.zeros(n, np.int64)
     amplitude = path_amplitudes(observed, row, none, np.zeros(n))
     score = score + amplitude.increment
-    given_confirmed = score - confirmed_penalty(observed, row, amplitude.increment)
+    given_confirmed = score - splitting_penalty(observed, row, amplitude.increment)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -403,7 +405,7 @@ def expand(
 ) -> Tree:
     """The tree of the branches that are kept.
 
-    Given the confirmed tracks, a hit adds less by `confirmed_penalty`.
+    Given the confirmed tracks, a hit adds less by `splitting_penalty`.
 
     Parameters
     ----------
@@ -423,7 +425,7 @@ def expand(
     rows = np.flatnonzero(made[: len(score)])  # in the order of the parents: these are read in turn
     firsts = range(0, max(len(rows), 1), MAX_PAIRS_TOGETHER)
     children = [
-        _children(expected, pairs[0][part], pairs[1][part], score[part], observed)
+        _splitting_children(expected, pairs[0][part], pairs[1][part], score[part], observed)
         for part in (rows[begin : begin + MAX_PAIRS_TOGETHER] for begin in firsts)
     ]
     new = Hypotheses.joined(*children, started[made[len(score) :]])
@@ -431,7 +433,7 @@ def expand(
     return Tree(hypotheses, number, observed.ids)
 
 
-def _children(
+def _splitting_children(
     expected: ExpectedDetections,
     parent: IntArray,
     row: IntArray,
@@ -447,7 +449,7 @@ def _children(
         observed, row, hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
     )
     given_confirmed = hypotheses.score_given_confirmed[parent] + score - hypotheses.score[parent]
-    given_confirmed -= confirmed_penalty(observed, row, amplitude.increment)
+    given_confirmed -= splitting_penalty(observed, row, amplitude.increment)
     state, covariance = expected.updated(parent, row)
     return Hypotheses(
         hits,

@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed, taken
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
-from tsepm_ros.tracker.clutter.amplitude_law import PathRatio
-from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, position_covariance
+from tsepm_ros.tracker.clutter.amplitude_law import AmplitudeLawTable
+from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, measurement_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
@@ -80,7 +80,7 @@ class MonteCarloTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.amplitudes[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = PathRatio.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
+            ratio = AmplitudeLawTable.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
             evidence = ratio.at(counts, totals)
             increments[:, first] = evidence[:, 0]
             increments[:, first + 1 :] = np.diff(evidence, axis=1)
@@ -129,7 +129,7 @@ def _drawn_amplitudes(ratio: float | None, window: int) -> FloatArray | None:
     rng = np.random.default_rng([SEED, 2])
     means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
     if ratio == ANY_RATIO:
-        ratios, weights = amplitude_law.ratio_prior()
+        ratios, weights = amplitude_law.amplitude_law_prior()
         means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
     return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
 
@@ -149,7 +149,7 @@ def errors_at(state: FloatArray, sensor: SensorModel) -> FloatArray:
     """Covariance of a detection at each state's position, (n, 2, 2), m^2."""
     range_ = np.hypot(state[:, 0], state[:, 2])
     azimuth = np.arctan2(state[:, 2], state[:, 0])
-    return position_covariance(
+    return measurement_covariance(
         range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std, LEAST_ACROSS
     )
 

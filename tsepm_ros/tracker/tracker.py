@@ -17,32 +17,32 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
-    further_clusters,
-    may_repeat_older,
+    extended_target_density,
+    may_be_older_extended_target,
 )
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.clutter.learned import Learned, ScanClutter
+from tsepm_ros.tracker.clutter.learned import Learned, LearnedScanClutter
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
-    DetectionWindow,
-    convert,
+    MeasurementWindow,
+    convert_measurements,
     major_sigma,
     measured_polar,
 )
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY
-from tsepm_ros.tracker.scan import Scan, check_scan, chosen, placed
+from tsepm_ros.tracker.scan import Scan, check_scan, scan_of_rows, scan_positions
 from tsepm_ros.tracker.sensor import (
-    EchoPoses,
+    SensorEchoPoses,
     SensorModel,
-    View,
-    echo_poses_of,
-    inside,
-    looked_at,
+    SensorView,
+    inside_sensor_coverage,
+    sensor_echo_poses,
+    sensor_looked_at,
 )
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
@@ -123,7 +123,7 @@ class Tracker:
         self.learned = Learned.initial(self.sensor)
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
-        self._poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
+        self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
         self.forget_potential_tracks()
@@ -132,7 +132,7 @@ class Tracker:
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not confirmed tracks, what was learned, nor counts."""
         self._observed: Observation | None = None
-        self.window = DetectionWindow()
+        self.window = MeasurementWindow()
         self.method.forget()
 
     def with_settings(self, method: Method) -> tuple[Tracker, bool]:
@@ -162,7 +162,7 @@ class Tracker:
         other.maintenance = copy.copy(self.maintenance)
         other._use(method)
         if not kept:
-            other._observed, other.window = None, DetectionWindow()
+            other._observed, other.window = None, MeasurementWindow()
         return other, kept
 
     def _use(self, method: Method) -> None:
@@ -249,7 +249,7 @@ class Tracker:
         self.learned.scan_interval.update(interval)
         self.stamp = scan.stamp
         self.scan_index += 1
-        self._poses = echo_poses_of(scan) or self._poses
+        self._poses = sensor_echo_poses(scan) or self._poses
         self._scan = scan
         return interval
 
@@ -286,7 +286,7 @@ class Tracker:
         association = self.maintenance.confirmed_association
         if self.extended_targets.active:
             position, origin = detections["position"], self._poses.middle[:2]
-            further = further_clusters(
+            further = extended_target_density(
                 self.maintenance.confirmed, position, self.extended_targets.extent, origin
             )
             density = density + further
@@ -306,7 +306,7 @@ class Tracker:
             )
         if self.extended_targets.active and not active:
             tracks, origin = self.maintenance.confirmed.tracks, self._poses.middle[:2]
-            repeats = may_repeat_older(tracks, self.extended_targets.extent, origin)
+            repeats = may_be_older_extended_target(tracks, self.extended_targets.extent, origin)
             self.maintenance.end(~repeats, "duplicate")
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
@@ -330,7 +330,7 @@ class Tracker:
         reach = self._reach * RECENT
         area = math.pi * reach**2
         targets, moving = self._confirmed_targets, self.maintenance.detections_of_moving
-        view = View.from_scan(self._scan, self.sensor, self._poses.middle)
+        view = SensorView.from_scan(self._scan, self.sensor, self._poses.middle)
         return self._clutter.learn(self._scan.stamp, view, weight, area, targets, moving)
 
     def _confirmed_targets(self) -> ConfirmedTargets:
@@ -346,17 +346,17 @@ class Tracker:
 
     def _detections(self, scan: Scan) -> NDArray[np.void]:
         """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
-        used = inside(scan, self.sensor)
+        used = inside_sensor_coverage(scan, self.sensor)
         covered = int(np.count_nonzero(used))
         if self.land is not None:
-            used &= ~self.land.covers(placed(scan))
+            used &= ~self.land.covers(scan_positions(scan))
         rows = np.flatnonzero(used)
         self._received = {
             "detections": len(rows),
             "outside_coverage": len(scan) - covered,
             "on_land": covered - len(rows),
         }
-        covered_scan = scan if len(rows) == len(scan) else chosen(scan, rows)
+        covered_scan = scan if len(rows) == len(scan) else scan_of_rows(scan, rows)
         if covered < len(scan):
             self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
         runs = self.extended_targets.runs_of(covered_scan)
@@ -377,7 +377,7 @@ class Tracker:
         as_stated = scan.azimuth_std is not None or not self.method.most_tracks_true
         own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert(measured, self.sensor, self.scan_index, least)
+        detections = convert_measurements(measured, self.sensor, self.scan_index, least)
         self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
         detections["index"] = rows if clusters is None else rows[clusters.strongest]
         if clusters is not None and scan.range_std is None:
@@ -386,16 +386,16 @@ class Tracker:
 
     def _clutter_at(
         self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
-    ) -> ScanClutter:
+    ) -> LearnedScanClutter:
         """Clutter at positions (n,); behind targets, where the confirmed tracks are targets."""
         confirmed_are_true = self.method.most_tracks_true
-        return ScanClutter(
+        return LearnedScanClutter(
             self.learned, self.common, self.sensor, confirmed_are_true, range, azimuth, detections
         )
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in this scan."""
-        covered = looked_at(self._scan, self.sensor, self._poses, positions)
+        covered = sensor_looked_at(self._scan, self.sensor, self._poses, positions)
         return np.where(covered, self.detection_probability, 0.0)
 
     def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
@@ -473,7 +473,7 @@ class Tracker:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-        figures = initial_state.figures_of_hits(
+        figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
         return self.maintenance.add(tracks, step.existences, *figures)

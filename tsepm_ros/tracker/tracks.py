@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
-from tsepm_ros.numerics.gaussian import proper
+from tsepm_ros.numerics.gaussian import proper_covariance
 from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.measurement import DetectionWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.motion import predict
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -208,8 +208,8 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
 
     def proper(self) -> TrackArrays:
-        """The tracks with covariances that are positive definite, see `gaussian.proper`."""
-        covariance = proper(self.covariance) if len(self) else self.covariance
+        """The tracks with covariances that are positive definite, see `gaussian.proper_covariance`."""
+        covariance = proper_covariance(self.covariance) if len(self) else self.covariance
         return self if covariance is self.covariance else changed(self, covariance=covariance)
 
     def __repr__(self) -> str:
@@ -274,7 +274,7 @@ NO_TRACKS = TrackArrays.from_tracks([])
 
 
 def tracks_from_hits(
-    window: DetectionWindow,
+    window: MeasurementWindow,
     hits: IntArray,
     *,
     stamp: float,

@@ -14,15 +14,15 @@ from tsepm_ros.studies.reproduction import (
 )
 from tsepm_ros.studies.reproduction.report import (
     SOURCES,
-    Line,
-    Panel,
-    Picture,
-    Setting,
-    Table,
-    write,
+    ReportLine,
+    ReportPanel,
+    ReportPicture,
+    ReportSetting,
+    ReportTable,
+    write_report,
 )
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,11 +36,11 @@ def toy_run(case, seed):
 
 def toy_source(setting):
     [runs] = setting.results(toy_run, [ToyCase(2.0)])
-    rows = [["mean", Estimate(1.0, 0.5, 1.5)], ["runs", len(runs)]]
+    rows = [["mean", IntervalEstimate(1.0, 0.5, 1.5)], ["runs", len(runs)]]
     return [
         "A text.",
-        Table("toy", {"what": "", "figure": ".2f"}, rows),
-        Picture("toy", "A picture", [Panel([Line([0, 1], [1, 2], "a line")])]),
+        ReportTable("toy", {"what": "", "figure": ".2f"}, rows),
+        ReportPicture("toy", "A picture", [ReportPanel([ReportLine([0, 1], [1, 2], "a line")])]),
     ]
 
 
@@ -68,8 +68,8 @@ def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
 
 def test_without_matplotlib_the_report_says_that_there_are_no_pictures(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    picture = Picture("toy", "A picture", [])
-    write([picture], tmp_path / "report.md")
+    picture = ReportPicture("toy", "A picture", [])
+    write_report([picture], tmp_path / "report.md")
     assert not list(tmp_path.glob("*.png"))
     assert "needs matplotlib" in (tmp_path / "report.md").read_text()
 
@@ -77,14 +77,14 @@ def test_without_matplotlib_the_report_says_that_there_are_no_pictures(tmp_path,
 @pytest.mark.long
 def test_tables_and_pictures_are_written(tmp_path):
     pytest.importorskip("matplotlib")
-    setting = Setting(folder=tmp_path / "runs", runs=1)
+    setting = ReportSetting(folder=tmp_path / "runs", runs=1)
     errors = {error: monte_carlo.ERRORS[error] for error in (15.0, 75.0, 120.0)}
     densities = dict(list(monte_carlo.DENSITIES.items())[:2])
     parts = [
         *tsepm_2018.reproduce(setting, densities, errors),
         *split_merge_2016.reproduce(setting),
     ]
-    write(parts, tmp_path / "report.md")
+    write_report(parts, tmp_path / "report.md")
     text = (tmp_path / "report.md").read_text()
     for name in ("figures_5_6", "figures_7_8"):
         assert f"(tsepm_2018_{name}.png)" in text
@@ -111,7 +111,7 @@ def test_an_interrupted_reproduction_goes_on_where_it_stopped(tmp_path):
             yield one
 
     cases = [ToyCase(1.0), ToyCase(10.0)]
-    first = Setting(folder=tmp_path, runs=2, seed=7, progress=count)
+    first = ReportSetting(folder=tmp_path, runs=2, seed=7, progress=count)
     first.results(toy_run, cases)
     assert done == [4] * 4
     for path in tmp_path.iterdir():  # as a killed process leaves it

@@ -17,7 +17,7 @@ from pyproj import Geod
 
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.replay.track_files import track_lines
+from tsepm_ros.tools.replay.track_files import track_lines_file
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
@@ -26,23 +26,23 @@ def test_the_approach_of_a_straight_passage_is_that_of_its_closed_form(turn):
     # d abeam at time t, at speed v: it began at v t before.
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     position, velocity = rotation @ (-50.0, 30.0), rotation @ (2.0, 0.0)
-    time, distance = nmea.closest_approach(position[None], velocity[None])
+    time, distance = nmea.nmea_closest_approach(position[None], velocity[None])
     assert (distance[0], time[0]) == pytest.approx((30.0, 25.0))
-    time, distance = nmea.closest_approach(position[None], -velocity[None])
+    time, distance = nmea.nmea_closest_approach(position[None], -velocity[None])
     assert (distance[0], time[0]) == pytest.approx((30.0, -25.0))
 
 
 def test_of_what_does_not_move_the_approach_is_now():
-    time, distance = nmea.closest_approach(np.array([[3.0, 4.0]]), np.zeros((1, 2)))
+    time, distance = nmea.nmea_closest_approach(np.array([[3.0, 4.0]]), np.zeros((1, 2)))
     assert (distance[0], time[0]) == (5.0, 0.0)
-    time, distance = nmea.closest_approach(np.array([[3.0, 4.0]]), np.array([[1e-16, 0.0]]))
+    time, distance = nmea.nmea_closest_approach(np.array([[3.0, 4.0]]), np.array([[1e-16, 0.0]]))
     assert (distance[0], time[0]) == (5.0, 0.0), "velocities that differ by rounding"
 
 
 def lines(steps):
     """The collection of one track at positions, a scan each."""
     file = io.StringIO()
-    with track_lines(file, GeographicReference(10.0, 179.99)) as made:
+    with track_lines_file(file, GeographicReference(10.0, 179.99)) as made:
         for number, (east, north) in enumerate(steps):
             state = np.array([east, 1.0, north, 0.0])
             track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
@@ -69,14 +69,14 @@ def tracks(*states, ids=None):
 
 
 def numbered(found):
-    numbers = nmea.TargetNumbers()
+    numbers = nmea.NmeaTargetNumbers()
     numbers.update(found.track_id.tolist())
     return numbers.of
 
 
 def sent(reports):
     """Lines of the reports of tracks that are there."""
-    return nmea.Reports().texts(set(reports), STAMP, reports)
+    return nmea.NmeaReports().texts(set(reports), STAMP, reports)
 
 
 def parsed(reports):
@@ -100,7 +100,7 @@ def test_ttm_puts_twenty_tracks_at_their_bearings_and_ranges_from_own_ship():
     own_ship = np.array([1000.0, -400.0]), np.array([3.0, 1.0])
     states = np.stack([position + own_ship[0], velocity], axis=2).reshape(20, 4)
     found = tracks(*states)
-    messages = parsed(nmea.ttm("RA", found, numbered(found), own_ship))
+    messages = parsed(nmea.nmea_ttm("RA", found, numbered(found), own_ship))
     assert [int(one.data[0]) for one in messages] == list(range(20))
     for row, one in enumerate(messages):
         distance, angle, axis, speed, course = one.data[1:6]
@@ -121,7 +121,7 @@ def test_tll_puts_twenty_tracks_where_they_are_on_the_earth(latitude, longitude)
     bearing, range_, position, velocity = scene(np.random.default_rng(2))
     found = tracks(*np.stack([position, velocity], axis=2).reshape(20, 4))
     places = GeographicReference(latitude, longitude).geographic(position)
-    for row, one in enumerate(parsed(nmea.tll("RA", found, numbered(found), places))):
+    for row, one in enumerate(parsed(nmea.nmea_tll("RA", found, numbered(found), places))):
         angle, _, distance = Geod(ellps="WGS84").inv(
             longitude, latitude, one.longitude, one.latitude
         )
@@ -131,7 +131,7 @@ def test_tll_puts_twenty_tracks_where_they_are_on_the_earth(latitude, longitude)
 
 def test_a_track_dead_ahead_of_a_sensor_without_north_is_at_the_relative_bearing_0():
     found = tracks([1852.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1852.0, 0.0])
-    ahead, port = parsed(nmea.ttm("RA", found, numbered(found), AT_REST, from_north=False))
+    ahead, port = parsed(nmea.nmea_ttm("RA", found, numbered(found), AT_REST, from_north=False))
     assert (ahead.data[1], ahead.data[2], ahead.data[3]) == ("1.000", "0.0", "R")
     assert (port.data[1], port.data[2], port.data[3]) == ("1.000", "270.0", "R")
 
@@ -139,17 +139,19 @@ def test_a_track_dead_ahead_of_a_sensor_without_north_is_at_the_relative_bearing
 def test_the_approach_is_in_miles_and_minutes_and_now_without_a_minus():
     # 1 nautical mile east, half a mile north, westwards at 10 knots: abeam in 6 minutes.
     found = tracks([1852.0, -10.0 * nmea.KNOT, 926.0, 0.0], [1000.0, 0.0, 0.1, 1.0])
-    one, now = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    one, now = parsed(nmea.nmea_ttm("RA", found, numbered(found), AT_REST))
     assert (one.data[7], one.data[8]) == ("0.500", "6.0")
     assert now.data[8] == "0.0"
 
 
 def test_rounded_directions_stay_below_360_degrees_and_minutes_of_arc_below_60():
     found = tracks([-0.001, 0.0, 1000.0, 0.0])
-    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    (one,) = parsed(nmea.nmea_ttm("RA", found, numbered(found), AT_REST))
     assert one.data[2] == "0.0" or one.data[1] == "0.0"
     found = tracks([0.0, 0.0, 0.0, 0.0])
-    (text,) = sent(nmea.tll("RA", found, numbered(found), np.array([[9.9999999999, -0.0000001]])))
+    (text,) = sent(
+        nmea.nmea_tll("RA", found, numbered(found), np.array([[9.9999999999, -0.0000001]]))
+    )
     assert ",1000.0000,N,00000.0000,W," in text
 
 
@@ -157,15 +159,15 @@ def test_rounded_directions_stay_below_360_degrees_and_minutes_of_arc_below_60()
 def test_the_longest_sentences_have_at_most_82_characters(far):
     found = tracks([-far, -363.0, far, 363.0], ids=[2**32 - 1])  # 998 knots
     numbers = numbered(found)
-    (one,) = parsed(nmea.ttm("RA", found, numbers, (np.zeros(2), np.array([-363.0, 400.0]))))
+    (one,) = parsed(nmea.nmea_ttm("RA", found, numbers, (np.zeros(2), np.array([-363.0, 400.0]))))
     assert float(one.data[1]) * 1852.0 == pytest.approx(abs(far) * math.sqrt(2.0), abs=186.0)
     assert one.data[4] == "997.9"
-    parsed(nmea.tll("RA", found, numbers, np.array([[-59.123456, -179.654321]])))
+    parsed(nmea.nmea_tll("RA", found, numbers, np.array([[-59.123456, -179.654321]])))
 
 
 def test_a_tracked_target_is_never_at_0_miles_which_means_lost():
     found = tracks([0.0, 1.0, 0.0, 0.0], [0.4, 0.0, 0.3, 0.0])
-    messages = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    messages = parsed(nmea.nmea_ttm("RA", found, numbered(found), AT_REST))
     assert [one.data[1] for one in messages] == ["0.001", "0.001"]
 
 
@@ -176,15 +178,15 @@ def test_tracks_on_no_place_of_the_earth_or_of_no_vessels_speed_are_not_written(
         [9.0, 600.0, 9.0, 0.0],
         [1852.0, 1.0, 0.0, 0.0],
     )
-    (one,) = parsed(nmea.ttm("RA", found, numbered(found), AT_REST))
+    (one,) = parsed(nmea.nmea_ttm("RA", found, numbered(found), AT_REST))
     assert one.data[:2] == ["03", "1.000"]
     places = GeographicReference(59.65, 10.63).geographic(found.state[:, 0::2])
     assert np.isnan(places[:2]).all()
-    assert [one.data[0] for one in parsed(nmea.tll("RA", found, numbered(found), places))] == [
+    assert [one.data[0] for one in parsed(nmea.nmea_tll("RA", found, numbered(found), places))] == [
         "02",
         "03",
     ]
-    assert list(nmea.deltas(found, INSTANCE, places)) == [2, 3]
+    assert list(nmea.nmea_deltas(found, INSTANCE, places)) == [2, 3]
 
 
 def opencpn(lines, own=(59.65, 10.63)):
@@ -221,10 +223,10 @@ def test_twenty_tracks_end_where_they_were_last_under_their_numbers(kind, longit
     found = tracks(*np.stack([position, velocity], axis=2).reshape(20, 4))
     places = GeographicReference(-33.9, longitude).geographic(position)
     reports = {
-        "TTM": nmea.ttm("RA", found, numbered(found), AT_REST),
-        "TLL": nmea.tll("RA", found, numbered(found), places),
+        "TTM": nmea.nmea_ttm("RA", found, numbered(found), AT_REST),
+        "TLL": nmea.nmea_tll("RA", found, numbered(found), places),
     }[kind]
-    told = nmea.Reports()
+    told = nmea.NmeaReports()
     first = opencpn(told.texts(set(range(20)), STAMP, reports), (-33.9, longitude))
     for number, place in enumerate(places):
         assert first[number][1], "tracked"
@@ -243,8 +245,8 @@ def test_twenty_tracks_end_where_they_were_last_under_their_numbers(kind, longit
 
 
 def test_of_a_track_that_was_never_reported_no_end_is_told():
-    assert nmea.Reports().texts(set(), STAMP, {}) == []
-    told = nmea.Reports()
+    assert nmea.NmeaReports().texts(set(), STAMP, {}) == []
+    told = nmea.NmeaReports()
     told.texts({1}, STAMP, {})
     assert told.texts(set(), STAMP, {}) == []
 
@@ -271,7 +273,7 @@ def test_deltas_have_place_course_speed_and_name_and_null_at_the_end(longitude):
     _, _, position, velocity = scene(np.random.default_rng(4))
     found = tracks(*np.stack([position, velocity], axis=2).reshape(20, 4))
     places = GeographicReference(59.65, longitude).geographic(position)
-    told, reports = nmea.Reports(), nmea.deltas(found, INSTANCE, places)
+    told, reports = nmea.NmeaReports(), nmea.nmea_deltas(found, INSTANCE, places)
     lines = told.texts(set(range(20)), STAMP, reports)
     vessels = []
     for row, line in enumerate(lines):
@@ -291,8 +293,10 @@ def test_deltas_have_place_course_speed_and_name_and_null_at_the_end(longitude):
         )
         assert values[""] == {"name": f"Track {row}"}
     assert len(set(vessels)) == 20
-    assert list(nmea.deltas(found, INSTANCE, places).values()) == list(reports.values()), "stable"
-    assert nmea.deltas(found, uuid.UUID(int=4), places)[0][0] != reports[0][0], "another run"
+    assert list(nmea.nmea_deltas(found, INSTANCE, places).values()) == list(reports.values()), (
+        "stable"
+    )
+    assert nmea.nmea_deltas(found, uuid.UUID(int=4), places)[0][0] != reports[0][0], "another run"
     (end,) = told.texts(set(range(1, 20)), STAMP + 1.0, {})
     vessel, stamp, values = values_of(end)
     assert (vessel, stamp) == (vessels[0], pytest.approx(STAMP + 1.0, abs=1e-3))
@@ -304,7 +308,7 @@ def test_deltas_have_place_course_speed_and_name_and_null_at_the_end(longitude):
 
 
 def test_numbers_are_free_at_a_tracks_end_and_beyond_100_tracks_that_is_noted():
-    numbers = nmea.TargetNumbers()
+    numbers = nmea.NmeaTargetNumbers()
     assert numbers.update([5, 6, 7]) == 0
     assert numbers.of == {5: 0, 6: 1, 7: 2}
     assert numbers.update([5, 7]) == 0
@@ -314,7 +318,7 @@ def test_numbers_are_free_at_a_tracks_end_and_beyond_100_tracks_that_is_noted():
     assert numbers.of[6] == 1
     found = tracks(*[[10.0 * k, 0.0, 0.0, 0.0] for k in range(102)])
     file, notes = io.StringIO(), {}
-    writer = nmea.report_writer(file, GeographicReference(10.0, 20.0), notes)
+    writer = nmea.nmea_report_writer(file, GeographicReference(10.0, 20.0), notes)
     for _ in range(3):
         writer(SimpleNamespace(current=found, stamp_ns=round(STAMP * 1e9)))
     assert len(file.getvalue().splitlines()) == 300

@@ -6,11 +6,11 @@ import pytest
 
 from tsepm_ros.tools.commands.arguments import (
     add_arguments,
-    add_out,
-    add_runs,
-    in_folder,
+    add_out_argument,
+    add_runs_arguments,
+    in_folder_argument,
     positive,
-    scenario_names,
+    scenario_argument_names,
     seed,
 )
 
@@ -26,15 +26,15 @@ def test_a_number_is_not_below_its_least_value():
 
 
 def test_a_file_is_written_to_a_folder_that_exists(tmp_path):
-    assert in_folder(str(tmp_path / "out.csv")) == tmp_path / "out.csv"
+    assert in_folder_argument(str(tmp_path / "out.csv")) == tmp_path / "out.csv"
     with pytest.raises(argparse.ArgumentTypeError, match=r"the folder .*none does not exist"):
-        in_folder(str(tmp_path / "none" / "out.csv"))
+        in_folder_argument(str(tmp_path / "none" / "out.csv"))
 
 
 def test_runs_seed_workers_and_folder_have_defaults_that_help_tells():
     parser = argparse.ArgumentParser()
-    add_runs(parser, 7, "passes")
-    add_out(parser, "results")
+    add_runs_arguments(parser, 7, "passes")
+    add_out_argument(parser, "results")
     add_arguments(parser, {"--fast": {"action": "store_true"}})
     given = parser.parse_args(["--fast"])
     assert (given.runs, given.seed, str(given.out), given.fast) == (7, 1, "results", True)
@@ -44,5 +44,5 @@ def test_runs_seed_workers_and_folder_have_defaults_that_help_tells():
 
 
 def test_shipped_scenarios_are_named():
-    assert "box" in scenario_names()
-    assert scenario_names().endswith("or a .yaml file")
+    assert "box" in scenario_argument_names()
+    assert scenario_argument_names().endswith("or a .yaml file")

@@ -9,12 +9,12 @@ from tsepm_ros import SensorModel
 from tsepm_ros.tools.commands import design_command as design_report
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.design.prediction import (
-    Candidate,
-    Case,
-    FirstEstimate,
-    TargetStatistics,
+    FirstPrediction,
+    PredictedCandidate,
+    PredictionCase,
+    PredictionStatistics,
 )
-from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 
 
 @pytest.mark.long
@@ -85,15 +85,15 @@ def test_a_fast_sonar_gets_its_times_with_digits(capsys, tmp_path):
     assert 0.2 < float(score[6]) < 1.6 and not float(score[6]).is_integer()
 
 
-UNKNOWN = Estimate.unknown()
+UNKNOWN = IntervalEstimate.unknown()
 
-CASE = Case(sensor=SensorModel(max_range=1000.0))
+CASE = PredictionCase(sensor=SensorModel(max_range=1000.0))
 
 
-def candidate(name: str, low: float, high: float, *, false: Estimate = UNKNOWN, bound=0.5):
-    detection = Estimate(0.5 * (low + high), low, high)
-    targets = TargetStatistics(100, detection, Estimate(90.0, 80.0, 100.0), 150.0)
-    return Candidate(name, bound, targets, false)
+def candidate(name: str, low: float, high: float, *, false: IntervalEstimate = UNKNOWN, bound=0.5):
+    detection = IntervalEstimate(0.5 * (low + high), low, high)
+    targets = PredictionStatistics(100, detection, IntervalEstimate(90.0, 80.0, 100.0), 150.0)
+    return PredictedCandidate(name, bound, targets, false)
 
 
 @pytest.mark.parametrize(
@@ -102,25 +102,32 @@ def candidate(name: str, low: float, high: float, *, false: Estimate = UNKNOWN, 
         (0.91, 0.95, UNKNOWN, "feasible: score finds 0.93"),
         (0.85, 0.95, UNKNOWN, "undecided by the runs: score finds 0.90"),
         (0.70, 0.80, UNKNOWN, "infeasible: score finds 0.75"),
-        (0.91, 0.95, Estimate(2.0, 0.9, 4.0), "feasible: score finds 0.93"),
-        (0.91, 0.95, Estimate(2.0, 1.1, 4.0), "infeasible: every method has more than 1 false"),
+        (0.91, 0.95, IntervalEstimate(2.0, 0.9, 4.0), "feasible: score finds 0.93"),
+        (
+            0.91,
+            0.95,
+            IntervalEstimate(2.0, 1.1, 4.0),
+            "infeasible: every method has more than 1 false",
+        ),
     ],
 )
 def test_verdict_is_by_the_bounds_of_methods_that_keep_the_rate(low, high, false, sentence):
     found = [candidate("score", low, high, false=false)]
-    assert design_report.verdict(found, 0.9, 1.0).startswith(sentence)
+    assert design_report.design_verdict(found, 0.9, 1.0).startswith(sentence)
 
 
 def test_verdict_is_of_the_best_that_keeps_the_rate_and_what_was_not_simulated_is_said():
     found = [candidate("score", 0.95, 0.97, bound=1.5), candidate("tsepm 5/8", 0.5, 0.6)]
-    assert design_report.verdict(found, 0.9, 1.0).startswith("infeasible: tsepm 5/8 finds 0.55")
-    table = design_report.candidate_table([candidate("score", 0.7, 0.8)])
+    assert design_report.design_verdict(found, 0.9, 1.0).startswith(
+        "infeasible: tsepm 5/8 finds 0.55"
+    )
+    table = design_report.design_candidate_table([candidate("score", 0.7, 0.8)])
     assert table.splitlines()[-1].split()[-1] == "-"
-    nothing = FirstEstimate(8, 7.0, np.zeros(8))
-    assert "no target is found in time" in design_report.first_line(nothing, CASE)
+    nothing = FirstPrediction(8, 7.0, np.zeros(8))
+    assert "no target is found in time" in design_report.design_first_line(nothing, CASE)
 
 
 def test_the_case_says_how_strong_the_targets_are():
     given = dataclasses.replace(CASE, ratio_db=12.0)
-    lines = design_report.case_lines(given, 1.0)
+    lines = design_report.design_case_lines(given, 1.0)
     assert "anywhere in the coverage, 12 dB above the clutter" in lines

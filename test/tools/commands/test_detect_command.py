@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.run_command import add_source_arguments, open_run
+from tsepm_ros.tools.commands.run_command import add_run_source_arguments, open_run
 from tsepm_ros.tools.replay.recording import read_recording
 
 
@@ -31,7 +31,7 @@ def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_
     assert main(["run", str(folder), "-p", "max_speed:=2.0"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 1
     parser = argparse.ArgumentParser()
-    add_source_arguments(parser)
+    add_run_source_arguments(parser)
     options = parser.parse_args([str(folder), "-p", "sensor.max_range:=15.0"])
     with ExitStack() as stack:
         sensor = open_run(options, stack).session.settings.sensor

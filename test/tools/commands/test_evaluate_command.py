@@ -59,7 +59,7 @@ def test_what_will_be_done_is_said_before_the_first_run(capsys, monkeypatch, sce
     def ends(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(evaluate_command, "evaluate", ends)
+    monkeypatch.setattr(evaluate_command, "evaluate_performance", ends)
     arguments = ["evaluate", scenario, "--method", "score", "--runs", "50"]
     assert main([*arguments, "--out", str(tmp_path), "--workers", "3"]) == 130
     done, *_ = capsys.readouterr().err.splitlines()

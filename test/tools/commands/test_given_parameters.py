@@ -6,14 +6,18 @@ import pytest
 import yaml
 
 from tsepm_ros import SensorModel
-from tsepm_ros.settings.parameter_files import load_yaml, parse_values, without_value
+from tsepm_ros.settings.parameter_files import (
+    load_parameter_file_text,
+    parameter_files_without_value,
+    parse_parameter_file_values,
+)
 from tsepm_ros.settings.settings import (
     NODES,
-    full_table,
     make_groups,
+    settings_table,
 )
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.given_parameters import as_yaml, values_for
+from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml, given_parameters_for
 from tsepm_ros.tracker.sensor import Coverage
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
@@ -23,10 +27,10 @@ CONFIG = Path(__file__).parents[2] / "config"
 
 @EVERY_NODE
 def test_yaml_reads_back_as_the_defaults_with_their_types(node):
-    content = yaml.safe_load(as_yaml(node, NODES[node]))
+    content = yaml.safe_load(given_parameters_as_yaml(node, NODES[node]))
     assert list(content) == ["/**"], "it fits any name and namespace of the node"
     values = content["/**"]["ros__parameters"]
-    expected = {row.name: row.default for row in full_table(NODES[node])}
+    expected = {row.name: row.default for row in settings_table(NODES[node])}
     assert values == expected
     assert {name: type(value) for name, value in values.items()} == {
         name: type(value) for name, value in expected.items()
@@ -34,7 +38,7 @@ def test_yaml_reads_back_as_the_defaults_with_their_types(node):
 
 
 def test_a_file_that_both_nodes_share_is_read_by_the_detector_without_the_sensor_s_errors():
-    errors = {row.name: row.default for row in full_table((("sensor.", SensorModel),))}
+    errors = {row.name: row.default for row in settings_table((("sensor.", SensorModel),))}
     made = make_groups(NODES["sonar_detector"], errors | {"sensor.max_range": 40.0})
     assert made[Coverage] == Coverage(max_range=40.0)
     with pytest.raises(ValueError, match=r"sensor.max_rang is not a parameter; did you mean"):
@@ -46,7 +50,7 @@ def test_the_shipped_parameter_file_is_up_to_date(node):
     path = CONFIG / f"{node}.yaml"
     if not path.exists():
         pytest.skip("only in the source tree")
-    assert path.read_text(encoding="utf-8") == as_yaml(node, NODES[node])
+    assert path.read_text(encoding="utf-8") == given_parameters_as_yaml(node, NODES[node])
 
 
 @pytest.fixture
@@ -62,12 +66,12 @@ def written(tmp_path):
 @pytest.mark.parametrize("section", ["5", "", "[max_speed]", "text"])
 def test_a_section_that_is_no_mapping_has_no_parameters(written, tmp_path, section):
     arguments = written(f"/**:\n  ros__parameters: {section}\n")
-    assert without_value(arguments, "/node") == []
-    assert values_for(tmp_path / "mine.yaml", "/node") == {}
+    assert parameter_files_without_value(arguments, "/node") == []
+    assert given_parameters_for(tmp_path / "mine.yaml", "/node") == {}
 
 
 def test_the_last_of_two_values_on_the_command_line_counts():
-    assert parse_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
+    assert parse_parameter_file_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
 
 
 BOMB = "a: &a {x: 1, y: 2}\n" + "".join(
@@ -84,11 +88,11 @@ def test_no_reader_takes_it(tmp_path, monkeypatch, capsys, text):
     path = tmp_path / "file.yaml"
     path.write_text(text)
     with pytest.raises(yaml.YAMLError):
-        load_yaml(text)
+        load_parameter_file_text(text)
     with pytest.raises(ValueError, match="parameter file"):
-        values_for(path, "/track_initiator")
+        given_parameters_for(path, "/track_initiator")
     assert main(["run", str(path)]) == 2
     assert capsys.readouterr().err.startswith("refused: ")
     with pytest.raises(ValueError):
-        parse_values([f"max_speed:={text}"])
+        parse_parameter_file_values([f"max_speed:={text}"])
     assert list(tmp_path.iterdir()) == [path]

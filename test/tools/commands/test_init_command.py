@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 import yaml
 
-from msg_adapters.image_messages import located
+from msg_adapters.image_messages import located_image
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
 from tsepm_ros.tools.commands import init_command
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.given_parameters import values_for
+from tsepm_ros.tools.commands.given_parameters import given_parameters_for
 from tsepm_ros.tools.commands.init_command import (
     OF_IMAGES,
     QUESTIONS,
     SHARED,
-    completed,
-    parameters,
+    init_completed,
+    init_parameters,
 )
 from tsepm_ros.tracker.sensor import Coverage, SensorModel
 
@@ -47,7 +47,7 @@ def test_in_a_pipe_defaults_are_taken_and_said(capsys, tmp_path):
 @pytest.fixture
 def no_expectation(monkeypatch):
     """Without the simulation of what to expect, which takes seconds."""
-    monkeypatch.setattr(init_command, "expectation_text", lambda answers, path: "")
+    monkeypatch.setattr(init_command, "init_expectation_text", lambda answers, path: "")
 
 
 @pytest.mark.usefixtures("no_expectation")
@@ -109,12 +109,12 @@ def test_what_is_given_is_not_asked_and_enter_takes_the_default():
             return "odometry"
         return "500" if prompt.startswith("Range setting") else ""
 
-    answers = completed({"sector": 90.0}, ask)
-    assert answers == completed({"sector": 90.0, "max_range": 500.0, "own_ship": 1.0})
+    answers = init_completed({"sector": 90.0}, ask)
+    assert answers == init_completed({"sector": 90.0, "max_range": 500.0, "own_ship": 1.0})
     asked = [one for one in QUESTIONS if one.name not in ("sector", *OF_IMAGES)]
     assert [prompt.partition(" (")[0] for prompt in prompts] == [one.text for one in asked]
     assert all(question.explanation in "".join(prompts) for question in asked)
-    completed({"images": 1.0}, ask)
+    init_completed({"images": 1.0}, ask)
     assert sum(prompt.startswith("Image: ") for prompt in prompts) == len(OF_IMAGES)
 
 
@@ -123,7 +123,7 @@ def test_an_end_of_the_input_is_said():
         raise EOFError
 
     with pytest.raises(ValueError, match="no answer to --max-range"):
-        completed({}, ask)
+        init_completed({}, ask)
 
 
 @pytest.mark.usefixtures("no_expectation")
@@ -163,8 +163,8 @@ def test_for_images_one_file_has_both_nodes_with_one_coverage(capsys, tmp_path):
     said = capsys.readouterr().out
     assert f"sonar_detector --ros-args --params-file {path} -r image:=YOUR_TOPIC\n" in said
     assert f"track_initiator --ros-args --params-file {path}\n" in said
-    detector = values_for(path, "/boat/sonar_detector")
-    tracker = values_for(path, "/track_initiator")
+    detector = given_parameters_for(path, "/boat/sonar_detector")
+    tracker = given_parameters_for(path, "/track_initiator")
     make_groups(SONAR_DETECTOR, detector)
     make_groups(TRACK_INITIATOR, tracker)
     assert {name: tracker[name] for name in SHARED} == {name: detector[name] for name in SHARED}
@@ -186,13 +186,13 @@ def test_an_image_has_the_ranges_of_its_own_rows_and_a_picture_to_compare(
     given += ["--near-range", "0.05", "--far-range", "29.95", "--near-row", near_row]
     given += ["--first-column", "starboard"]
     assert main(["init", str(path), "--yes", *given]) == 0
-    groups = make_groups(SONAR_DETECTOR, values_for(path, "/sonar_detector"))
+    groups = make_groups(SONAR_DETECTOR, given_parameters_for(path, "/sonar_detector"))
     layout, limits = groups[ImageLayout], groups[Coverage]
     assert (layout.near_range, layout.far_range, limits.min_range) == (0.05, 29.95, 0.5)
     sector = (limits.azimuth_min, limits.azimuth_max)
     shown = np.zeros((300, 60))
     shown[20 if near_row == "last" else 279, 50] = 1.0  # far, to port
-    range_, azimuth, read = located(shown, layout, (0.05, 29.95), sector)
+    range_, azimuth, read = located_image(shown, layout, (0.05, 29.95), sector)
     beam, cell = np.argwhere(read)[0]
     assert range_[cell] == pytest.approx(27.95)
     assert azimuth[beam] == pytest.approx(math.radians(-60.0 + 2.0 * 50.5), abs=1e-5)
@@ -210,7 +210,7 @@ def test_ranges_of_rows_are_both_given_or_neither_and_are_never_guessed(capsys, 
         assert main(["init", str(tmp_path / "a.yaml"), "--yes", *given]) == 2
         assert "--near-range and, above it, --far-range" in capsys.readouterr().err
     assert main(["init", str(tmp_path / "a.yaml"), "--yes", "--images", "yes"]) == 0
-    assert values_for(tmp_path / "a.yaml", "/sonar_detector")["image.far_range"] == -1.0
+    assert given_parameters_for(tmp_path / "a.yaml", "/sonar_detector")["image.far_range"] == -1.0
     assert not list(tmp_path.glob("*.png"))
 
 
@@ -242,7 +242,9 @@ BY_NAME = {question.name: question for question in QUESTIONS}
 
 
 def sensor(**given: float) -> SensorModel:
-    made: SensorModel = make_groups(TRACK_INITIATOR, parameters(completed(given)))[SensorModel]
+    made: SensorModel = make_groups(TRACK_INITIATOR, init_parameters(init_completed(given)))[
+        SensorModel
+    ]
     return made
 
 
@@ -266,7 +268,7 @@ def test_widths_of_beam_and_cell_are_uniform_and_a_sector_lies_about_its_middle(
     [(9000.0, 1500.0, 12.0), (200.0, 1500.0, 0.27), (750.0, 1500.0, 1.0), (100.0, 0.0, 12.0)],
 )
 def test_pings_follow_each_other_as_sound_allows(range_, speed, interval):
-    answers = completed({"max_range": range_, "sound_speed": speed})
+    answers = init_completed({"max_range": range_, "sound_speed": speed})
     assert answers["interval"] == pytest.approx(interval)
 
 

@@ -368,8 +368,8 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     bag_files = pytest.importorskip("support.bag_files")
     from msg_adapters.track_messages import TRACK_DTYPE
-    from tsepm_ros.tools.replay.bag import Bag, find_topics
-    from tsepm_ros.tools.replay.offline import bag_truth
+    from tsepm_ros.tools.replay.bag import Bag, find_bag_topics
+    from tsepm_ros.tools.replay.offline import offline_bag_truth
 
     entries = bag_files.simulated()
     for stamp in (1000.0, 1010.0):
@@ -381,7 +381,7 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
     entries.append(bag_files.Entry(1005.0, "/ground_truth", bag_files.POINTS, other))
     path = bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time))
     with Bag(path) as bag:
-        (truth,) = bag_truth(bag, find_topics(bag.topics, {}))
+        (truth,) = offline_bag_truth(bag, find_bag_topics(bag.topics, {}))
     assert truth == pytest.approx(np.array([[1000.0, 1000.0, -1000.0], [1010.0, 1010.0, -1010.0]]))
     assert main(["run", str(path), "--picture", str(tmp_path / "a.png")]) == 0
     assert (tmp_path / "a.png").stat().st_size > 10_000

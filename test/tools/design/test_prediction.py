@@ -11,24 +11,24 @@ from tsepm_ros import SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.tools.design import prediction
 from tsepm_ros.tools.design.expected_counts import (
-    Gating,
-    clutter_pass_share,
+    ExpectedGating,
+    expected_clutter_pass_share,
     expected_counts,
 )
 from tsepm_ros.tools.design.prediction import (
     MIN_TARGETS,
-    Case,
-    false_tracks_per_hour,
-    known_within,
-    remedies,
-    target_scenes,
-    target_statistics,
+    PredictionCase,
+    predicted_false_tracks_per_hour,
+    prediction_known_within,
+    prediction_remedies,
+    prediction_scenes,
+    prediction_statistics,
 )
 from tsepm_ros.tools.evaluation.measures import measures_of
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import TargetArea
-from tsepm_ros.tools.terminal import named_progress
+from tsepm_ros.tools.simulation.scenario import ScenarioTargetArea
+from tsepm_ros.tools.terminal import named_terminal_progress
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 
 SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
@@ -41,11 +41,11 @@ SECTOR = SensorModel(max_range=6000.0, azimuth_min=-0.5, azimuth_max=0.5)
 )
 def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options):
     """Within 0.03, as promised, and the noise of 150 runs each (99 %)."""
-    case = Case(sensor=SECTOR)
-    predicted = target_statistics(case, method, options, runs=150, seed=11)
-    area = TargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
+    case = PredictionCase(sensor=SECTOR)
+    predicted = prediction_statistics(case, method, options, runs=150, seed=11)
+    area = ScenarioTargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
     scene = Scenario(name="sector", sensor=SECTOR, areas=(area,))
-    point = OperatingPoint(method, options=options)
+    point = SimulatedOperatingPoint(method, options=options)
     measured = measures_of(scene, list(study(scene, point, range(150), 12))).detection
     noise = math.sqrt(2 * measured.value * (1 - measured.value) / 150)
     assert abs(predicted.detection.value - measured.value) < 0.03 + 2.6 * noise
@@ -53,12 +53,12 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
 
 @pytest.mark.long
 def test_rules_confirm_no_more_clutter_than_they_are_said_to():
-    case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
-    rules = prediction.rules_within(case, TsepmOptions(), 60.0)
+    case = PredictionCase(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
+    rules = prediction.predicted_rules_within(case, TsepmOptions(), 60.0)
     assert [rule.window for rule in rules] == sorted({rule.window for rule in rules})
     rule = next(rule for rule in rules if rule.window == 8)
     options = {"min_hits": rule.min_hits, "window": rule.window}
-    measured = false_tracks_per_hour(case, "tsepm", options, scans=400, seed=3)
+    measured = predicted_false_tracks_per_hour(case, "tsepm", options, scans=400, seed=3)
     assert 0.3 * rule.false_per_hour < measured.high
     assert measured.low < rule.false_per_hour <= 60.0
 
@@ -77,16 +77,18 @@ def test_rules_confirm_no_more_clutter_than_they_are_said_to():
 def test_a_case_that_makes_no_sense_is_refused(values):
     name = next(iter(values)).replace("target_", "")
     with pytest.raises(ValueError, match=name):
-        Case(sensor=SensorModel(), **values)
+        PredictionCase(sensor=SensorModel(), **values)
 
 
 @pytest.mark.long
 @pytest.mark.usefixtures("little_clutter")
 def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
     """12 of 12 pings at p_d = 0.9: a third of the targets at most, and `score` finds nearly all."""
-    case = Case(sensor=dataclasses.replace(SECTOR, clutter_density=1e-8), scans=16)
-    few = prediction.Rule(min_hits=12, window=12, one_start=0.3, in_time=0.3, false_per_hour=1e-9)
-    score, rule = prediction.candidates(
+    case = PredictionCase(sensor=dataclasses.replace(SECTOR, clutter_density=1e-8), scans=16)
+    few = prediction.PredictedRule(
+        min_hits=12, window=12, one_start=0.3, in_time=0.3, false_per_hour=1e-9
+    )
+    score, rule = prediction.predicted_candidates(
         case,
         ScoreOptions(),
         TsepmOptions(),
@@ -95,7 +97,7 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
         runs=12,
         seed=1,
         processes=1,
-        progress=named_progress,
+        progress=named_terminal_progress,
     )
     assert rule.targets.detection.high < score.targets.detection.low
     assert score.false_simulated.low >= 0.0 and math.isnan(rule.false_simulated.value)
@@ -103,52 +105,52 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
 
 @pytest.mark.long
 def test_bisection_finds_the_first_rule_that_keeps_the_rate():
-    case = Case(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
-    for rule in prediction.rules_within(case, TsepmOptions(), 60.0):
-        gating = Gating(
+    case = PredictionCase(sensor=dataclasses.replace(SensorModel(), clutter_density=3e-7))
+    for rule in prediction.predicted_rules_within(case, TsepmOptions(), 60.0):
+        gating = ExpectedGating(
             sensor=case.sensor, max_speed=10.0, interval=case.interval, gate_probability=0.9
         )
         for min_hits in range(2, rule.min_hits):
             fewer = TsepmOptions(min_hits=min_hits, window=rule.window)
             raw = expected_counts(gating, min_hits, rule.window, 3 * rule.window).raw
             rate = raw[rule.window :].mean() * case.scans_per_hour
-            assert rate * clutter_pass_share(gating, fewer) > 60.0
+            assert rate * expected_clutter_pass_share(gating, fewer) > 60.0
 
 
 @pytest.mark.long
 def test_a_design_knows_the_strength_of_its_targets():
-    plain = Case(sensor=SensorModel())
+    plain = PredictionCase(sensor=SensorModel())
     strong = dataclasses.replace(plain, ratio_db=6.0)
-    [(threshold, passed)] = prediction.passages(plain, ScoreOptions(), [16])
-    [(lower, more)] = prediction.passages(strong, ScoreOptions(), [16])
+    [(threshold, passed)] = prediction.predicted_passages(plain, ScoreOptions(), [16])
+    [(lower, more)] = prediction.predicted_passages(strong, ScoreOptions(), [16])
     assert lower < threshold and more[-1] > passed[-1] + 0.2
     off = dataclasses.replace(strong, common=CommonOptions(intensity="off"))
-    [(same, as_many)] = prediction.passages(off, ScoreOptions(), [16])
+    [(same, as_many)] = prediction.predicted_passages(off, ScoreOptions(), [16])
     assert same == threshold and as_many.tolist() == passed.tolist()
     with pytest.raises(ValueError, match="ratio must be"):
-        Case(sensor=SensorModel(), ratio_db=1e3)
+        PredictionCase(sensor=SensorModel(), ratio_db=1e3)
 
 
 def test_a_shorter_range_is_a_remedy():
-    case = Case(sensor=SensorModel(max_range=1000.0))
-    shorter = dict(remedies(case))["a range of 700 m"]
+    case = PredictionCase(sensor=SensorModel(max_range=1000.0))
+    shorter = dict(prediction_remedies(case))["a range of 700 m"]
     assert shorter.sensor.max_range == 700.0 and math.isclose(
         shorter.sensor.coverage_area, 0.49 * case.sensor.coverage_area
     )
 
 
-DEFAULT = Case(sensor=SensorModel())
+DEFAULT = PredictionCase(sensor=SensorModel())
 
 MAX_STEP = DEFAULT.common.max_speed * DEFAULT.interval
 
 
-def states(case: Case, number: int) -> np.ndarray:
-    return np.array([t for scene in target_scenes(case, number, 3) for t in scene.targets])
+def states(case: PredictionCase, number: int) -> np.ndarray:
+    return np.array([t for scene in prediction_scenes(case, number, 3) for t in scene.targets])
 
 
 def test_targets_of_a_scene_stay_apart_in_the_coverage_and_uniform_over_it():
     times = DEFAULT.interval * np.arange(DEFAULT.scans)
-    for scene in target_scenes(DEFAULT, 100, 3):
+    for scene in prediction_scenes(DEFAULT, 100, 3):
         paths = [s[0::2] + times[:, None] * s[1::2] for s in scene.targets]
         assert all((np.hypot(*path.T) <= DEFAULT.sensor.max_range).all() for path in paths)
         for row, one in enumerate(paths):
@@ -164,12 +166,12 @@ def test_a_target_depends_neither_on_the_others_nor_on_the_clutter():
     assert {tuple(state) for state in few} <= {tuple(state) for state in many}
     sparse = dataclasses.replace(DEFAULT, sensor=SensorModel(clutter_density=1e-8))
     assert {tuple(state) for state in states(sparse, 20)} == {tuple(state) for state in few}
-    assert all(len(scene.targets) == 1 for scene in target_scenes(sparse, 20, 3))
+    assert all(len(scene.targets) == 1 for scene in prediction_scenes(sparse, 20, 3))
 
 
 def test_where_the_coverage_is_too_large_each_target_has_its_patch(monkeypatch):
     monkeypatch.setattr(prediction, "MAX_WHOLE_COVERAGE", 100.0)
-    for scene in target_scenes(DEFAULT, 5, 3):
+    for scene in prediction_scenes(DEFAULT, 5, 3):
         [state] = scene.targets
         x_min, x_max, y_min, y_max = scene.clutter_box
         end = state[0::2] + state[1::2] * scene.duration
@@ -181,14 +183,14 @@ def test_where_the_coverage_is_too_large_each_target_has_its_patch(monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize("processes", [1, 2])
 def test_the_simulation_ends_when_enough_is_known(processes):
-    case = Case(sensor=SensorModel(max_range=4000.0, clutter_density=1e-7), scans=6)
-    found = target_statistics(
+    case = PredictionCase(sensor=SensorModel(max_range=4000.0, clutter_density=1e-7), scans=6)
+    found = prediction_statistics(
         case,
         "score",
         {"false_tracks_per_hour": 10.0},
         runs=60,
         seed=1,
         processes=processes,
-        enough=lambda detection: known_within(detection, 1.0),
+        enough=lambda detection: prediction_known_within(detection, 1.0),
     )
     assert MIN_TARGETS <= found.targets < 60

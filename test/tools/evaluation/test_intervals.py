@@ -7,13 +7,13 @@ import pytest
 from scipy import stats
 
 from tsepm_ros.tools.evaluation.intervals import (
-    Estimate,
-    mean,
-    mean_count,
-    proportion,
-    quantile,
-    rms_ratio,
-    root_mean_square,
+    IntervalEstimate,
+    mean_count_interval,
+    mean_interval,
+    proportion_interval,
+    quantile_interval,
+    rms_ratio_interval,
+    root_mean_square_interval,
 )
 
 
@@ -21,7 +21,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     ("successes", "trials"), [(0, 10), (1, 10), (5, 10), (10, 10), (458, 500), (1999, 2000)]
 )
 def test_a_share_has_wilson_s_interval(successes, trials):
-    found = proportion(successes, trials)
+    found = proportion_interval(successes, trials)
     expected = stats.binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     assert found.value == successes / trials
     assert found.low == pytest.approx(expected.low, abs=1e-12)
@@ -29,33 +29,33 @@ def test_a_share_has_wilson_s_interval(successes, trials):
 
 
 def test_of_nothing_no_value_is_known_and_of_one_no_interval():
-    found = proportion(0, 0)
+    found = proportion_interval(0, 0)
     assert math.isnan(found.value)
     assert (found.low, found.high) == (0.0, 1.0)
-    assert mean([3.0]).value == 3.0
-    assert math.isnan(mean([3.0]).low)
-    assert math.isnan(mean([3.0]).high)
-    for figure in (mean, mean_count, root_mean_square):
+    assert mean_interval([3.0]).value == 3.0
+    assert math.isnan(mean_interval([3.0]).low)
+    assert math.isnan(mean_interval([3.0]).high)
+    for figure in (mean_interval, mean_count_interval, root_mean_square_interval):
         assert math.isnan(figure([]).value)
-    assert math.isnan(quantile([], 0.5).value)
-    assert math.isnan(rms_ratio([], []).value)
+    assert math.isnan(quantile_interval([], 0.5).value)
+    assert math.isnan(rms_ratio_interval([], []).value)
 
 
 def test_a_mean_has_the_normal_interval():
     values = np.random.default_rng(1).exponential(3.0, 200)
-    found = mean(values)
+    found = mean_interval(values)
     expected = stats.norm.interval(0.95, values.mean(), stats.sem(values))
     assert (found.low, found.high) == pytest.approx(expected)
     assert found.value == values.mean()
 
 
 def test_an_estimate_is_written_with_its_interval():
-    assert f"{Estimate(0.9157, 0.8881, 0.937):.3f}" == "0.916 (0.888 to 0.937)"
+    assert f"{IntervalEstimate(0.9157, 0.8881, 0.937):.3f}" == "0.916 (0.888 to 0.937)"
 
 
 @pytest.mark.parametrize("counts", [[0] * 40, [1] + [0] * 9, [3, 4, 5, 4, 3, 5]])
 def test_counts_that_spread_no_more_than_poisson_s_have_the_exact_interval(counts):
-    found, total, runs = mean_count(counts), sum(counts), len(counts)
+    found, total, runs = mean_count_interval(counts), sum(counts), len(counts)
     low = stats.chi2.ppf(0.025, 2 * total) / 2 if total else 0.0
     assert found.value == total / runs
     assert found.low == pytest.approx(low / runs)
@@ -68,9 +68,13 @@ def test_intervals_of_counts_ratios_and_quantiles_cover_the_truth_as_often_as_th
     bounds = rng.uniform(1.0, 3.0, (500, 200))
     errors = 1.2 * bounds * np.sqrt(rng.exponential(1.0, bounds.shape))  # of a position in a plane
     cases = [
-        (0.1, 0.05, [mean_count(values) for values in rng.poisson(0.1, (500, 50))]),
-        (1.2, 0.03, [rms_ratio(*pair) for pair in zip(errors, bounds, strict=True)]),
-        (math.log(2), 0.05, [quantile(rng.exponential(1.0, 100), 0.5) for _ in range(200)]),
+        (0.1, 0.05, [mean_count_interval(values) for values in rng.poisson(0.1, (500, 50))]),
+        (1.2, 0.03, [rms_ratio_interval(*pair) for pair in zip(errors, bounds, strict=True)]),
+        (
+            math.log(2),
+            0.05,
+            [quantile_interval(rng.exponential(1.0, 100), 0.5) for _ in range(200)],
+        ),
     ]
     for truth, tolerance, estimates in cases:
         covered = np.mean([one.low <= truth <= one.high for one in estimates])
@@ -81,5 +85,5 @@ def test_intervals_of_counts_ratios_and_quantiles_cover_the_truth_as_often_as_th
     ("errors", "bounds", "ratio"), [([2.0], [4.0], 0.5), ([0.0, 0.0], [1.0, 3.0], 0.0)]
 )
 def test_a_ratio_of_one_pair_or_of_0_has_no_interval(errors, bounds, ratio):
-    found = rms_ratio(errors, bounds)
+    found = rms_ratio_interval(errors, bounds)
     assert found.value == ratio and math.isnan(found.low) and math.isnan(found.high)

@@ -11,19 +11,24 @@ from support.run_summaries import run_of, start
 from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.tools.evaluation.intervals import (
-    mean_count,
-    proportion,
+    mean_count_interval,
+    proportion_interval,
 )
 from tsepm_ros.tools.evaluation.measures import (
-    RunSummary,
-    closest_approach,
-    cramer_rao,
+    RunMeasures,
+    cramer_rao_measure,
+    measured_closest_approach,
+    measured_start_bound,
     measures_of,
-    start_bound,
-    summarise,
+    summarise_measures,
 )
-from tsepm_ros.tools.evaluation.performance import run
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, Outcome, SimulatedRun, simulate
+from tsepm_ros.tools.evaluation.performance import performance_run
+from tsepm_ros.tools.evaluation.simulated_run import (
+    Outcome,
+    SimulatedOperatingPoint,
+    SimulatedRun,
+    simulate_run,
+)
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 
 TRUE, REDUNDANT, MISPLACED = Outcome.TRUE, Outcome.REDUNDANT, Outcome.MISPLACED
@@ -39,8 +44,8 @@ RUNS = [
 def test_counts_by_hand_of_all_scans_and_of_a_horizon():
     figures = measures_of(SCENE, RUNS)
     assert (figures.runs, figures.scans) == (2, 4)
-    assert figures.detection == proportion(3, 4)
-    assert figures.false_per_run == mean_count([3, 1])
+    assert figures.detection == proportion_interval(3, 4)
+    assert figures.false_per_run == mean_count_interval([3, 1])
     assert figures.false_density.value == pytest.approx(2.0 / (4 * 2.0))
     assert figures.false_density.high == pytest.approx(figures.false_per_run.high / 8.0)
     assert figures.false_per_hour.value == pytest.approx(2.0 * 3600.0 / 48.0)
@@ -49,8 +54,8 @@ def test_counts_by_hand_of_all_scans_and_of_a_horizon():
     assert figures.confirmation_median.value == 12.0
     figures = measures_of(SCENE, RUNS, 2)
     assert figures.scans == 2
-    assert figures.detection == proportion(2, 4)
-    assert figures.false_per_run == mean_count([3, 0])
+    assert figures.detection == proportion_interval(2, 4)
+    assert figures.false_per_run == mean_count_interval([3, 0])
     assert figures.false_density.value == pytest.approx(1.5 / (2 * 2.0))
     assert figures.false_per_hour.value == pytest.approx(1.5 * 3600.0 / 24.0)
     assert figures.redundant_per_run.value == 0.0
@@ -90,7 +95,7 @@ def line(state: np.ndarray, tau: np.ndarray) -> np.ndarray:
 def test_a_target_at_rest_has_the_bound_of_two_straight_lines():
     # Range and azimuth separate: each is the bound of a line's value and slope.
     range_, tau = 6000.0, TIMES - 70.0
-    bound = cramer_rao(np.tile([range_, 0.0], (5, 1)), TIMES, (0.0, 0.0), GROWING, 70.0)
+    bound = cramer_rao_measure(np.tile([range_, 0.0], (5, 1)), TIMES, (0.0, 0.0), GROWING, 70.0)
     variance = 20.0**2 + 600.0**2
     of_range = 1.0 / variance + 0.5 * (2 * 0.1**2 * range_ / variance) ** 2
     of_azimuth = 1.0 / (range_ * GROWING.azimuth_std) ** 2
@@ -129,14 +134,14 @@ def test_the_information_is_the_curvature_of_the_divergence(seed):
                 for offset, sign in corners
             ]
             hessian[i, j] = sum(values) / (4.0 * step[i] * step[j])
-    root = np.linalg.cholesky(cramer_rao(line(truth, tau), TIMES, poses, GROWING, 60.0))
+    root = np.linalg.cholesky(cramer_rao_measure(line(truth, tau), TIMES, poses, GROWING, 60.0))
     np.testing.assert_allclose(root.T @ hessian @ root, np.eye(4), rtol=0, atol=2e-4)
 
 
 @pytest.mark.parametrize("times", [[], [5.0], [5.0, 5.0]])
 def test_hits_at_one_time_bound_no_velocity(times):
     with pytest.raises(ValueError, match="times"):
-        cramer_rao(np.ones((len(times), 2)), times, (0.0, 0.0), GROWING, 5.0)
+        cramer_rao_measure(np.ones((len(times), 2)), times, (0.0, 0.0), GROWING, 5.0)
 
 
 MANY = {
@@ -152,8 +157,8 @@ MOVING = load_scenario(
 )
 
 
-def point(method: str) -> OperatingPoint:
-    return OperatingPoint(method, options=MANY.get(method, {}))
+def point(method: str) -> SimulatedOperatingPoint:
+    return SimulatedOperatingPoint(method, options=MANY.get(method, {}))
 
 
 @pytest.mark.long
@@ -161,8 +166,8 @@ def point(method: str) -> OperatingPoint:
 def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
     started = np.zeros(2)
     for seed in range(3):
-        long = run((load_scenario("box", {"scans": 12}), [3, seed], point(method)))
-        short = run((load_scenario("box", {"scans": 7}), [3, seed], point(method)))
+        long = performance_run((load_scenario("box", {"scans": 12}), [3, seed], point(method)))
+        short = performance_run((load_scenario("box", {"scans": 7}), [3, seed], point(method)))
         assert long.first(7).as_json() == short.as_json()
         assert short.count(*Outcome) > 0
         started += long.count(*Outcome), short.count(*Outcome)
@@ -170,10 +175,10 @@ def test_a_prefix_of_a_run_is_the_run_with_fewer_scans(method):
 
 
 def test_a_record_comes_back_from_json_to_the_bit():
-    kept = run((MOVING, [3, 1], point("tsepm")))
+    kept = performance_run((MOVING, [3, 1], point("tsepm")))
     assert any(not one.pure for one in kept.starts)  # these have nan
     text = json.dumps(kept.as_json(), allow_nan=False)
-    again = RunSummary.from_json(json.loads(text))
+    again = RunMeasures.from_json(json.loads(text))
     assert repr(again) == repr(kept)
 
 
@@ -190,11 +195,13 @@ class Seer:
         return []
 
 
-def held_at(*held) -> RunSummary:
+def held_at(*held) -> RunMeasures:
     sensor = {"sensor.clutter_density": 1e-20, "scans": 1}
     scene = load_scenario("box", sensor)
-    seen = OperatingPoint("seer", options={}, factory=lambda one, *_: Seer(one, list(held)))
-    return run((scene, [1, 1], seen))
+    seen = SimulatedOperatingPoint(
+        "seer", options={}, factory=lambda one, *_: Seer(one, list(held))
+    )
+    return performance_run((scene, [1, 1], seen))
 
 
 def test_what_is_held_is_compared_with_the_truth():
@@ -205,9 +212,9 @@ def test_what_is_held_is_compared_with_the_truth():
 
 
 def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
-    made = simulate(MOVING, [3, 2], point("tsepm"))
+    made = simulate_run(MOVING, [3, 2], point("tsepm"))
     mixed = next(one for one in made.judged() if one.target == 0 and not one.pure)
-    assert np.isnan(start_bound(made, mixed)).all()
+    assert np.isnan(measured_start_bound(made, mixed)).all()
     scan, row = next(
         (scan, list(origin).index(0)) for scan, origin in enumerate(made.origins) if 0 in origin
     )
@@ -216,7 +223,7 @@ def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
     made.starts = [(scan, start)]
     (alone,) = SimulatedRun.judged(made)
     assert alone.pure
-    assert np.isnan(start_bound(made, alone)).all()
+    assert np.isnan(measured_start_bound(made, alone)).all()
 
 
 class Corrector:
@@ -240,14 +247,14 @@ class Corrector:
 
 def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
     changes = {"sensor.detection_probability": 1.0, "scans": 4, "warm_up": 3}
-    made = simulate(
+    made = simulate_run(
         load_scenario("box", {**changes, "sensor.clutter_density": 1e-6}),
         [3, 1],
-        OperatingPoint("corrector", options={}, factory=lambda one, *_: Corrector(one)),
+        SimulatedOperatingPoint("corrector", options={}, factory=lambda one, *_: Corrector(one)),
     )
     # The correction's hit is the target's.
     made.origins[6][0] = 0
-    kept = summarise(made)
+    kept = summarise_measures(made)
     assert [scan.false for scan in kept.scans] == [0, 1, 0, 0]
     assert [scan.at for scan in kept.scans] == [0, 1, 1, 1]
     assert [scan.corrections for scan in kept.scans] == [0, 0, 0, 1]
@@ -261,7 +268,7 @@ def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
 
 def test_the_closest_approach_is_where_a_fine_grid_of_times_has_it():
     relative = np.array([[100.0, -3.0, 40.0, 1.0], [50.0, 2.0, 20.0, 0.5], [5.0, 0.0, 6.0, 0.0]])
-    time, distance = closest_approach(relative)
+    time, distance = measured_closest_approach(relative)
     times = np.linspace(-60.0, 60.0, 120_001)
     for row in range(2):
         apart = np.hypot(

@@ -19,13 +19,18 @@ from support.run_summaries import as_json, study
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tools.evaluation.measures import HEADINGS, measures_of
-from tsepm_ros.tools.evaluation.performance import Plan, evaluate, markdown, write_csv
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.performance import (
+    PerformancePlan,
+    evaluate_performance,
+    performance_markdown,
+    write_performance_csv,
+)
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box", {"scans": 7})
-SCORE = OperatingPoint("score", "300/h", {"false_tracks_per_hour": 300.0})
-TSEPM = OperatingPoint("tsepm", "3/4", {"min_hits": 3, "window": 4})
+SCORE = SimulatedOperatingPoint("score", "300/h", {"false_tracks_per_hour": 300.0})
+TSEPM = SimulatedOperatingPoint("tsepm", "3/4", {"min_hits": 3, "window": 4})
 
 
 class NearestStarter:
@@ -51,18 +56,20 @@ def make_toy(scenario, method, options):
     return NearestStarter(**options)
 
 
-TOY = OperatingPoint("toy", "nearest", {"min_range": 0.0}, make_toy)
+TOY = SimulatedOperatingPoint("toy", "nearest", {"min_range": 0.0}, make_toy)
 
 
-def plan(*points, runs=4, **more) -> Plan:
-    return Plan(scenarios=[BOX], points=points or [SCORE, TSEPM], runs=runs, seed=5, **more)
+def plan(*points, runs=4, **more) -> PerformancePlan:
+    return PerformancePlan(
+        scenarios=[BOX], points=points or [SCORE, TSEPM], runs=runs, seed=5, **more
+    )
 
 
-def tables(what: Plan, folder, **more) -> tuple[str, str]:
-    evaluated = evaluate(what, folder, **more)
+def tables(what: PerformancePlan, folder, **more) -> tuple[str, str]:
+    evaluated = evaluate_performance(what, folder, **more)
     file = io.StringIO()
-    write_csv(what, evaluated, file)
-    return markdown(what, evaluated, "command"), file.getvalue()
+    write_performance_csv(what, evaluated, file)
+    return performance_markdown(what, evaluated, "command"), file.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +94,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(tmp_path, expected):
             yield one
 
     with pytest.raises(StopError):
-        evaluate(plan(), tmp_path, progress=stop_after_five)
+        evaluate_performance(plan(), tmp_path, progress=stop_after_five)
     assert sorted(lines(tmp_path).values()) == [2, 5]  # with the header
     left = []
     found = tables(plan(), tmp_path, progress=lambda runs, total: (left.append(total), runs)[1])
@@ -97,7 +104,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(tmp_path, expected):
 
 @pytest.mark.long
 def test_a_killed_process_costs_the_run_that_it_was_writing(tmp_path, expected):
-    evaluate(plan(), tmp_path)
+    evaluate_performance(plan(), tmp_path)
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:-30])
     assert tables(plan(), tmp_path) == expected
@@ -112,7 +119,7 @@ def test_a_point_is_reported_as_soon_as_its_runs_are_done(tmp_path):
             done.append(total)
             yield one
 
-    evaluated = evaluate(
+    evaluated = evaluate_performance(
         plan(TSEPM, TOY, runs=2),
         tmp_path,
         progress=count,
@@ -121,7 +128,7 @@ def test_a_point_is_reported_as_soon_as_its_runs_are_done(tmp_path):
     assert [one[:2] for one in said] == [(2, "tsepm"), (4, "toy")]
     assert [one[2].detection for one in said] == [one.detection for one in evaluated[0].measures]
     done.clear()
-    evaluate(
+    evaluate_performance(
         plan(TSEPM, TOY, runs=2), tmp_path, progress=count, report=lambda one: said.append(one)
     )
     assert (len(said), done) == (4, []), "those of stored runs, too"
@@ -132,7 +139,7 @@ def test_two_workers_give_the_same_tables_as_one(tmp_path, expected):
 
 
 def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):
-    (found,) = evaluate(plan(TOY, TSEPM), tmp_path, 2)
+    (found,) = evaluate_performance(plan(TOY, TSEPM), tmp_path, 2)
     toy = found.measures[0]
     assert toy.detection.value > 0.5  # its one hit is the target's
     assert toy.false_per_run.value > 0.0  # but when the target was missed
@@ -140,7 +147,7 @@ def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):
     for name in ("nees", "held", "position_to_bound"):
         assert math.isnan(getattr(toy, name).value)
     assert not math.isnan(toy.pure_position_error.value)
-    assert "| toy | nearest |" in markdown(plan(TOY, TSEPM), [found], "command")
+    assert "| toy | nearest |" in performance_markdown(plan(TOY, TSEPM), [found], "command")
 
 
 def test_points_that_cannot_be_told_apart_are_refused():
@@ -165,7 +172,7 @@ def test_the_csv_has_every_figure_with_its_interval(expected):
 
 DESIGN_BOX = load_scenario("box", {"scans": 8})
 RUNS = 150
-FIVE_OF_EIGHT = OperatingPoint("tsepm")
+FIVE_OF_EIGHT = SimulatedOperatingPoint("tsepm")
 
 
 @pytest.mark.long

@@ -8,15 +8,18 @@ import pytest
 from support.run_summaries import run_of, start
 
 from tsepm_ros.methods.registry import METHODS
-from tsepm_ros.tools.evaluation.performance import run_file
+from tsepm_ros.tools.evaluation.performance import performance_run_file
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
-    RunFile,
-    code_key,
+    ResultRunFile,
     read_result,
+    result_code_key,
     write_result,
 )
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
+from tsepm_ros.tools.evaluation.simulated_run import (
+    SimulatedOperatingPoint,
+    simulated_operating_points,
+)
 from tsepm_ros.tools.simulation import load_scenario
 
 TOY = """
@@ -36,27 +39,27 @@ def test_runs_of_a_method_outside_the_package_are_of_its_module_and_those_that_i
     (tmp_path / "toy_rule.py").write_text("HITS = 3\n")
     (tmp_path / "toy_method.py").write_text(TOY.format(helper="toy_rule"))
     monkeypatch.setitem(METHODS, "toy", "toy_method:Toy")
-    inside, codes = operating_points(["score"])[0].code, []
+    inside, codes = simulated_operating_points(["score"])[0].code, []
     for name in ("", "toy_rule.py", "toy_method.py"):  # each of the next processes has other code
         if name:
             with (tmp_path / name).open("a") as file:
                 file.write("CHANGED = True\n")
-        code_key.cache_clear()
-        codes += [point.code for point in operating_points(["toy"])[:1]]
+        result_code_key.cache_clear()
+        codes += [point.code for point in simulated_operating_points(["toy"])[:1]]
     assert len({inside, *codes}) == 4
-    assert operating_points(["score"])[0].code == inside == code_key()
+    assert simulated_operating_points(["score"])[0].code == inside == result_code_key()
     for name in ("toy_rule", "toy_method"):
         monkeypatch.delitem(sys.modules, name)
 
 
 def test_the_key_of_stored_runs_is_of_every_module_and_of_further_files(tmp_path):
     (tmp_path / "peer.py").write_text("rule = 3\n")
-    assert code_key(tmp_path / "peer.py") != code_key()
+    assert result_code_key(tmp_path / "peer.py") != result_code_key()
 
 
 BOX = load_scenario("box")
 
-POINT = OperatingPoint("score", "1/h", {"false_tracks_per_hour": 1.0}, version="1")
+POINT = SimulatedOperatingPoint("score", "1/h", {"false_tracks_per_hour": 1.0}, version="1")
 
 SUMMARIES = {0: run_of(), 1: run_of(start(2), false=(0, 1, 0, 2)), 4: run_of(start(1))}
 
@@ -64,8 +67,8 @@ RECORDS = {index: summary.as_json() for index, summary in SUMMARIES.items()}
 
 
 @pytest.fixture
-def file(tmp_path) -> RunFile:
-    made = run_file(tmp_path, BOX, POINT, 1)
+def file(tmp_path) -> ResultRunFile:
+    made = performance_run_file(tmp_path, BOX, POINT, 1)
     for index, record in RECORDS.items():
         made.append(index, record)
     return made
@@ -91,10 +94,10 @@ def test_a_header_says_what_the_runs_depend_on(file):
     ids=["seed", "options", "version", "sensor", "scans"],
 )
 def test_anything_else_has_a_file_of_its_own(file, tmp_path, other):
-    found = run_file(tmp_path, **{"scenario": BOX, "point": POINT, "seed": 1, **other})
+    found = performance_run_file(tmp_path, **{"scenario": BOX, "point": POINT, "seed": 1, **other})
     assert found.path != file.path
     assert found.results == {}
-    assert run_file(tmp_path, BOX, POINT, 1).results == RECORDS
+    assert performance_run_file(tmp_path, BOX, POINT, 1).results == RECORDS
 
 
 def test_what_is_cut_off_is_written_again_and_other_damage_is_refused(file, tmp_path):
@@ -102,25 +105,25 @@ def test_what_is_cut_off_is_written_again_and_other_damage_is_refused(file, tmp_
     lines = content.splitlines(keepends=True)
     file.path.write_bytes(b"".join([*lines[:2], b'[1, {"tar\n', *lines[3:]]))
     with pytest.raises(ValueError, match="is damaged"):
-        run_file(tmp_path, BOX, POINT, 1)
+        performance_run_file(tmp_path, BOX, POINT, 1)
     file.path.write_bytes(content[:20])
-    assert run_file(tmp_path, BOX, POINT, 1).results == {}
+    assert performance_run_file(tmp_path, BOX, POINT, 1).results == {}
     assert file.path.read_bytes() == lines[0]
-    file.path.replace(run_file(tmp_path, BOX, POINT, 2).path)
+    file.path.replace(performance_run_file(tmp_path, BOX, POINT, 2).path)
     with pytest.raises(ValueError, match="was made by another version"):
-        run_file(tmp_path, BOX, POINT, 2)
+        performance_run_file(tmp_path, BOX, POINT, 2)
 
 
 @pytest.mark.parametrize(
     "line", ["5", "[1]", '["a", {}]', "null", '{"a": 1}', "[" * 100_000, "[true, 1]"]
 )
 def test_a_line_that_is_no_run_is_named(tmp_path, line):
-    file = RunFile(tmp_path, ["box"], {"version": 1})
+    file = ResultRunFile(tmp_path, ["box"], {"version": 1})
     file.append(0, {"a": 1})
     with file.path.open("a") as content:
         content.write(line + "\n")
     with pytest.raises(ValueError, match=r"is damaged: .* is not a run") as error:
-        RunFile(tmp_path, ["box"], {"version": 1})
+        ResultRunFile(tmp_path, ["box"], {"version": 1})
     assert len(str(error.value)) < 400
 
 
@@ -150,5 +153,5 @@ MANY = {
 }
 
 
-def point(method: str) -> OperatingPoint:
-    return OperatingPoint(method, options=MANY.get(method, {}))
+def point(method: str) -> SimulatedOperatingPoint:
+    return SimulatedOperatingPoint(method, options=MANY.get(method, {}))

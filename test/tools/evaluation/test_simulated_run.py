@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.methods.registry import available_methods, method_class
+from tsepm_ros.methods.registry import available_methods, registered_method
 from tsepm_ros.tools.evaluation.simulated_run import (
     NO_TARGET,
     Outcome,
-    judge_starts,
-    measurement_sigma,
-    operating_points,
-    origins_of,
+    judge_simulated_starts,
+    simulated_measurement_sigma,
+    simulated_operating_points,
+    simulated_origins_of,
 )
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.simulation.scenario import OwnShipMotion
+from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
 
@@ -46,8 +46,10 @@ def track(sources: list[int], target: int = 0, off=(0.0, 0.0), stamp: float = 10
 
 
 def judged(*tracks, origins=ORIGINS, sensor_x=0.0):
-    scenario = SimpleNamespace(sensor=SENSOR, own_ship=OwnShipMotion(x=sensor_x))
-    return judge_starts(SimpleNamespace(scenario=scenario, truth=truth_at), tracks, origins)
+    scenario = SimpleNamespace(sensor=SENSOR, own_ship=ScenarioOwnShipMotion(x=sensor_x))
+    return judge_simulated_starts(
+        SimpleNamespace(scenario=scenario, truth=truth_at), tracks, origins
+    )
 
 
 def outcomes(*tracks, **more):
@@ -84,7 +86,7 @@ def test_the_first_true_track_of_a_target_is_true_and_later_ones_are_redundant()
 @pytest.mark.parametrize(("factor", "outcome"), [(2.999, TRUE), (3.001, MISPLACED)])
 def test_three_sigma_of_the_larger_axis_is_the_border(direction, factor, outcome):
     # Target 0 is 3500 m away at the stamp: across 0.02 * 3500 = 70 m, along 30 m.
-    sigma = measurement_sigma(SENSOR, np.array([3500.0, 0.0]))
+    sigma = simulated_measurement_sigma(SENSOR, np.array([3500.0, 0.0]))
     assert sigma == pytest.approx(70.0, rel=1e-3)
     off = factor * sigma * np.array(direction)
     assert outcomes(track([0] * 5, off=off)) == [outcome]
@@ -113,10 +115,10 @@ def test_errors_are_those_from_the_target():
 def test_origins_are_those_of_the_scans_that_were_processed():
     # The second was dropped, and clocks round to ns.
     origins = [np.array([scan]) for scan in range(4)]
-    found = origins_of([0.0, 24.0 + 1e-9, 36.0 - 1e-9], [0.0, 12.0, 24.0, 36.0], origins)
+    found = simulated_origins_of([0.0, 24.0 + 1e-9, 36.0 - 1e-9], [0.0, 12.0, 24.0, 36.0], origins)
     assert [int(one[0]) for one in found] == [0, 2, 3]
-    assert origins_of([], [], []) == []
-    assert origins_of([5.0], [5.0], origins[:1]) == origins[:1]
+    assert simulated_origins_of([], [], []) == []
+    assert simulated_origins_of([5.0], [5.0], origins[:1]) == origins[:1]
 
 
 BOX = load_scenario("box")
@@ -124,22 +126,24 @@ BOX = load_scenario("box")
 
 @pytest.mark.parametrize("method", available_methods())
 def test_every_method_takes_the_options_of_its_points(method):
-    points = operating_points([method])
-    assert len(points) == len(method_class(method).operating_points) > 0
+    points = simulated_operating_points([method])
+    assert len(points) == len(registered_method(method).operating_points) > 0
     for point in points:
         made = point.make(BOX).method
-        assert type(made) is method_class(method)
+        assert type(made) is registered_method(method)
         for name, value in point.options.items():
             assert getattr(made.options, name) == value
 
 
 def test_an_option_goes_to_the_methods_that_have_it_and_replaces_what_their_sweep_varies():
-    points = operating_points(["tsepm", "score"], {"miss_probability": 0.01, "max_speed": 5.0})
+    points = simulated_operating_points(
+        ["tsepm", "score"], {"miss_probability": 0.01, "max_speed": 5.0}
+    )
     for point in points:
         assert point.options["max_speed"] == 5.0
         assert ("miss_probability" in point.options) == (point.method == "score")
-    assert len(points) == len(operating_points(["tsepm", "score"]))
-    points = operating_points(["tsepm", "score"], {"min_hits": 4})
+    assert len(points) == len(simulated_operating_points(["tsepm", "score"]))
+    points = simulated_operating_points(["tsepm", "score"], {"min_hits": 4})
     given = [point for point in points if point.method == "tsepm"]
     assert [dict(point.options) for point in given] == [{"min_hits": 4}]
-    assert len(points) == 1 + len(method_class("score").operating_points)
+    assert len(points) == 1 + len(registered_method("score").operating_points)

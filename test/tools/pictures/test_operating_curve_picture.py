@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from support.run_summaries import run_of, start
 
-from tsepm_ros.tools.evaluation.performance import Evaluated
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint
+from tsepm_ros.tools.evaluation.performance import PerformanceEvaluated
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure
 
-from tsepm_ros.tools.pictures.operating_curve_picture import draw
+from tsepm_ros.tools.pictures.operating_curve_picture import draw_operating_curve
 
 
 @pytest.fixture
@@ -29,11 +29,13 @@ def figures(monkeypatch):
 
 
 def test_each_horizon_has_a_panel_and_each_method_a_curve(figures, tmp_path):
-    points = [OperatingPoint("score", f"{rate:g}/h", {}) for rate in (1.0, 10.0)]
-    points.append(OperatingPoint("tsepm", "4/5", {}))
+    points = [SimulatedOperatingPoint("score", f"{rate:g}/h", {}) for rate in (1.0, 10.0)]
+    points.append(SimulatedOperatingPoint("tsepm", "4/5", {}))
     runs = [[run_of(start(3), false=(number, 0, 0, 0))] * 4 for number in (1, 2, 0)]
     box = load_scenario("box")
-    path = draw([Evaluated.of(box, scans, points, runs) for scans in (2, 4)], tmp_path, "4 runs")
+    path = draw_operating_curve(
+        [PerformanceEvaluated.of(box, scans, points, runs) for scans in (2, 4)], tmp_path, "4 runs"
+    )
     assert path.name == "box_operating_curve.png"
     assert path.read_bytes().startswith(b"\x89PNG")
     (figure,) = figures

@@ -11,8 +11,13 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome
-from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView, headline, vessel_pose
-from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.pictures.run_scene import (
+    RunScene,
+    SceneScan,
+    scene_headline,
+    scene_vessel_pose,
+)
+from tsepm_ros.tools.replay.offline import offline_recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -32,9 +37,9 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
     _, recording, _ = simulated
     mounting = Mounting(yaw=np.pi / 2)
     session = Session(Settings(session=MOVING.session, mounting=mounting))
-    result = next(iter(recording_results(recording, session, "bow")))
+    result = next(iter(offline_recording_results(recording, session, "bow")))
     assert result.scan.sensor_pose[0, 2] == pytest.approx(np.radians(130.0))
-    view = ScanView.of(result, MOVING.sensor, mounting.yaw)
+    view = SceneScan.of(result, MOVING.sensor, mounting.yaw)
     assert view.sensor[2] == pytest.approx(np.radians(40.0))
 
 
@@ -52,7 +57,7 @@ def track_at(track_id, x, hits=()):
 def view(number, new=(), held=(), restart=False):
     detections = np.array([[number, 0.0], [number, 1.0]])
     tracks = (TrackArrays.from_tracks(list(new)), TrackArrays.from_tracks(list(held)))
-    return ScanView(float(number), detections, None, *tracks, restart=restart)
+    return SceneScan(float(number), detections, None, *tracks, restart=restart)
 
 
 def test_hits_are_those_of_the_scans_since_the_last_restart():
@@ -93,12 +98,12 @@ def test_the_headline_has_the_result(outcomes):
     ]
     truth = [np.array([[0.0, 0.0, 0.0], [4.0, 1.0, 1.0]])] * 2
     scene = RunScene("run", scans, truth, judged)
-    assert headline(scene) == OUTCOMES[outcomes].replace("1 pings", "1 ping")
+    assert scene_headline(scene) == OUTCOMES[outcomes].replace("1 pings", "1 ping")
 
 
 def test_the_headline_of_a_recording_counts_tracks():
     scans = [view(1, [track_at(1, 0.0)]), view(2, held=[track_at(1, 1.0)])]
-    assert headline(RunScene("run", scans)) == "1 track in 2 pings, 1 held at the end"
+    assert scene_headline(RunScene("run", scans)) == "1 track in 2 pings, 1 held at the end"
 
 
 POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
@@ -107,10 +112,10 @@ POSES = np.array([[10.0, 20.0, 0.5], [30.0, 40.0, 0.7]])
 @pytest.mark.parametrize(("offsets", "row"), [([2.0, 1.0], 1), ([1.0, 2.0], 0), (None, 0)])
 def test_the_pose_is_that_of_the_nearest_echo(offsets, row):
     scan = Scan(0.0, [100.0, 200.0], [0.0, 0.1], time_offset=offsets, sensor_pose=POSES)
-    np.testing.assert_allclose(vessel_pose(scan, 0.2), POSES[row] - [0.0, 0.0, 0.2])
+    np.testing.assert_allclose(scene_vessel_pose(scan, 0.2), POSES[row] - [0.0, 0.0, 0.2])
 
 
 def test_without_a_heading_or_without_detections_a_pose_is_unknown():
-    pose = vessel_pose(Scan(0.0, [100.0], [0.0], sensor_pose=POSES[0]), None)
+    pose = scene_vessel_pose(Scan(0.0, [100.0], [0.0], sensor_pose=POSES[0]), None)
     assert pose[:2].tolist() == [10.0, 20.0] and np.isnan(pose[2])
-    assert vessel_pose(Scan(0.0, [], [], sensor_pose=np.zeros((0, 3))), 0.0) is None
+    assert scene_vessel_pose(Scan(0.0, [], [], sensor_pose=np.zeros((0, 3))), 0.0) is None

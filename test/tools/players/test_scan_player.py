@@ -43,7 +43,7 @@ from support.sonar_driver import points, stamp_ns
 
 from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.parameter_files import parse_parameter_file_values
 from tsepm_ros.tools.players.scan_player import ScanPlayer
 
 
@@ -293,7 +293,11 @@ def test_a_chart_is_played_latched_and_from_the_start(world, tmp_path):
     message = grid(999.0, "odom", occupied, 100.0, -5000.0, -5000.0)
     entries = [Entry(999.0, "/land", GRID, message), *simulated()]
     path = write_bag(tmp_path / "bag", entries)
-    values = {**parse_values(PARAMETERS), "method": "score", "own_ship_source": "odometry"}
+    values = {
+        **parse_parameter_file_values(PARAMETERS),
+        "method": "score",
+        "own_ship_source": "odometry",
+    }
     world.make(TrackInitiator, named(values))
     tracks = world.listen(PointCloud2, "tracks")
     play(world, path, start_offset=5.0)

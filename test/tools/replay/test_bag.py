@@ -36,7 +36,7 @@ from msg_adapters.message_input import MessageInput
 from msg_adapters.track_messages import track_points
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
-from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.parameter_files import parse_parameter_file_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
@@ -45,29 +45,29 @@ from tsepm_ros.tools.replay.bag import (
     TRACKED,
     TRUTH,
     Bag,
-    find_topics,
+    find_bag_topics,
 )
-from tsepm_ros.tools.replay.offline import bag_results
-from tsepm_ros.tools.replay.recording import source_of
+from tsepm_ros.tools.replay.offline import offline_bag_results
+from tsepm_ros.tools.replay.recording import recording_source_of
 
 BOTH = pytest.mark.parametrize("storage", STORAGES)
 
 
 def run(path, *parameters, source="odometry"):
     """Process a bag; returns the results and the session."""
-    values = parse_values([*PARAMETERS, *parameters])
+    values = parse_parameter_file_values([*PARAMETERS, *parameters])
     made = make_groups(TRACK_INITIATOR, {"own_ship_source": source, **values})
     session = Session(settings_from(made))
     with Bag(path) as bag:
-        topics = find_topics(bag.topics, {})
+        topics = find_bag_topics(bag.topics, {})
         given = MessageInput(session, made[InitiatorNodeOptions])
-        return list(bag_results(bag, topics, session, given)), session
+        return list(offline_bag_results(bag, topics, session, given)), session
 
 
 def read_all(path):
     """The messages of a bag in their order, each of which can be read."""
     with Bag(path) as bag:
-        topics = find_topics(bag.topics, {}).values()
+        topics = find_bag_topics(bag.topics, {}).values()
         messages = list(bag.messages(topics))
         assert all(bag.read(message).header.frame_id for message in messages)
         return [(message.topic, message.log_ns, message.data) for message in messages]
@@ -82,7 +82,7 @@ def test_messages_come_as_they_were_recorded_in_the_order_of_reception(tmp_path,
     entries = simulated()
     folder = write_bag(tmp_path / "bag", entries, storage)
     path = folder if named == "folder" else storage_file(folder)
-    assert source_of(path) == (path, True)
+    assert recording_source_of(path) == (path, True)
     with Bag(path) as bag:
         assert bag.topics == {"/detections": POINTS, "/own_ship/odometry": ODOMETRY}
         assert bag.duration == pytest.approx(entries[-1].time - entries[0].time)
@@ -219,7 +219,7 @@ def test_a_bag_that_cannot_be_read_says_why_and_what_to_do(tmp_path, storage, fa
     }
     file.write_bytes(content[fault])
     with pytest.raises(ValueError, match=REMEDIES[fault]) as refused:
-        read_all(source_of(folder if named == "folder" else file)[0])
+        read_all(recording_source_of(folder if named == "folder" else file)[0])
     assert "reindex" not in str(refused.value)
 
 
@@ -286,7 +286,7 @@ def test_a_compressed_bag_is_read_from_its_folder(tmp_path, storage, mode):
     assert read_all(path) == read_all(write_bag(tmp_path / "plain", entries))
     [file] = [file for file in path.iterdir() if file.name != "metadata.yaml"]
     with pytest.raises(ValueError, match=r"compressed: .*folder"):
-        read_all(source_of(file)[0])
+        read_all(recording_source_of(file)[0])
 
 
 @pytest.mark.parametrize("kept", [0, 10])
@@ -388,7 +388,7 @@ def test_a_package_is_read_under_its_earlier_name(tmp_path, old):
     with sqlite3.connect(storage_file(path)) as database:
         database.execute("UPDATE topics SET type = ? WHERE type = ?", (earlier, name))
     with Bag(storage_file(path)) as bag:
-        assert find_topics(bag.topics, {})[DETECTIONS] == "/detections"
+        assert find_bag_topics(bag.topics, {})[DETECTIONS] == "/detections"
         ping = read_detections(bag.read(next(bag.messages(["/detections"]))))
     assert ping.sensor_scan.scan.range == pytest.approx([300.0])
 
@@ -444,7 +444,7 @@ def test_a_bag_without_messages_is_empty_and_topics_are_found_by_name_in_any_nam
     topics |= {"/boat/own_ship/odometry": ODOMETRY, "/boat/tracks": POINTS}
     topics |= {"/boat/tracks/odometry": ODOMETRY}
     roles = (DETECTIONS, OWN_SHIP, TRACKED, TRUTH)
-    assert find_topics(topics, {}) == {role: f"/boat/{role}" for role in roles}
+    assert find_bag_topics(topics, {}) == {role: f"/boat/{role}" for role in roles}
 
 
 @pytest.mark.parametrize(
@@ -470,7 +470,7 @@ def test_a_bag_without_messages_is_empty_and_topics_are_found_by_name_in_any_nam
 )
 def test_topics_that_are_missing_wrong_or_several_are_refused_by_name(topics, given, sentence):
     with pytest.raises(ValueError, match=sentence):
-        find_topics(topics, given)
+        find_bag_topics(topics, given)
 
 
 # Running

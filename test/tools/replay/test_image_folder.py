@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from support.image_folder import GEOMETRY
 
-from msg_adapters.image_messages import located
+from msg_adapters.image_messages import located_image
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.image_folder import read_images
+from tsepm_ros.tools.replay.image_folder import read_image_folder
 
 
 def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
@@ -113,7 +113,7 @@ def test_pictures_of_16_bits_and_of_three_equal_channels_are_as_their_arrays(tmp
             else:
                 three = np.repeat(image.astype(np.uint8), 3)
                 (folder / name).write_bytes(b"P6\n90 30\n255\n" + three.tobytes())
-        _, _, read = read_images(folder, [])
+        _, _, read = read_image_folder(folder, [])
         found.append([image.intensity for image in read])
     np.testing.assert_array_equal(found[0], images)
     np.testing.assert_array_equal(found[1], images)
@@ -128,10 +128,10 @@ def test_a_folder_is_read_as_the_node_reads_the_same_picture(tmp_path, rows):
     ends = "range: [12.0, 0.5]" if rows != "fan" else "range: [0.5, 12.0]"
     (tmp_path / "geometry.yaml").write_text(f"{ends}\nazimuth: [0.6, -0.6]\nrows: {rows}\n")
     notes: list[str] = []
-    _, _, images = read_images(tmp_path, notes)
+    _, _, images = read_image_folder(tmp_path, notes)
     [read] = images
     layout = ImageLayout(rows=rows)  # far first, port first
-    range_, azimuth, intensity = located(image, layout, (0.5, 12.0), (-0.6, 0.6))
+    range_, azimuth, intensity = located_image(image, layout, (0.5, 12.0), (-0.6, 0.6))
     np.testing.assert_array_equal(read.intensity, intensity)
     np.testing.assert_allclose(read.range, range_)
     half = 0.6 / len(azimuth) if rows != "fan" else 0.0  # of a fan the edges are given

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
-from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -65,7 +65,7 @@ def rated(stamp: float) -> RecordedScan:
 def test_a_recorded_velocity_of_the_own_ship_is_the_sensor_s():
     noise = np.random.default_rng(1).normal(0.0, 1.0, 30)
     ship = [
-        PoseSample(float(k), x, 0.0, 0.0, rates=known_rates(3.0 + k, -1.0, 0.0))
+        PoseSample(float(k), x, 0.0, 0.0, rates=known_pose_rates(3.0 + k, -1.0, 0.0))
         for k, x in enumerate(noise.tolist())
     ]
     (result,), _ = process_recording(Recording([rated(10.5)], ship), MOVING, "bow")
@@ -80,7 +80,7 @@ def test_a_scan_is_placed_as_by_a_session_that_has_all_of_the_odometry(period):
     one = Session(MOVING)
     for k, x in enumerate(noise):
         one.add_own_ship(PoseSample(period * k, x, -x, 0.0, frame_id="odom"))
-    one.add_scan(SensorScan(found.scan, "sonar"), 0.0)
+    one.add_scan(UnregisteredScan(found.scan, "sonar"), 0.0)
     (expected,) = one.process()
     for name in ("sensor_pose", "sensor_velocity"):
         np.testing.assert_array_equal(getattr(found.scan, name), getattr(expected.scan, name))
@@ -162,12 +162,12 @@ def test_a_bag_of_images_has_the_tracks_of_the_detector_and_the_initiator(tmp_pa
 
 
 def test_a_bag_with_detections_and_a_camera_uses_the_detections(tmp_path):
-    from tsepm_ros.tools.replay.bag import find_topics
+    from tsepm_ros.tools.replay.bag import find_bag_topics
 
     topics = {"/detections": "sensor_msgs/msg/PointCloud2", "/camera/image_raw": IMAGE}
-    assert find_topics(topics, {}) == {"detections": "/detections"}
-    assert find_topics({"/sonar/image": IMAGE}, {}) == {"detections": "/sonar/image"}
-    assert find_topics(topics, {"detections": "/camera/image_raw"})["detections"] == (
+    assert find_bag_topics(topics, {}) == {"detections": "/detections"}
+    assert find_bag_topics({"/sonar/image": IMAGE}, {}) == {"detections": "/sonar/image"}
+    assert find_bag_topics(topics, {"detections": "/camera/image_raw"})["detections"] == (
         "/camera/image_raw"
     )
 

@@ -14,7 +14,7 @@ from tsepm_ros.tools.replay.recording import (
     UNKNOWN_YAW_VARIANCE,
     RecordedScan,
     read_recording,
-    source_of,
+    recording_source_of,
 )
 
 
@@ -334,7 +334,7 @@ def test_a_pointer_in_place_of_a_table_is_told_from_a_table(holding, name):
 @pytest.mark.parametrize("name", ["run2.csv", "RUN2.CSV", "detections.csv", "own_ship.csv"])
 def test_a_csv_file_names_itself(holding, name):
     path = holding(**{name: TABLE, "other.csv": TABLE}) / name
-    assert source_of(path) == (path, False)
+    assert recording_source_of(path) == (path, False)
 
 
 @pytest.mark.parametrize(
@@ -346,21 +346,25 @@ def test_a_csv_file_names_itself(holding, name):
 )
 def test_a_bag_s_file_names_itself_by_its_content_or_suffix(holding, name, content):
     path = holding(**{name: content}) / name
-    assert source_of(path) == (path, True)
+    assert recording_source_of(path) == (path, True)
 
 
 @pytest.mark.parametrize("name", ["trial_0.mcap", "trial.db3", "TRIAL.MCAP"])
 def test_a_folder_of_one_bag_file_without_metadata_names_it(holding, name):
     folder = holding(**{name: MCAP, "notes.txt": b"", ".hidden.mcap": MCAP})
-    assert source_of(folder) == (folder / name, True)
+    assert recording_source_of(folder) == (folder / name, True)
 
 
 def test_metadata_and_detections_name_the_folder_s_recording(holding, tmp_path):
     folder = holding(metadata__yaml=b"", a__mcap=MCAP, b__mcap=MCAP)
-    assert source_of(folder) == source_of(folder / "metadata.yaml") == (folder, True)
+    assert (
+        recording_source_of(folder)
+        == recording_source_of(folder / "metadata.yaml")
+        == (folder, True)
+    )
     (folder / "metadata.yaml").unlink()
     (folder / "detections.csv").write_bytes(TABLE)
-    assert source_of(folder) == (folder / "detections.csv", False)
+    assert recording_source_of(folder) == (folder / "detections.csv", False)
 
 
 @pytest.mark.parametrize(
@@ -384,7 +388,7 @@ def test_metadata_and_detections_name_the_folder_s_recording(holding, tmp_path):
 )
 def test_a_folder_says_what_it_holds_and_what_is_expected(holding, files, words):
     with pytest.raises(ValueError) as refused:
-        source_of(holding(**files))
+        recording_source_of(holding(**files))
     for word in words:
         assert word in str(refused.value)
     assert len(str(refused.value)) < 500
@@ -395,9 +399,9 @@ def test_a_folder_of_bags_asks_for_one_and_a_path_that_does_not_exist_is_named(t
         (tmp_path / name).mkdir()
         (tmp_path / name / "metadata.yaml").touch()
     with pytest.raises(ValueError, match=r"holds first, second; .*name a folder or a file in it"):
-        source_of(tmp_path)
+        recording_source_of(tmp_path)
     with pytest.raises(ValueError, match=r"missing\.csv cannot be read: No such file"):
-        source_of(tmp_path / "missing.csv")
+        recording_source_of(tmp_path / "missing.csv")
 
 
 @pytest.mark.parametrize(
@@ -423,7 +427,7 @@ def test_a_folder_of_bags_asks_for_one_and_a_path_that_does_not_exist_is_named(t
 def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, remedy):
     path = holding(**{name: content, "detections.csv": TABLE}) / name
     with pytest.raises(ValueError, match=f"{name} .*{remedy}"):
-        source_of(path)
+        recording_source_of(path)
 
 
 def scans(number: int, angle: str = "azimuth") -> list[RecordedScan]:

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.replay.track_files import track_lines, track_listing
+from tsepm_ros.tools.replay.track_files import track_lines_file, track_listing_file
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
 def lines(steps):
     """The collection of one track at positions, a scan each."""
     file = io.StringIO()
-    with track_lines(file, GeographicReference(10.0, 179.99)) as made:
+    with track_lines_file(file, GeographicReference(10.0, 179.99)) as made:
         for number, (east, north) in enumerate(steps):
             state = np.array([east, 1.0, north, 0.0])
             track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
@@ -48,7 +48,10 @@ def test_geojson_has_a_line_with_times_and_end_a_point_or_lines_beside_180_degre
 
 def test_a_run_that_fails_leaves_no_collection_and_unknown_ends_are_none():
     file = io.StringIO()
-    with pytest.raises(OSError, match="full"), track_lines(file, GeographicReference(0, 0)) as made:
+    with (
+        pytest.raises(OSError, match="full"),
+        track_lines_file(file, GeographicReference(0, 0)) as made,
+    ):
         made(SimpleNamespace(current=TrackArrays.from_tracks([]), stamp_ns=0, ended={9: "missed"}))
         raise OSError("full")
     assert file.getvalue() == ""
@@ -65,7 +68,7 @@ def test_a_run_that_fails_leaves_no_collection_and_unknown_ends_are_none():
 def test_a_course_is_clockwise_from_north(frame, north, heading, angle):
     """The track moves along x: east, north, or ahead of a sonar that knows no north."""
     file = io.StringIO()
-    listing = track_listing(file, lambda track: "because", north=north)
+    listing = track_listing_file(file, lambda track: "because", north=north)
     track = ConfirmedTrack(3, 12.0, np.array([10.0, 2.0, 20.0, 0.0]), np.eye(4), (), 0.0)
     listing(Mock(new=[track], frame_id=frame))
     head, line = file.getvalue().splitlines()

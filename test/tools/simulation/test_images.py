@@ -6,7 +6,11 @@ import pytest
 from tsepm_ros import SensorModel
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
-from tsepm_ros.tools.simulation.scenario import ClutterStrength, OwnShipMotion, TargetStrength
+from tsepm_ros.tools.simulation.scenario import (
+    ClutterStrength,
+    ScenarioOwnShipMotion,
+    TargetStrength,
+)
 
 SENSOR = SensorModel(
     range_std=0.1, min_range=1.0, max_range=21.0, azimuth_min=-1.0, azimuth_max=1.0
@@ -60,7 +64,7 @@ def test_reverberation_falls_walls_stand_and_streaks_come():
 
 def test_single_bearings_are_the_image_with_times_and_poses():
     model = ImageModel(cells=(8, 50), sweep_time=0.7)
-    fields = {"own_ship": OwnShipMotion(speed=2.0)}
+    fields = {"own_ship": ScenarioOwnShipMotion(speed=2.0)}
     [(whole, _)] = drawn(model, **fields)
     single = list(drawn(model, **fields).single_bearings())
     assert [one.stamp for one in single] == pytest.approx(np.linspace(0.0, 0.7, 8))

@@ -11,9 +11,9 @@ from scipy import stats
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import (
     ClutterStrength,
-    OwnShipMotion,
-    Strengths,
-    TargetArea,
+    ScenarioOwnShipMotion,
+    ScenarioStrengths,
+    ScenarioTargetArea,
     TargetStrength,
     scenario_from,
 )
@@ -36,7 +36,7 @@ def test_degrees_are_read_where_a_key_says_so():
     )
     assert scenario.own_ship.yaw == pytest.approx(math.pi / 2)
     assert scenario.own_ship.turn_rate == pytest.approx(math.radians(1.0))
-    assert scenario.areas == (TargetArea(3, (1.0, 2.0), (0.0, math.pi), 0.1),)
+    assert scenario.areas == (ScenarioTargetArea(3, (1.0, 2.0), (0.0, math.pi), 0.1),)
 
 
 def area(**changes):
@@ -148,7 +148,7 @@ def test_a_missing_or_malformed_file_is_refused(tmp_path):
             load_scenario(str(tmp_path / "bad.yaml"))
 
 
-def integrated(motion: OwnShipMotion, time: float, steps: int = 20_000) -> np.ndarray:
+def integrated(motion: ScenarioOwnShipMotion, time: float, steps: int = 20_000) -> np.ndarray:
     """The pose by small steps."""
     t = (np.arange(steps) + 0.5) * time / steps
     yaw = motion.yaw + motion.turn_rate * t
@@ -160,7 +160,7 @@ def integrated(motion: OwnShipMotion, time: float, steps: int = 20_000) -> np.nd
 @pytest.mark.parametrize("turn_rate", [0.0, 1e-12, 1e-6, 0.01, -0.02])
 @pytest.mark.parametrize("time", [0.0, 30.0, 600.0])
 def test_the_own_ship_moves_along_its_heading(turn_rate, time):
-    motion = OwnShipMotion(10.0, -20.0, 2.5, speed=7.0, turn_rate=turn_rate)
+    motion = ScenarioOwnShipMotion(10.0, -20.0, 2.5, speed=7.0, turn_rate=turn_rate)
     np.testing.assert_allclose(motion.pose(time), integrated(motion, time), atol=1e-3)
 
 
@@ -227,9 +227,9 @@ def test_a_closed_course_repeats_and_an_open_one_goes_straight_on():
 @pytest.mark.parametrize(
     "one",
     [
-        TargetArea(40, (6000.0, 9000.0), (0.0, math.pi / 2), 5.0),
-        TargetArea(40, (1000.0, 1600.0), (-1.0, 4.0), 8.0),
-        TargetArea(40, (100.0, 2000.0), (0.0, 2 * math.pi), 10.0),
+        ScenarioTargetArea(40, (6000.0, 9000.0), (0.0, math.pi / 2), 5.0),
+        ScenarioTargetArea(40, (1000.0, 1600.0), (-1.0, 4.0), 8.0),
+        ScenarioTargetArea(40, (100.0, 2000.0), (0.0, 2 * math.pi), 10.0),
     ],
     ids=["quadrant", "narrow ring", "round the middle"],
 )
@@ -247,7 +247,7 @@ def test_drawn_targets_stay_within_their_ranges_for_the_whole_run(one):
 
 def test_still_targets_are_drawn_with_equal_probability_per_area():
     # Radii squared are uniform: Kolmogorov-Smirnov on 2000 draws at 0.1 %, distance 0.044.
-    one = TargetArea(2000, (1000.0, 3000.0), (0.0, 1.0), 0.0)
+    one = ScenarioTargetArea(2000, (1000.0, 3000.0), (0.0, 1.0), 0.0)
     states = np.array(one.draw(np.random.default_rng(2), 100.0))
     square = (np.square(states[:, 0]) + np.square(states[:, 2]) - 1e6) / 8e6
     gap = np.abs(np.sort(square) - (np.arange(2000) + 0.5) / 2000).max()
@@ -259,13 +259,13 @@ MANY = 20_000
 
 
 def clutter(law: ClutterStrength, n: int = MANY, seed: int = 1, position=None, time: float = 0.0):
-    drawn = Strengths(law, [], np.random.default_rng(seed))
+    drawn = ScenarioStrengths(law, [], np.random.default_rng(seed))
     position = np.zeros((n, 2)) if position is None else position
     return drawn.draw(position, np.full(len(position), -1), time)
 
 
 def echoes(target: TargetStrength, seed: int = 1):
-    drawn = Strengths(ClutterStrength(), [target], np.random.default_rng(seed))
+    drawn = ScenarioStrengths(ClutterStrength(), [target], np.random.default_rng(seed))
     return drawn.draw(np.zeros((MANY, 2)), np.zeros(MANY, np.int64), 0.0)
 
 
@@ -308,7 +308,7 @@ def test_texture_is_common_to_neighbours_and_fades(apart, later):
     law = ClutterStrength("log_normal", 1.0, texture_length=500.0, texture_time=180.0)
     pairs = []
     for seed in range(400):
-        drawn = Strengths(law, [], np.random.default_rng(seed))
+        drawn = ScenarioStrengths(law, [], np.random.default_rng(seed))
         origin = np.array([-1])
         one = drawn.draw(np.zeros((1, 2)), origin, 0.0)[0]
         other = drawn.draw(np.array([[apart, 0.0]]), origin, later)[0]

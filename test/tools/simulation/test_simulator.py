@@ -18,9 +18,9 @@ from tsepm_ros.tools.simulation import (
 )
 from tsepm_ros.tools.simulation.scenario import (
     ClutterPatch,
-    OwnShipMotion,
-    TargetArea,
-    WaypointMotion,
+    ScenarioOwnShipMotion,
+    ScenarioTargetArea,
+    ScenarioWaypointMotion,
 )
 
 EXACT = SensorModel(
@@ -90,7 +90,7 @@ def test_a_clutter_box_stays_where_it_is_while_the_ship_moves_and_turns():
     one = scenario(
         sensor=SensorModel(clutter_density=2e-6, max_range=9000.0),
         clutter_box=(1000.0, 3000.0, -500.0, 2000.0),
-        own_ship=OwnShipMotion(-300.0, 50.0, 1.0, speed=4.0, turn_rate=0.02),
+        own_ship=ScenarioOwnShipMotion(-300.0, 50.0, 1.0, speed=4.0, turn_rate=0.02),
     )
     points = []
     for simulated in Simulator(one, 3):
@@ -171,13 +171,13 @@ MOVING = scenario(
         np.array([-7000.0, 3.0, 1000.0, -15.0]),
         np.array([100.0, 1.0, -900.0, 2.0]),
     ),
-    own_ship=OwnShipMotion(50.0, -80.0, 0.6, speed=9.0, turn_rate=-0.015),
+    own_ship=ScenarioOwnShipMotion(50.0, -80.0, 0.6, speed=9.0, turn_rate=-0.015),
 )
 
 
 SQUARE = dataclasses.replace(
     MOVING,
-    own_ship=WaypointMotion(
+    own_ship=ScenarioWaypointMotion(
         ((-200.0, -200.0), (200.0, -200.0), (200.0, 200.0), (-200.0, 200.0)), 4.0, 0.05, closed=True
     ),
 )
@@ -249,7 +249,7 @@ def test_one_target_s_luck_does_not_change_another_s():
 def test_features_are_those_of_each_target_and_of_clutter():
     # Means within 4 standard errors, deviations within 10 %: over 2000 detections of each.
     given = {"intensity": (50.0, 4.0), "range_width": (30.0, 2.0)}
-    drawn = TargetArea(1, (2000.0, 9000.0), (0.0, 1.0), 0.0, {"intensity": (70.0, 1.0)})
+    drawn = ScenarioTargetArea(1, (2000.0, 9000.0), (0.0, 1.0), 0.0, {"intensity": (70.0, 1.0)})
     one = scenario(
         scans=2000,
         sensor=dataclasses.replace(EXACT, max_range=1e4, clutter_density=3e-9),
@@ -281,7 +281,7 @@ def test_a_patch_adds_clutter_of_its_density_where_the_sensor_sees():
         scans=200,
         sensor=dataclasses.replace(EXACT, max_range=10_000.0),
         clutter_patches=(ClutterPatch(box, 1e-5),),
-        own_ship=OwnShipMotion(speed=1.0, yaw=0.5),
+        own_ship=ScenarioOwnShipMotion(speed=1.0, yaw=0.5),
     )
     number, expected = 0, 0.0
     for made in Simulator(one, 2):

@@ -19,11 +19,11 @@ from support.pages import confirmed_track, live_state, numbered
 from support.sessions import session
 
 from tsepm_ros import Scan
-from tsepm_ros.own_ship.registration import SensorScan
+from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tools.replay.offline import recording_results
+from tsepm_ros.tools.replay.offline import offline_recording_results
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.viewer.page_content import (
@@ -32,19 +32,19 @@ from tsepm_ros.tools.viewer.page_content import (
     SCRIPTS,
     SHELL,
     STYLE,
+    PageRecordedScene,
     PageState,
-    RecordedScene,
-    encode,
-    geographic_terms,
-    health_of_message,
-    health_of_run,
-    make_frame,
+    encode_page_content,
+    make_page_frame,
     page_file,
-    potential_rows,
+    page_geographic_terms,
+    page_health_of_message,
+    page_health_of_run,
+    page_potential_rows,
+    page_track_facts,
+    page_track_rows,
     self_contained_page,
     served_page,
-    track_facts,
-    track_rows,
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.sensor import SensorModel
@@ -59,7 +59,7 @@ def potential(x: float, score: float, newest: int, threshold: float = 10.0):
 
 def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last_detection():
     track = replace(confirmed_track(12, 1000.126, -2000.0, 3.0, 4.0), time_since_hit=2.5)
-    ((track_id, *numbers),) = track_rows([track])
+    ((track_id, *numbers),) = page_track_rows([track])
     # Along (0.6, 0.8): 0.36 * 1 + 0.64 * 4 = 2.92 m^2/s^2.
     axes = 2.4477 * 30.0, 2.4477 * 20.0
     expected = [1000.126, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92), 2.5]
@@ -73,7 +73,7 @@ def test_what_is_not_finite_is_left_out_and_what_is_far_beyond_any_sea_stays_a_n
     blind = confirmed_track(
         2, 5.0, 6.0, covariance=np.full((4, 4), np.inf), time_since_hit=math.nan
     )
-    frame = make_frame(
+    frame = make_page_frame(
         3.0,
         "odom",
         detections=np.array([[1.0, 2.0], [np.nan, 1.0], [np.inf, 0.0]]),
@@ -82,14 +82,14 @@ def test_what_is_not_finite_is_left_out_and_what_is_far_beyond_any_sea_stays_a_n
         fixed=[broken],
         own_ship=(1.0, 2.0, math.nan),
     )
-    assert json.loads(encode(frame)) == frame
+    assert json.loads(encode_page_content(frame)) == frame
     assert frame["detections"] == [100, 200]
     assert [row[0] for row in frame["tracks"]] == [2]
     assert frame["tracks"][0][5:] == [0, 0, 0, 0, 0]
     assert (frame["potential"], frame["fixed"]) == ([], [])
     assert frame["own_ship"] == [100, 200, None]
-    assert make_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None
-    frame = make_frame(
+    assert make_page_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None
+    frame = make_page_frame(
         0.0, "", detections=np.array([[1e300, -1e300]]), tracks=[confirmed_track(1, 1e200, 0.0)]
     )
     assert frame["detections"] == [10**15, -(10**15)]
@@ -102,17 +102,19 @@ def test_potential_tracks_are_drawn_with_their_evidence_and_only_the_nearest_to_
         potential(2.0, 4.0 - math.log(3.0), 0),
         potential(3.0, 2.0, 1),
     ]
-    rows = potential_rows(tracks)
+    rows = page_potential_rows(tracks)
     assert [row[0] for row in rows] == [300, 100], "one per newest detection"
     # log(exp(4) + exp(4) / 3) = 4 + log(4 / 3)
     assert [row[4] for row in rows] == [20, 43]
-    rows = potential_rows([potential(1.0, 0.001 * k + 1.0, k) for k in range(MAX_POTENTIAL + 50)])
+    rows = page_potential_rows(
+        [potential(1.0, 0.001 * k + 1.0, k) for k in range(MAX_POTENTIAL + 50)]
+    )
     assert len(rows) == MAX_POTENTIAL
     assert rows[-1][4] == max(row[4] for row in rows)
 
 
 def test_facts_of_a_message_say_why_as_far_as_it_tells():
-    facts = track_facts([confirmed_track(4, 0.0, 0.0)], None)["4"]
+    facts = page_track_facts([confirmed_track(4, 0.0, 0.0)], None)["4"]
     assert facts == {
         "first": 64.0,
         "confirmed": None,
@@ -121,7 +123,7 @@ def test_facts_of_a_message_say_why_as_far_as_it_tells():
         "revision": 0,
     }
     (track,) = TrackArrays.from_tracks([confirmed_track(4, 0.0, 0.0, hits=(), age=math.nan)])
-    facts = track_facts([track], None)["4"]
+    facts = page_track_facts([track], None)["4"]
     assert (facts["reason"], facts["first"]) == ("", None)
 
 
@@ -134,17 +136,21 @@ def test_facts_of_a_message_say_why_as_far_as_it_tells():
 )
 def test_facts_of_other_methods(score, evaluation, reason):
     track = confirmed_track(4, 0.0, 0.0, score=score, evaluation=evaluation)
-    assert track_facts([track], 100.0)["4"]["reason"] == reason
+    assert page_track_facts([track], 100.0)["4"]["reason"] == reason
 
 
 def test_the_sector_is_from_the_bow_and_own_ship_s_velocity_in_mm_per_s_or_null():
-    assert make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, 1.5, -2.0))["own_ship"][3:] == [1500, -2000]
+    assert make_page_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, 1.5, -2.0))["own_ship"][3:] == [
+        1500,
+        -2000,
+    ]
     assert (
-        make_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, math.nan, 1.0))["own_ship"][3:] == [None] * 2
+        make_page_frame(0.0, "", own_ship=(0.0, 0.0, 0.0, math.nan, 1.0))["own_ship"][3:]
+        == [None] * 2
     )
     sensor = SensorModel(min_range=2.0, max_range=80.0, azimuth_min=-1.0, azimuth_max=1.0)
     for yaw, begin, end in ((0.5, -0.5, 1.5), (None, -1.0, 1.0)):
-        recorded = RecordedScene("", True, mounting_yaw=yaw, sensor=sensor).document({})
+        recorded = PageRecordedScene("", True, mounting_yaw=yaw, sensor=sensor).document({})
         assert json.loads(recorded)["info"]["sector"] == [2.0, 80.0, begin, end]
 
 
@@ -155,7 +161,7 @@ def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
 
     from tsepm_ros.tools.bridge.geographic import GeographicReference
 
-    info = geographic_terms(origin)
+    info = page_geographic_terms(origin)
     known = info["geographic"]
     reach = known["reach"]
     assert info["north"] and reach >= 11_000.0
@@ -170,10 +176,10 @@ def test_places_on_the_earth_are_those_of_geodesics_within_a_metre(origin):
 
 
 def test_an_origin_needs_its_library_and_without_one_there_are_no_places(monkeypatch):
-    assert geographic_terms("") == {}
+    assert page_geographic_terms("") == {}
     monkeypatch.setitem(sys.modules, "pyproj", None)
     with pytest.raises(ValueError, match="pip install pyproj"):
-        geographic_terms("59.65,10.63")
+        page_geographic_terms("59.65,10.63")
 
 
 TITLE = '<script>alert("1")</script> & "sea"'
@@ -244,7 +250,7 @@ def test_facts_of_tracks_that_are_shown_nowhere_are_forgotten():
     state = PageState({}, 10)
     for number in range(1, 500):
         track = confirmed_track(number, 0.0, 0.0)
-        state.put(numbered(number, track), track_facts([track], None))
+        state.put(numbered(number, track), page_track_facts([track], None))
         assert len(since(state)[0]["facts"]) <= 21
     facts = since(state)[0]["facts"]
     assert {str(number) for number in range(490, 500)} <= set(facts)
@@ -271,7 +277,7 @@ def array(*statuses):
 
 
 def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_stale():
-    health = health_of_message(
+    health = page_health_of_message(
         array(
             status("boat: track initiation", b"\x00", "3 scans", scans="3", empty=""),
             status("boat: own ship", b"\x01", "no data yet"),
@@ -284,20 +290,20 @@ def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_st
         {"task": "own ship", "level": 1, "message": "no data yet", "values": []},
     ]
     levels = [("detections", 3), ("latency", 2), ("clutter", 0)]
-    health = health_of_message(array(*(status(f"n: {task}", level) for task, level in levels)))
+    health = page_health_of_message(array(*(status(f"n: {task}", level) for task, level in levels)))
     assert health["level"] == 2
 
 
 def test_a_run_says_what_it_dropped_and_what_helps_and_without_scans_it_is_a_warning():
-    health = health_of_run(5, {"heading_unknown": 2, "of_an_adapter": 1}, ["gap before 3 s"])
+    health = page_health_of_run(5, {"heading_unknown": 2, "of_an_adapter": 1}, ["gap before 3 s"])
     assert health["level"] == 1
     sentences = [entry["message"] for entry in health["entries"]]
     assert sentences[0] == "5 scans processed"
     assert any(s.startswith("2 scans dropped: ") and "Remedy: " in s for s in sentences)
     assert "1 detection dropped: of_an_adapter" in sentences
     assert "gap before 3 s" in sentences
-    assert health_of_run(0, {}, [])["level"] == 1
-    assert health_of_run(1, {}, [])["level"] == 0
+    assert page_health_of_run(0, {}, [])["level"] == 1
+    assert page_health_of_run(1, {}, [])["level"] == 0
 
 
 SCENARIO = load_scenario("four_targets")
@@ -308,18 +314,22 @@ def recorded(scenario=SCENARIO, seed: int = 1):
     recording, _ = simulated_recording(Simulator(scenario, seed))
     options = SessionOptions(method="score", own_ship_source="odometry")
     run = Session(Settings(session=options, sensor=scenario.sensor))
-    scene = RecordedScene("four targets", True, recording.truth)
+    scene = PageRecordedScene("four targets", True, recording.truth)
     tracks = []
-    for result in recording_results(recording, run, "bow"):
+    for result in offline_recording_results(recording, run, "bow"):
         scene.add(result, run.tracker)
         tracks += result.new
     return json.loads(scene.document(run.dropped)), tracks, run
 
 
 def test_a_track_that_ends_says_when_and_why():
-    run, scene, ended = session(own_ship_source="none", method="score"), RecordedScene("", True), {}
-    seen = [SensorScan(scan_at(12.0 * k, [(3000.0, 0.0)]), "sonar") for k in range(16)]
-    gone = [SensorScan(Scan(12.0 * k, [], []), "sonar") for k in range(16, 90)]
+    run, scene, ended = (
+        session(own_ship_source="none", method="score"),
+        PageRecordedScene("", True),
+        {},
+    )
+    seen = [UnregisteredScan(scan_at(12.0 * k, [(3000.0, 0.0)]), "sonar") for k in range(16)]
+    gone = [UnregisteredScan(Scan(12.0 * k, [], []), "sonar") for k in range(16, 90)]
     for scan in seen + gone:
         run.add_scan(scan, 0.0)
         for result in run.process():
@@ -350,10 +360,10 @@ def test_after_a_restart_hits_are_those_of_the_new_run():
     quiet = dataclasses.replace(SCENARIO, scans=8)
     recording, _ = simulated_recording(Simulator(quiet, 3))
     run = session(own_ship_source="none")
-    scene = RecordedScene("twice", False)
+    scene = PageRecordedScene("twice", False)
     results = []
     for _ in range(2):
-        for result in recording_results(recording, run, "bow"):
+        for result in offline_recording_results(recording, run, "bow"):
             scene.add(result, run.tracker)
             results.append(result)
     page = json.loads(scene.document(run.dropped))

@@ -27,7 +27,12 @@ from tornado.websocket import websocket_connect
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer import page_server
 from tsepm_ros.tools.viewer.page_content import SCRIPTS, STYLE
-from tsepm_ros.tools.viewer.page_server import HEADERS, Access, PageServer, token_for
+from tsepm_ros.tools.viewer.page_server import (
+    HEADERS,
+    PageServer,
+    PageServerAccess,
+    page_server_token,
+)
 
 TOKEN = "a-token-of-some-length"
 
@@ -102,10 +107,10 @@ def test_a_name_that_is_not_this_machine_s_is_refused():
     ],
 )
 def test_what_others_can_reach_needs_a_token_of_its_own(address, is_open):
-    first, second = (token_for(["127.0.0.1", address], "") for _ in range(2))
+    first, second = (page_server_token(["127.0.0.1", address], "") for _ in range(2))
     assert (first == second == "") if is_open else (len(first) >= 32 and first != second)
     for given in ("", f"{TOKEN}-", TOKEN.upper(), "ä"):
-        assert not Access.to("0.0.0.0", TOKEN).allows_token(given)
+        assert not PageServerAccess.to("0.0.0.0", TOKEN).allows_token(given)
 
 
 @pytest.mark.parametrize(

@@ -14,18 +14,18 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     MARGIN,
     SUSPICION,
     Beside,
-    ClusterDispersion,
+    ExtendedTargetDispersion,
     ExtendedTargets,
-    MultiDetectionTest,
-    error_variances,
-    extents_of,
-    further_clusters,
-    log_ratio,
-    may_repeat_older,
+    ExtendedTargetTest,
+    extended_target_boxes,
+    extended_target_density,
+    extended_target_log_ratio,
+    extended_target_variances,
+    may_be_older_extended_target,
 )
 from tsepm_ros.tracker.clusters.grouping import (
-    ClusterExtent,
-    grouped,
+    GroupingExtent,
+    group_detections,
 )
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.options import CommonOptions
@@ -37,7 +37,7 @@ DENSITY = 1e-4
 
 
 def largest(sensor: SensorModel, scans, density: float) -> float:
-    excess, found = MultiDetectionTest(sensor), -math.inf
+    excess, found = ExtendedTargetTest(sensor), -math.inf
     for scan in scans:
         excess.update(scan, density)
         found = max(found, excess.log_ratio)
@@ -76,7 +76,7 @@ def test_pairs_of_detections_may_be_two_targets():
 
 def beside_a_track(offset) -> float:
     """Largest L after 40 pings of a track with another detection at an offset, m."""
-    excess, own = MultiDetectionTest(TANK), np.array([0])
+    excess, own = ExtendedTargetTest(TANK), np.array([0])
     for ping in range(40):
         scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
         excess.update(scan, DENSITY)
@@ -95,7 +95,7 @@ def test_what_lies_on_one_side_of_a_track_is_a_second_targets():
 def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
     """Nine tracks far apart; each is in some pings only, in an order that changes."""
     rng, number = np.random.default_rng(5), 9
-    together, alone = MultiDetectionTest(TANK), [MultiDetectionTest(TANK) for _ in range(9)]
+    together, alone = ExtendedTargetTest(TANK), [ExtendedTargetTest(TANK) for _ in range(9)]
     ids, azimuth = 40 + rng.permutation(number), np.linspace(-2.5, 2.5, number)
     for ping in range(30):
         side = rng.choice([-1.0, 1.0], number) * (rng.random(number) < 0.7)
@@ -121,12 +121,12 @@ def test_a_seam_of_a_sweep_parts_no_neighbours():
     azimuth = [math.pi - 0.004, 0.004 - math.pi, 0.008 - math.pi]
     pose = [[0.0, 0.0, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     scan = Scan(0.0, [1000.0] * 3, azimuth, sensor_pose=pose, time_offset=[12.0, 0.0, 0.01])
-    beside = Beside(scan, np.arange(3), extents_of(SensorModel(max_range=2000.0)))
+    beside = Beside(scan, np.arange(3), extended_target_boxes(SensorModel(max_range=2000.0)))
     assert beside.number[-1].tolist() == [2.0, 2.0, 2.0]
 
 
 def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():
-    excess, own = MultiDetectionTest(TANK), np.array([0])
+    excess, own = ExtendedTargetTest(TANK), np.array([0])
     assert excess.waits(7), "nothing is known of it"
     alone = Scan(0.0, [50.0], [0.0])
     excess.update_tracks(alone, DENSITY, np.array([7]), own, np.array([7]))
@@ -137,7 +137,7 @@ def test_starts_beside_a_track_wait_while_what_lies_beside_it_is_open():
 
 @pytest.mark.parametrize(("density", "waits"), [(1e-4, True), (1e-2, False)])
 def test_starts_do_not_wait_for_what_clutter_explains_beside_a_track(density, waits):
-    excess, own = MultiDetectionTest(TANK), np.array([0])
+    excess, own = ExtendedTargetTest(TANK), np.array([0])
     for ping, side in enumerate((3.0, -3.0)):
         scan = Scan(float(ping), [50.0, 50.0 + side], [0.0, 0.0])
         excess.update_tracks(scan, density, np.array([7]), own, np.array([7]))
@@ -177,11 +177,11 @@ def test_a_start_beside_echoes_that_stand_still_waits_until_it_moves(hits, speed
 
 
 def test_counts_are_those_of_a_loop():
-    rng, extents = np.random.default_rng(3), extents_of(TANK)
+    rng, extents = np.random.default_rng(3), extended_target_boxes(TANK)
     scan = Scan(0.0, rng.uniform(40.0, 60.0, 30), rng.uniform(-0.2, 0.2, 30))
     centre = np.array([4, 9, 20])
     beside = Beside(scan, centre, extents)
-    for size, extent in enumerate(ClusterExtent(*one) for one in extents[..., 0].T):
+    for size, extent in enumerate(GroupingExtent(*one) for one in extents[..., 0].T):
         for place, one in enumerate(centre):
             across = extent.across_at(scan.range[one])
             counts = np.zeros(3)
@@ -201,18 +201,18 @@ def test_counts_are_those_of_a_loop():
 def test_the_log_ratio_is_that_of_poisson_counts():
     found, expected = np.array([6.0, 1.0]), np.array([1.0, 1.0])
     log_of = 6.0 * math.log(6.0 / MARGIN) - (6.0 - MARGIN)
-    np.testing.assert_allclose(log_ratio(found, expected), [log_of, 0.0])
+    np.testing.assert_allclose(extended_target_log_ratio(found, expected), [log_of, 0.0])
 
 
 @pytest.mark.parametrize("share", [0.1, 0.02])
 def test_in_a_shorter_range_every_length_is_as_much_shorter(share):
-    sea, tank = (extents_of(SensorModel(max_range=100.0 * one)) for one in (1.0, share))
+    sea, tank = (extended_target_boxes(SensorModel(max_range=100.0 * one)) for one in (1.0, share))
     np.testing.assert_allclose(tank[0], share * sea[0])
 
 
 def test_boxes_have_the_resolution_of_the_sensor():
     sensor = SensorModel(range_resolution=0.5, azimuth_resolution=0.02)
-    assert extents_of(sensor)[:, 0, 0].tolist() == [1.5, 1.0, 0.02, math.inf]
+    assert extended_target_boxes(sensor)[:, 0, 0].tolist() == [1.5, 1.0, 0.02, math.inf]
 
 
 @pytest.mark.parametrize("common", [True, False])
@@ -220,10 +220,10 @@ def test_boxes_have_the_resolution_of_the_sensor():
 def test_the_scatter_tells_errors_from_extent(common, spread):
     scene = Swimmers(common=common, spread=spread, false=0.0, pings=150)
     # Clutter of no density is no sensor's.
-    sensor, scatter = replace(scene, false=1.0).sensor, ClusterDispersion()
-    extent = ClusterExtent(8.0, 8.0, 0.1)
+    sensor, scatter = replace(scene, false=1.0).sensor, ExtendedTargetDispersion()
+    extent = GroupingExtent(8.0, 8.0, 0.1)
     for ping in scene.draw(3):
-        label = grouped(ping.scan.range, ping.scan.azimuth, extent)
+        label = group_detections(ping.scan.range, ping.scan.azimuth, extent)
         scatter = scatter.after(ping.scan, label, sensor)
     errors = scatter.errors(extent)
     assert errors.independent == pytest.approx(0.0 if common else 1.0, abs=0.25)
@@ -254,11 +254,11 @@ def test_of_tracks_on_one_extent_the_oldest_goes_on_and_boats_in_line_stay(convo
 
 def test_errors_of_detections_are_their_own_or_the_sensor_s():
     scan = Scan(0.0, [50.0, 80.0], [0.0, 1.0])
-    along, across = error_variances(scan, TANK)
+    along, across = extended_target_variances(scan, TANK)
     np.testing.assert_allclose(along, 0.04)
     np.testing.assert_allclose(across, [0.2**2, 0.32**2])
     own = scan.replaced(range_std=[1.0, 2.0], azimuth_std=[0.1, 0.01])
-    along, across = error_variances(own, TANK)
+    along, across = extended_target_variances(own, TANK)
     np.testing.assert_allclose(along, [1.0, 4.0])
     np.testing.assert_allclose(across, [25.0, 0.64])
 
@@ -268,15 +268,15 @@ def test_a_target_may_have_another_cluster_within_its_extent_along_and_across():
     at = confirmed.tracks.state[0, 0::2]
     sight = at / np.hypot(*at)
     across = np.array([-sight[1], sight[0]])
-    extent = ClusterExtent(10.0, 4.0, 0.001)  # 4 m and 0.001 rad across
+    extent = GroupingExtent(10.0, 4.0, 0.001)  # 4 m and 0.001 rad across
     wide = 4.0 + 0.001 * np.hypot(*at)
     offsets = [(9.0, 0.0), (11.0, 0.0), (0.0, wide - 0.1), (0.0, wide + 0.1), (-9.9, 1 - wide)]
     places = np.array([at + a * sight + b * across for a, b in offsets])
     origin = np.array([0.0, 0.0])
-    density = further_clusters(confirmed, places, extent, origin)
+    density = extended_target_density(confirmed, places, extent, origin)
     value = 0.8 / (4.0 * 10.0 * wide)
     np.testing.assert_allclose(density, [value, 0.0, value, 0.0, value])
-    moved = further_clusters(confirmed, places, extent, at - 100.0 * across)
+    moved = extended_target_density(confirmed, places, extent, at - 100.0 * across)
     assert (moved[:2] == 0.0).all(), "seen from elsewhere, across is along"
 
 
@@ -288,6 +288,13 @@ def test_of_two_tracks_within_an_extent_the_younger_may_repeat_the_older():
     ]
     origin, group = np.zeros(2), TrackArrays.from_tracks(made)
     # 6^2 / (2 + 2 size) is within 7.78 from a size of 1.4 m^2 on: from 2.9 m along or across.
-    assert may_repeat_older(group, ClusterExtent(2.7, 2.7), origin).tolist() == [False] * 3
-    assert may_repeat_older(group, ClusterExtent(3.0, 0.0), origin).tolist() == [False, True, False]
-    assert may_repeat_older(group, ClusterExtent(0.0, 1.0, 0.001), origin).tolist()[1]
+    assert (
+        may_be_older_extended_target(group, GroupingExtent(2.7, 2.7), origin).tolist()
+        == [False] * 3
+    )
+    assert may_be_older_extended_target(group, GroupingExtent(3.0, 0.0), origin).tolist() == [
+        False,
+        True,
+        False,
+    ]
+    assert may_be_older_extended_target(group, GroupingExtent(0.0, 1.0, 0.001), origin).tolist()[1]

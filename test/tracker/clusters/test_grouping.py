@@ -9,9 +9,9 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters.grouping import (
     ClusterErrors,
-    ClusterExtent,
-    clusters_of,
-    grouped,
+    GroupingExtent,
+    clusters_of_groups,
+    group_detections,
 )
 
 SENSOR = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
@@ -27,7 +27,7 @@ def test_groups_are_those_of_complete_linkage(seed):
     n, size = int(rng.integers(0, 50)), rng.uniform(5.0, 80.0)
     range_ = rng.uniform(100.0, 100.0 + size, n)
     azimuth = np.pi + rng.uniform(-size, size, n) / 200.0  # across the jump of the azimuth
-    extent = ClusterExtent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
+    extent = GroupingExtent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
     scan = Scan(0.0, range_, azimuth)
     one, two = np.triu_indices(n, 1)
     turn = np.angle(np.exp(1j * (azimuth[one] - azimuth[two])))
@@ -35,14 +35,14 @@ def test_groups_are_those_of_complete_linkage(seed):
     width /= extent.across + 0.5 * (range_[one] + range_[two]) * extent.beam
     distance = np.maximum(abs(range_[one] - range_[two]) / extent.along, width)
     expected = fcluster(linkage(distance, "complete"), 1.0, "distance") if n > 1 else np.zeros(n)
-    assert groups_of(grouped(scan.range, scan.azimuth, extent)) == groups_of(expected)
+    assert groups_of(group_detections(scan.range, scan.azimuth, extent)) == groups_of(expected)
 
 
 def test_a_saturated_receiver_is_cut_in_cells_in_time():
     rng = np.random.default_rng(1)
     range_, azimuth = rng.uniform(100.0, 120.0, 30_000), rng.uniform(0.0, 0.2, 30_000)
-    extent = ClusterExtent(4.0, 4.0)
-    label = grouped(range_, azimuth, extent)
+    extent = GroupingExtent(4.0, 4.0)
+    label = group_detections(range_, azimuth, extent)
     assert 20 <= len(np.unique(label)) <= 100
     for one in np.unique(label):
         assert np.ptp(range_[label == one]) <= 4.0
@@ -58,7 +58,7 @@ def test_a_cluster_has_its_strongest_members_figures():
         features={"intensity": [1.0, 5.0, 3.0], "range_rate": [0.1, 0.2, 0.3]},
         sensor_pose=[[0.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]],
     )
-    made = clusters_of(scan, np.array([0, 1, 0]), ClusterErrors(), SENSOR)
+    made = clusters_of_groups(scan, np.array([0, 1, 0]), ClusterErrors(), SENSOR)
     assert made.strongest.tolist() == [2, 1]
     assert made.scan.range == pytest.approx([200.75, 50.0])
     assert math.remainder(made.scan.azimuth[0] - (math.pi + 0.002), 2 * math.pi) == pytest.approx(0)
@@ -70,21 +70,21 @@ def test_a_cluster_has_its_strongest_members_figures():
 
 def test_without_intensities_the_member_nearest_to_the_centroid_counts():
     scan = Scan(0.0, [10.0, 11.0, 15.0], [0.0, 0.0, 0.0])
-    made = clusters_of(scan, np.zeros(3, int), ClusterErrors(), SENSOR)
+    made = clusters_of_groups(scan, np.zeros(3, int), ClusterErrors(), SENSOR)
     assert made.strongest.tolist() == [1]
     assert made.scan.range == pytest.approx([12.0])
 
 
 def test_a_cluster_at_the_sensor_has_any_azimuth():
     scan = Scan(0.0, [0.01, 0.02], [0.0, 1.0])
-    made = clusters_of(scan, np.zeros(2, int), ClusterErrors(1.0, 4.0), SENSOR)
+    made = clusters_of_groups(scan, np.zeros(2, int), ClusterErrors(1.0, 4.0), SENSOR)
     assert made.scan.azimuth_std.tolist() == [math.pi]
 
 
 def test_detections_alone_stay_as_they_are():
     rng = np.random.default_rng(2)
     scan = Scan(0.0, rng.uniform(10.0, 20.0, 9), rng.uniform(-3.0, 3.0, 9))
-    made = clusters_of(scan, np.arange(9), ClusterErrors(0.7, 0.0), SENSOR)
+    made = clusters_of_groups(scan, np.arange(9), ClusterErrors(0.7, 0.0), SENSOR)
     assert made.scan.range.tobytes() == scan.range.tobytes()
     assert made.scan.azimuth.tobytes() == scan.azimuth.tobytes()
     assert not made.own_range_std.any()
@@ -110,7 +110,7 @@ def test_a_cluster_errs_as_is_said(independent, weighted):
         **{"features": intensity},
     )
     errors = ClusterErrors(independent, extent**2 / 12.0)
-    made = clusters_of(scan, label, errors, SENSOR)
+    made = clusters_of_groups(scan, label, errors, SENSOR)
     tolerance = 4.0 * math.sqrt(2.0 / n)
     along = np.mean((made.scan.range - place) ** 2 / made.scan.range_std**2)
     across = np.mean(made.scan.azimuth**2 / made.scan.azimuth_std**2)

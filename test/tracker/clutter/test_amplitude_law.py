@@ -16,10 +16,10 @@ from tsepm_ros.tracker.clutter.amplitude_law import (
     MIN_REFERENCES,
     REACH,
     AmplitudeLaw,
-    PathRatio,
-    log_ratio,
-    ratio_db,
-    ratio_prior,
+    AmplitudeLawTable,
+    amplitude_law_log_ratio,
+    amplitude_law_prior,
+    amplitude_law_ratio_db,
 )
 
 
@@ -108,7 +108,7 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
     """
     rng = np.random.default_rng(references)
     quantile, paths, repeats = QUANTILES[name], 60, 120
-    ratios, prior = amplitude_law.ratio_prior()
+    ratios, prior = amplitude_law.amplitude_law_prior()
     means = np.zeros((repeats, 4))
     for repeat in range(repeats):
         law = law_of(quantile(rng.exponential(size=references)))
@@ -116,10 +116,12 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
         ratio = rng.choice(ratios, paths, p=prior)
         true = (1.0 + ratio[:, None]) * rng.exponential(size=(paths, 16))
         normalised = normalised_of(law, quantile(true).ravel()).reshape(true.shape)
-        told = amplitude_law.scaled(normalised, samples)
+        told = amplitude_law.scaled_by_amplitude_law(normalised, samples)
         for column, hits in enumerate((3, 5, 8, 16)):
             count = np.full(paths, float(hits))
-            learned = amplitude_law.log_ratio(count, told[:, :hits].sum(axis=1), samples)
+            learned = amplitude_law.amplitude_law_log_ratio(
+                count, told[:, :hits].sum(axis=1), samples
+            )
             exact = np.logaddexp.reduce(
                 np.log(prior)[:, None]
                 - hits * np.log1p(ratios)[:, None]
@@ -142,13 +144,13 @@ def exponential_ratio(hits: int, total: float) -> float:
     """sum_k w_k (1 + r_k)^-n exp(S r_k / (1 + r_k)), term by term."""
     return sum(
         weight * (1.0 + ratio) ** -hits * math.exp(total * ratio / (1.0 + ratio))
-        for ratio, weight in zip(*ratio_prior(), strict=True)
+        for ratio, weight in zip(*amplitude_law_prior(), strict=True)
     )
 
 
 @pytest.mark.parametrize(("hits", "total"), [(1, 0.1), (3, 9.0), (8, 40.0), (16, 12.0)])
 def test_a_known_law_gives_the_ratio_of_exponentials(hits, total):
-    found = log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
+    found = amplitude_law_log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
     assert found == pytest.approx(math.log(exponential_ratio(hits, total)), abs=1e-5)
 
 
@@ -160,7 +162,7 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
         total = samples * share / (1.0 - share)  # share: beta(3, N)
         log_density = 2.0 * math.log(share) + (samples - 1.0) * math.log1p(-share)
         norm = math.gamma(3.0) / np.prod([samples, samples + 1.0, samples + 2.0])
-        log_ratio_there = log_ratio(np.array(3.0), np.array(total), samples)
+        log_ratio_there = amplitude_law_log_ratio(np.array(3.0), np.array(total), samples)
         return math.exp(log_density + log_ratio_there) / norm
 
     mean = integrate.quad(weighted, 0.0, 1.0, limit=500)[0]
@@ -168,9 +170,9 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
 
 
 def test_table_agrees_with_the_formula():
-    table = PathRatio.for_count(200.0, 16)
+    table = AmplitudeLawTable.for_count(200.0, 16)
     hits, total = np.arange(17), np.linspace(0.0, 150.0, 17)
-    expected = log_ratio(hits.astype(float), total, table.count)
+    expected = amplitude_law_log_ratio(hits.astype(float), total, table.count)
     np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)
     assert abs(table.count / 200.0 - 1.0) < 0.1
 
@@ -178,9 +180,9 @@ def test_table_agrees_with_the_formula():
 def test_ratio_of_many_hits_is_that_of_their_mean():
     for truth in (0.0, 10.0):
         hits = np.array([400.0])
-        found = ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
+        found = amplitude_law_ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
         assert found == pytest.approx(truth, abs=0.6)
-    assert np.isnan(ratio_db(np.zeros(2), np.zeros(2))).all()
-    low = ratio_db(np.array([50.0]), np.array([50.0]))[0]
+    assert np.isnan(amplitude_law_ratio_db(np.zeros(2), np.zeros(2))).all()
+    low = amplitude_law_ratio_db(np.array([50.0]), np.array([50.0]))[0]
     assert FIGURES_DB[0] <= low < -3.0
     assert LAW_KNOWN > 1e4

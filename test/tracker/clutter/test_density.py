@@ -13,14 +13,14 @@ from tsepm_ros.tracker.clutter.density import (
     MAX_DETECTIONS,
     MIN_STEP,
     PER_SIDE,
-    Bounds,
+    ClutterExtent,
     ClutterMap,
-    Extent,
-    SeenExtent,
-    squares,
-    window_sums,
+    DensityBounds,
+    SeenClutterExtent,
+    density_window_sizes,
+    density_window_sums,
 )
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, excess_poisson_bound
 from tsepm_ros.tracker.polar_grid import PolarGrid
 
 SONAR = SensorModel(max_range=9000.0)
@@ -152,7 +152,7 @@ def test_an_empty_scan_is_one_without_clutter():
 def test_a_few_detections_in_a_small_hull_may_be_targets_and_make_no_dense_clutter():
     range_, azimuth = np.array([170.0, 297.0, 474.0]), np.radians([22.0, -4.0, 22.0])
     sensor = SensorModel(max_range=500.0)
-    made, seen = ClutterMap(sensor), SeenExtent(Extent.of_sensor(sensor))
+    made, seen = ClutterMap(sensor), SeenClutterExtent(ClutterExtent.of_sensor(sensor))
     for _ in range(3):
         seen.update(range_, azimuth, np.ones(3))
         take(made, range_, azimuth, lambda: seen.region, 5e5)
@@ -206,8 +206,8 @@ def looped(
                 )
                 area = max(widening * seen[part].sum(), 0.1 * whole[part].sum())
                 area, number = min(area, whole[part].sum()), counts[part].sum()
-                low = poisson_bound(np.array(max(number - TARGET, 0.0)), -MAX_DEVIATIONS)
-                high = poisson_bound(np.array(number), MAX_DEVIATIONS)
+                low = excess_poisson_bound(np.array(max(number - TARGET, 0.0)), -MAX_DEVIATIONS)
+                high = excess_poisson_bound(np.array(number), MAX_DEVIATIONS)
                 bounds[begin] = float(low) / area, float(high) / area
             these = [bounds[one] for one in itertools.product(down[cell[0]], across[cell[1]])]
             low, high = (max(each) for each in zip(*these, strict=True))
@@ -224,11 +224,13 @@ def test_densities_are_those_of_a_loop_over_windows(sensor, kind, mean):
     counts[:5, 3:8] += 4.0 * mean
     whole = np.broadcast_to(grid.area, grid.shape)
     seen = whole * (rng.random(grid.shape) < 0.8)
-    sizes = squares(*grid.shape)
+    sizes = density_window_sizes(*grid.shape)
     if kind == "arcs":
         sizes = [(1, grid.shape[1] // parts) for parts in ARCS]
     start = np.full(grid.shape, counts.sum() / whole.sum())
-    bounds = Bounds(sizes, seen, window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1)
+    bounds = DensityBounds(
+        sizes, seen, density_window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1
+    )
     found = bounds.moved(start, counts, 1.0, TARGET)
     expected = looped(grid.shape, sizes, counts, (seen, whole, 1.1), grid.wraps, start)
     np.testing.assert_allclose(found, expected, rtol=1e-11)
@@ -239,27 +241,31 @@ SENSOR = SensorModel(clutter_density=1e-8)
 
 
 def test_places_do_not_grow_with_restarts():
-    extent, rng = SeenExtent(Extent.of_sensor(SENSOR)), np.random.default_rng(1)
+    extent, rng = SeenClutterExtent(ClutterExtent.of_sensor(SENSOR)), np.random.default_rng(1)
     for _ in range(5):
-        before, extent = extent, SeenExtent(Extent.of_sensor(SENSOR))
+        before, extent = extent, SeenClutterExtent(ClutterExtent.of_sensor(SENSOR))
         extent.take(before.places)
         extent.update(rng.uniform(10.0, 9000.0, 490), rng.uniform(-3.0, 3.0, 490), np.ones(490))
         assert extent.detections < 2 * MAX_DETECTIONS
 
 
-SEEN = Extent(20.0, 300.0, -1.0, 1.0)
+SEEN = ClutterExtent(20.0, 300.0, -1.0, 1.0)
 
-GIVEN = Extent(0.0, 9000.0, -math.pi, math.pi)
+GIVEN = ClutterExtent(0.0, 9000.0, -math.pi, math.pi)
 
 
-def draw(rng: np.random.Generator, number: int, extent: Extent) -> tuple[np.ndarray, np.ndarray]:
+def draw(
+    rng: np.random.Generator, number: int, extent: ClutterExtent
+) -> tuple[np.ndarray, np.ndarray]:
     """Uniform places in an extent."""
     square = rng.uniform(extent.min_range**2, extent.max_range**2, number)
     return np.sqrt(square), rng.uniform(extent.azimuth_min, extent.azimuth_max, number)
 
 
-def estimated(number: int, extent: Extent, limit: Extent = GIVEN, seed: int = 1) -> Extent:
-    seen = SeenExtent(limit)
+def estimated(
+    number: int, extent: ClutterExtent, limit: ClutterExtent = GIVEN, seed: int = 1
+) -> ClutterExtent:
+    seen = SeenClutterExtent(limit)
     seen.update(*draw(np.random.default_rng(seed), number, extent), np.ones(number))
     return seen.region.extent
 
@@ -278,7 +284,7 @@ def test_the_area_is_right_on_average(number):
 
 @pytest.mark.parametrize("middle", [0.0, 1.5, math.pi, -3.0])
 def test_a_sector_may_lie_across_the_back(middle):
-    sector = Extent(20.0, 300.0, middle - 0.5, middle + 0.5)
+    sector = ClutterExtent(20.0, 300.0, middle - 0.5, middle + 0.5)
     found = estimated(500, sector)
     assert found.azimuth_max - found.azimuth_min == pytest.approx(1.0, abs=0.02)
     turn = 0.5 * (found.azimuth_min + found.azimuth_max) - middle
@@ -286,19 +292,19 @@ def test_a_sector_may_lie_across_the_back(middle):
 
 
 def test_the_limit_is_not_exceeded():
-    limit = Extent(50.0, 250.0, -0.9, 0.7)
+    limit = ClutterExtent(50.0, 250.0, -0.9, 0.7)
     found = estimated(3, limit, limit)
     assert limit.min_range <= found.min_range < found.max_range <= limit.max_range
     assert limit.azimuth_min <= found.azimuth_min < found.azimuth_max <= limit.azimuth_max
 
 
 def test_confirmed_tracks_detections_do_not_count_and_old_ones_go():
-    seen = SeenExtent(GIVEN)
+    seen = SeenClutterExtent(GIVEN)
     rng = np.random.default_rng(3)
     seen.update(*draw(rng, 400, GIVEN), np.full(400, 0.2))
     assert seen.region.extent == GIVEN
     assert seen.detections == 0
-    seen.update(*draw(rng, 400, Extent(0.0, 5000.0, -1.0, 1.0)), np.ones(400))
+    seen.update(*draw(rng, 400, ClutterExtent(0.0, 5000.0, -1.0, 1.0)), np.ones(400))
     assert seen.detections == 400
     for _ in range(40):  # the operator chose a shorter range
         seen.update(*draw(rng, 20, SEEN), np.ones(20))
@@ -312,8 +318,8 @@ def test_a_sector_that_is_seen_across_the_seam_of_the_coverage_is_not_cut(turn):
     azimuth = np.pi + rng.uniform(-0.5, 0.5, 400)
     range_ = np.sqrt(rng.uniform(100.0, 8100.0, 400))
     for low, high in ((-3.1415, 3.1415), (-2.9, 2.9)):
-        extent = Extent(0.0, 100.0, low + turn, high + turn)
-        seen = SeenExtent(extent)
+        extent = ClutterExtent(0.0, 100.0, low + turn, high + turn)
+        seen = SeenClutterExtent(extent)
         seen.update(range_, azimuth + turn, np.ones(400))
         region = seen.region
         assert region.contains(range_, azimuth + turn).mean() > 0.98
@@ -321,9 +327,9 @@ def test_a_sector_that_is_seen_across_the_seam_of_the_coverage_is_not_cut(turn):
 
 
 def test_an_extent_has_the_area_of_its_sector_and_knows_a_whole_turn():
-    whole = Extent.of_sensor(SensorModel(min_range=10.0, max_range=50.0))
+    whole = ClutterExtent.of_sensor(SensorModel(min_range=10.0, max_range=50.0))
     assert whole.all_round
     assert whole.area == pytest.approx(math.pi * (50.0**2 - 10.0**2))
-    half = Extent.of_sensor(SensorModel(max_range=50.0, azimuth_min=-1.0, azimuth_max=0.5))
+    half = ClutterExtent.of_sensor(SensorModel(max_range=50.0, azimuth_min=-1.0, azimuth_max=0.5))
     assert not half.all_round
     assert half.area == pytest.approx(0.75 * 50.0**2)

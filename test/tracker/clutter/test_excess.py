@@ -14,27 +14,27 @@ from tsepm_ros.tracker.clutter.excess import (
     HALF_WIDTHS,
     RECENT,
     ConfirmedTargets,
+    ExcessPrediction,
     Overdispersion,
-    PredictiveDensity,
-    SecondaryEchoes,
+    SecondaryEchoExcess,
 )
-from tsepm_ros.tracker.polar_grid import Batch, Cells
+from tsepm_ros.tracker.polar_grid import Cells, PolarBatch
 
 SONAR = SensorModel()
 
 
 def taken(
     overdispersion: Overdispersion, made: ClutterMap, cells: Cells, weight: np.ndarray
-) -> PredictiveDensity:
+) -> ExcessPrediction:
     """Take a scan as a batch; what makes its density uncertain."""
-    batch, density = Batch(made.grid.shape[1]), made.at(cells)
+    batch, density = PolarBatch(made.grid.shape[1]), made.at(cells)
     batch.take(cells, (weight, weight), weight, np.ones(made.grid.shape[1]))
     batch.densities.append(density)
     overdispersion.update(batch, made.seen.counted)
     return overdispersion.predictive(cells, density, made.seen.counted)
 
 
-def along_path(predictive: PredictiveDensity, row: int, hits: int) -> float:
+def along_path(predictive: ExcessPrediction, row: int, hits: int) -> float:
     """What the hits of a path of detections at one place add to its score."""
     before = np.arange(1, hits)
     increment = predictive.increment(before, np.arange(hits - 1), np.full(hits - 1, row))
@@ -46,7 +46,7 @@ def test_a_path_in_a_place_of_gamma_density_has_the_negative_binomial_law(shape)
     # With n of m expected seen before, and each hit seen by those after it.
     seen, expected, hits = 7.0, 4.0, 6
     found = [
-        PredictiveDensity(shape, np.array([seen + j]), np.array([expected])).increment(
+        ExcessPrediction(shape, np.array([seen + j]), np.array([expected])).increment(
             np.array([j]), np.zeros(1, int), np.zeros(1, int)
         )[0]
         for j in range(hits)
@@ -65,7 +65,7 @@ def test_the_mean_ratio_of_a_path_in_clutter_of_gamma_density_is_at_most_1(shape
     lost = np.zeros(len(factor))
     for before in range(hits):
         seen = around + before
-        predictive = PredictiveDensity(shape, seen, np.full(len(seen), expected))
+        predictive = ExcessPrediction(shape, seen, np.full(len(seen), expected))
         lost += predictive.increment(np.full(len(seen), before), rows, rows)
     ratios = factor**hits * np.exp(lost)
     assert ratios.mean() < 1.0 + 3.0 * ratios.std() / math.sqrt(len(ratios))
@@ -74,11 +74,11 @@ def test_the_mean_ratio_of_a_path_in_clutter_of_gamma_density_is_at_most_1(shape
 
 
 def test_a_path_counts_its_own_hits_where_nothing_else_was_seen():
-    empty = PredictiveDensity(2.0, np.zeros(1), np.zeros(1))
+    empty = ExcessPrediction(2.0, np.zeros(1), np.zeros(1))
     assert along_path(empty, 0, 4) == pytest.approx(-math.log(1.5 * 2.0 * 2.5))
-    calm = PredictiveDensity(2.0, np.zeros(1), np.array([50.0]))
+    calm = ExcessPrediction(2.0, np.zeros(1), np.array([50.0]))
     assert along_path(calm, 0, 4) == 0.0, "a place that looks empty is no evidence"
-    many = PredictiveDensity(2.0, np.array([9.0]), np.array([3.0]))
+    many = ExcessPrediction(2.0, np.array([9.0]), np.array([3.0]))
     assert along_path(many, 0, 4) == pytest.approx(-3.0 * math.log(11.0 / 5.0))
 
 
@@ -119,7 +119,7 @@ class Learned:
             self.map.update(cells, weight)
             self.predictive = taken(self.overdispersion, self.map, cells, weight)
 
-    def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[PredictiveDensity, np.ndarray]:
+    def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[ExcessPrediction, np.ndarray]:
         """Predictive density at further places, and the true density over the map's."""
         cells = self.map.grid.cells(*places)
         density = self.map.at(cells)
@@ -204,7 +204,7 @@ class Sea:
 
     def __init__(self, sensor: SensorModel = SONAR) -> None:
         self.map = ClutterMap(sensor)
-        self.echoes = SecondaryEchoes(self.map.grid)
+        self.echoes = SecondaryEchoExcess(self.map.grid)
 
     def take(self, places: np.ndarray, targets: ConfirmedTargets = NO_TARGETS) -> np.ndarray:
         range_, azimuth = places
@@ -212,7 +212,7 @@ class Sea:
         cells = self.map.grid.cells(range_, azimuth)
         self.map.update(cells, weight)
         self.map.take_level(weight.sum())
-        batch, expected = Batch(self.map.grid.shape[1]), self.map.expected
+        batch, expected = PolarBatch(self.map.grid.shape[1]), self.map.expected
         batch.take(cells, (range_, azimuth), weight, np.ones(self.map.grid.shape[1]))
         self.echoes.update(targets, batch, expected)
         among = self.echoes.among(cells, weight, expected)

@@ -10,7 +10,7 @@ import pytest
 from tsepm_ros import LandMask, Scan, SensorModel
 from tsepm_ros.tracker.clutter import fixed_places
 from tsepm_ros.tracker.clutter import fixed_places as module
-from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, excess_poisson_bound
 from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
     LEAST_SIDE,
@@ -21,8 +21,8 @@ from tsepm_ros.tracker.clutter.fixed_places import (
     SIDE,
     FixedPlaces,
 )
-from tsepm_ros.tracker.scan import placed as in_fixed_frame
-from tsepm_ros.tracker.sensor import View
+from tsepm_ros.tracker.scan import scan_positions as in_fixed_frame
+from tsepm_ros.tracker.sensor import SensorView
 
 SECTOR = SensorModel(
     range_std=1.0,
@@ -37,8 +37,8 @@ SECTOR = SensorModel(
 NONE = np.zeros(0, np.int64)
 
 
-def view(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> View:
-    return View(SECTOR, (x, y, yaw), None)
+def view(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> SensorView:
+    return SensorView(SECTOR, (x, y, yaw), None)
 
 
 def deviations(range_: np.ndarray) -> np.ndarray:
@@ -60,11 +60,13 @@ class Plain:
     """The same with loops over cells."""
 
     def __init__(self) -> None:
-        self.periods: list[tuple[Counter, int, list[View]]] = []
+        self.periods: list[tuple[Counter, int, list[SensorView]]] = []
         self.densities: dict[tuple[int, int, int], float] = {}
-        self.scans: list[tuple[float, View, list]] = []
+        self.scans: list[tuple[float, SensorView, list]] = []
 
-    def update(self, stamp: float, seen: View, position: np.ndarray, range_: np.ndarray) -> None:
+    def update(
+        self, stamp: float, seen: SensorView, position: np.ndarray, range_: np.ndarray
+    ) -> None:
         if len(self.scans) >= SCANS and stamp - self.scans[0][0] >= LEAST_TIME:
             self.end()
             self.scans = []
@@ -102,7 +104,7 @@ class Plain:
         most = 0.0
         for right, up in DIRECTIONS:
             three = [self.number((level, x + k * right, y + k * up)) for k in (-1, 0, 1)]
-            low = float(poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
+            low = float(excess_poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
             most = max(most, min(low / 3.0, 2.0 * min(three)))
         first = next(i for i, (counts, *_) in enumerate(self.periods) if counts[of])
         scans = 0.0
@@ -264,7 +266,7 @@ def test_of_many_views_in_a_period_the_share_of_each_counts():
         range_, azimuth = range_[seen], azimuth[seen]
         position = placed(range_, azimuth)
         cells = learned.cells(position, deviations(range_))
-        looked = View(SECTOR, (0.0, 0.0, 0.0), arc)
+        looked = SensorView(SECTOR, (0.0, 0.0, 0.0), arc)
         learned.update(0.3125 * ping, looked, cells, NONE)
     along = np.linspace(-110.0, 110.0, 45)
     found = [density_at(learned, (140.0 + 0.3 * one, 0.95 * one)) for one in along]

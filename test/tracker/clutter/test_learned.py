@@ -9,7 +9,7 @@ import pytest
 from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
-from tsepm_ros.tracker.clutter.learned import HALF_LIFE, read, written
+from tsepm_ros.tracker.clutter.learned import HALF_LIFE, read_learned, write_learned
 
 DAY = 86_400.0
 
@@ -27,8 +27,8 @@ def run():
 
 
 def test_a_restart_goes_on_with_what_was_learned(run):
-    text = written(run.learned, SENSOR, "sonar", 1000.0)
-    found, age = read(text, SENSOR, "sonar", 1000.0, DAY)
+    text = write_learned(run.learned, SENSOR, "sonar", 1000.0)
+    found, age = read_learned(text, SENSOR, "sonar", 1000.0, DAY)
     assert age == 0.0
     fresh = score(SENSOR)
     fresh.learned = found
@@ -69,18 +69,18 @@ def test_a_restart_goes_on_with_what_was_learned(run):
     ],
 )
 def test_what_does_not_fit_is_refused_with_the_reason(run, change, time, said):
-    content = json.loads(written(run.learned, SENSOR, "sonar", 0.0)) | change
+    content = json.loads(write_learned(run.learned, SENSOR, "sonar", 0.0)) | change
     with pytest.raises(ValueError, match=said):
-        read(json.dumps(content), SENSOR, "sonar", time, DAY)
+        read_learned(json.dumps(content), SENSOR, "sonar", time, DAY)
 
 
 def test_what_was_learned_fades_with_its_age_and_a_text_of_long_ago_is_as_good_as_none(run):
-    text = written(run.learned, SENSOR, "sonar", 0.0)
-    found = read(text, SENSOR, "", HALF_LIFE, DAY)[0].clutter_map.memory[1]
+    text = write_learned(run.learned, SENSOR, "sonar", 0.0)
+    found = read_learned(text, SENSOR, "", HALF_LIFE, DAY)[0].clutter_map.memory[1]
     assert found == pytest.approx(0.5 * run.learned.clutter_map.memory[1])
     for days in (30.0, 260.0, 267.0, 365.0):
         initiator = score(SENSOR)
-        initiator.learned = read(text, SENSOR, "sonar", days * DAY, 366.0 * DAY)[0]
+        initiator.learned = read_learned(text, SENSOR, "sonar", days * DAY, 366.0 * DAY)[0]
         assert initiator.clutter_density == pytest.approx(SENSOR.clutter_density)
         assert initiator.detection_probability == pytest.approx(SENSOR.detection_probability)
 
@@ -89,19 +89,19 @@ def test_numbers_that_are_not_finite_are_not_written(run):
     learned = copy.deepcopy(run.learned)
     learned.detection_probability.remember(float("inf"), float("inf"))
     with pytest.raises(ValueError):
-        written(learned, SENSOR, "sonar", 0.0)
+        write_learned(learned, SENSOR, "sonar", 0.0)
 
 
 def test_another_sensor_is_refused(run):
-    text = written(run.learned, SENSOR, "sonar", 0.0)
+    text = write_learned(run.learned, SENSOR, "sonar", 0.0)
     with pytest.raises(ValueError, match="max_range was 9000"):
-        read(text, replace(SENSOR, max_range=500.0), "sonar", 0.0, DAY)
+        read_learned(text, replace(SENSOR, max_range=500.0), "sonar", 0.0, DAY)
     with pytest.raises(ValueError, match="frame was 'sonar'"):
-        read(text, SENSOR, "other", 0.0, DAY)
-    assert read(text, SENSOR, "", 0.0, DAY)
+        read_learned(text, SENSOR, "other", 0.0, DAY)
+    assert read_learned(text, SENSOR, "", 0.0, DAY)
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "{", "[" * 100_000, '"x"'])
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="it is not"):
-        read(text, SENSOR, "", 0.0, DAY)
+        read_learned(text, SENSOR, "", 0.0, DAY)

@@ -10,9 +10,9 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     DATA_SHEET_SCANS,
     DetectionProbability,
     FittedErrors,
-    MeasurementErrors,
+    SensorPerformanceErrors,
 )
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 
 CONFIRMED = np.array([7, 9, 11]), np.array([True, True, False])
 
@@ -29,7 +29,7 @@ def fitted(
     Also given, if asked for: a third, whose detections are at the sensor.
     """
     rng = np.random.default_rng(5)
-    errors = MeasurementErrors()
+    errors = SensorPerformanceErrors()
     confirmed = np.array([7, 9])
     start = np.array([[150.0, 20.0], [480.0, -200.0]])
     velocity = np.array([[0.5, 0.6], [-0.4, 0.3]])
@@ -39,12 +39,12 @@ def fitted(
         range_ = range_ + np.sqrt(true.range_variance(range_)) * rng.standard_normal(2)
         azimuth = azimuth + true.azimuth_std * rng.standard_normal(2)
         range_ = range_ + 30.0 * (rng.random(2) < wild)
-        detections = convert(Scan(float(ping), range_, azimuth), given, ping)
+        detections = convert_measurements(Scan(float(ping), range_, azimuth), given, ping)
         seen = rng.random(2) < 0.9
         variance = given.range_variance(range_)
         errors.update(confirmed[seen], detections[seen], variance[seen], *CONFIRMED)
         if at_the_sensor:
-            third = convert(Scan(float(ping), [1.0], [0.0]), given, ping)
+            third = convert_measurements(Scan(float(ping), [1.0], [0.0]), given, ping)
             third["position"] = 0.0  # a cluster, joined of echoes around the sensor
             errors.update(np.array([11]), third, np.ones(1), *CONFIRMED)
     return errors.fitted
@@ -78,12 +78,17 @@ def test_an_error_that_grows_with_range_is_told_from_a_constant():
 def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
     # A loop over the tracks, each alone, against tracks that begin, end and change places.
     rng, given = np.random.default_rng(6), model(0.5, 0.0, 0.02)
-    together, alone = MeasurementErrors(), {track: MeasurementErrors() for track in range(9)}
+    together, alone = (
+        SensorPerformanceErrors(),
+        {track: SensorPerformanceErrors() for track in range(9)},
+    )
     for ping in range(120):
         confirmed = rng.permutation([track for track in range(9) if ping // 10 != track])
         seen = np.sort(confirmed[rng.random(len(confirmed)) < 0.8])
         place = 100.0 * np.exp(1j * seen) + ping * (1.0 + seen) + rng.standard_normal(len(seen))
-        detections = convert(Scan(float(ping), np.abs(place), np.angle(place)), given, ping)
+        detections = convert_measurements(
+            Scan(float(ping), np.abs(place), np.angle(place)), given, ping
+        )
         variance = given.range_variance(np.abs(place))
         moves = confirmed % 2 > 0
         together.update(seen, detections, variance, confirmed, moves)
@@ -107,7 +112,7 @@ def test_nothing_is_said_on_few_innovations():
 def test_three_detections_in_a_row_by_a_plain_formula():
     # On a line straight ahead; the middle one of 1, 2 and 4 s is 3 m too far and 0.01 rad aside.
     sensor = model(1.0, 0.0, 1e-6)
-    errors = MeasurementErrors()
+    errors = SensorPerformanceErrors()
     confirmed = np.array([1])
     for number in range(60):
         for ping, (time, far, turn) in enumerate(
@@ -116,11 +121,15 @@ def test_three_detections_in_a_row_by_a_plain_formula():
             scan = Scan(10.0 * number + time, [far], [turn])
             variance = np.ones(1)
             errors.update(
-                confirmed, convert(scan, sensor, ping), variance, confirmed, confirmed > 0
+                confirmed,
+                convert_measurements(scan, sensor, ping),
+                variance,
+                confirmed,
+                confirmed > 0,
             )
         errors.update(
             confirmed[:0],
-            convert(scan, sensor, ping)[:0],
+            convert_measurements(scan, sensor, ping)[:0],
             variance[:0],
             confirmed[:0],
             confirmed[:0] > 0,
@@ -137,7 +146,12 @@ def walked(
     given: SensorModel, cell: float = 0.0, turns: bool = False, moves: bool = True
 ) -> FittedErrors:
     """Errors fitted to a target whose ranges are rounded to cells, or that turns now and then."""
-    rng, errors, place, course = np.random.default_rng(7), MeasurementErrors(), 300.0 + 0j, 0.3
+    rng, errors, place, course = (
+        np.random.default_rng(7),
+        SensorPerformanceErrors(),
+        300.0 + 0j,
+        0.3,
+    )
     confirmed = np.array([4])
     for ping in range(600):
         course += 1.5 * (turns and ping % 12 == 0)
@@ -145,7 +159,7 @@ def walked(
         range_ = abs(place) + given.range_std * rng.standard_normal() * (cell == 0.0)
         range_ = round(range_ / cell) * cell if cell else range_
         azimuth = np.angle(place) + given.azimuth_std * rng.standard_normal()
-        found = convert(Scan(float(ping), [range_], [azimuth]), given, ping)
+        found = convert_measurements(Scan(float(ping), [range_], [azimuth]), given, ping)
         errors.update(
             confirmed, found, np.full(1, given.range_std**2), confirmed, np.array([moves])
         )

@@ -10,15 +10,19 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.studies.reproduction.report import (
     Cell,
-    Line,
-    Panel,
     Part,
-    Picture,
-    Setting,
-    Table,
+    ReportLine,
+    ReportPanel,
+    ReportPicture,
+    ReportSetting,
+    ReportTable,
 )
-from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion
-from tsepm_ros.tools.evaluation.measures import closest_approach
+from tsepm_ros.tools.evaluation.intervals import (
+    IntervalEstimate,
+    mean_interval,
+    proportion_interval,
+)
+from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 
 ENCOUNTER = ((18_000.0, 187.0, 6.0, 330.0), (17_000.0, 189.0, 4.0, 190.0))
 """Targets A and B of Fig. 4: distance (m), azimuth (degrees), speed (m/s), heading (degrees)."""
@@ -62,12 +66,12 @@ PICTURED = {
 """Readings of the picture; each adds a correction to the previous reading."""
 
 
-def reproduce(setting: Setting) -> list[Part]:
+def reproduce(setting: ReportSetting) -> list[Part]:
     """Parts of the source's chapter."""
-    return [*_encounter_parts(), *_decision_parts(setting)]
+    return [*_environment_encounter_parts(), *_environment_decision_parts(setting)]
 
 
-def encounter(azimuth_from: str = "y") -> FloatArray:
+def environment_encounter(azimuth_from: str = "y") -> FloatArray:
     """States of A and B at the beginning, (2, 4).
 
     Parameters
@@ -85,7 +89,7 @@ def encounter(azimuth_from: str = "y") -> FloatArray:
     )
 
 
-def time_of_closest_approach(
+def environment_time_of_closest_approach(
     states: FloatArray, times: FloatArray, reading: tuple[str, str, str]
 ) -> FloatArray:
     """T_cpa (s) at each time (n,) of two targets (2, 4) by a reading of Eqs. 1-9."""
@@ -101,7 +105,7 @@ def time_of_closest_approach(
     return np.asarray(SIGNS[sign](along_course))
 
 
-def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
+def environment_holds(times: FloatArray, values: FloatArray, closest: float) -> str:
     """Whether T_cpa (n,) is as in the text: >= 0 before, < 0 after, |T_cpa| falls, then rises."""
     before, after = times < closest, times > closest
     size = np.abs(values)
@@ -114,28 +118,36 @@ def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
     return "holds" if all(conditions) else "does not hold"
 
 
-def _encounter_parts() -> list[Part]:
-    states = encounter()
-    time, distance = (float(value) for value in closest_approach(states[1] - states[0]))
+def _environment_encounter_parts() -> list[Part]:
+    states = environment_encounter()
+    time, distance = (float(value) for value in measured_closest_approach(states[1] - states[0]))
     start = float(np.hypot(*(states[1] - states[0])[0::2]))
-    separating = closest_approach(np.subtract(*encounter("x")))
+    separating = measured_closest_approach(np.subtract(*environment_encounter("x")))
     times = np.arange(0.0, 2.0 * time, TIME_STEP)
     exact = np.array(
-        [closest_approach(np.subtract(*_moved(states, time)))[0] for time in times], np.float64
+        [
+            measured_closest_approach(np.subtract(*_environment_moved(states, time)))[0]
+            for time in times
+        ],
+        np.float64,
     )
     curves = {"closest approach, -r.v / |v|^2": exact}
     curves |= {
-        name: time_of_closest_approach(states, times, reading) for name, reading in PICTURED.items()
+        name: environment_time_of_closest_approach(states, times, reading)
+        for name, reading in PICTURED.items()
     }
     rows = [
-        _figure_4_row(name, times, curves[name], time)
+        _environment_figure_4_row(name, times, curves[name], time)
         for name in ("closest approach, -r.v / |v|^2", "as printed", "with all corrections")
     ]
     readings = list(itertools.product(SLOPES, ANGLES, SIGNS))
     valid = [
         ", ".join(reading)
         for reading in readings
-        if holds(times, time_of_closest_approach(states, times, reading), time) == "holds"
+        if environment_holds(
+            times, environment_time_of_closest_approach(states, times, reading), time
+        )
+        == "holds"
     ]
     return [
         "### Fig. 4: the time of closest approach",
@@ -146,7 +158,7 @@ def _encounter_parts() -> list[Part]:
         "below 0 when the targets separate, and then grows in size. The last line of the "
         "table corrects Eqs. 2, 8 and 9. Of all "
         f"{len(readings)} combinations this holds for: {'; '.join(valid)}.",
-        Table(
+        ReportTable(
             "environment_2018_figure_4",
             {
                 "reading": "",
@@ -158,17 +170,19 @@ def _encounter_parts() -> list[Part]:
             },
             rows,
         ),
-        _figure_4(states, times, curves, time),
+        _environment_figure_4(states, times, curves, time),
     ]
 
 
-def _moved(states: FloatArray, time: float) -> FloatArray:
+def _environment_moved(states: FloatArray, time: float) -> FloatArray:
     moved = states.copy()
     moved[:, 0::2] += time * states[:, 1::2]
     return moved
 
 
-def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: float) -> list[Cell]:
+def _environment_figure_4_row(
+    name: str, times: FloatArray, values: FloatArray, closest: float
+) -> list[Cell]:
     before, after = (int(np.searchsorted(times, closest + side)) for side in (-1.0, 1.0))
     return [
         name,
@@ -176,38 +190,40 @@ def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: flo
         float(values[before]),
         float(values[after]),
         float(values[-1]),
-        holds(times, values, closest),
+        environment_holds(times, values, closest),
     ]
 
 
-def _figure_4(
+def _environment_figure_4(
     states: FloatArray, times: FloatArray, curves: dict[str, FloatArray], closest: float
-) -> Picture:
+) -> ReportPicture:
     dashes = ("-", ":", "--", "-.", (0, (5, 5)), (0, (1, 1)), "--")
     left = [
-        Line(times, values, name, {"ls": line})
+        ReportLine(times, values, name, {"ls": line})
         for (name, values), line in zip(curves.items(), dashes, strict=True)
     ]
     right = [
-        Line(x + times * vx, y + times * vy, name)
+        ReportLine(x + times * vx, y + times * vy, name)
         for name, (x, vx, y, vy) in zip("AB", states, strict=True)
     ]
-    x, y = _moved(states, closest)[:, 0::2].T
-    distance = float(np.hypot(*np.subtract(*_moved(states, closest))[0::2]))
+    x, y = _environment_moved(states, closest)[:, 0::2].T
+    distance = float(np.hypot(*np.subtract(*_environment_moved(states, closest))[0::2]))
     text = f"closest: {closest:.0f} s, {distance:.0f} m"
-    right.append(Line(x, y, text, {"color": "k", "ls": ":", "marker": "."}))
-    return Picture(
+    right.append(ReportLine(x, y, text, {"color": "k", "ls": ":", "marker": "."}))
+    return ReportPicture(
         "environment_2018_figure_4",
         "Fig. 4 of Environment 2018: the time of closest approach by reading of Eqs. 1-9, and the "
         "targets' courses",
         [
-            Panel(left, {"xlabel": "time, s", "ylabel": "T_cpa, s", "title": "By reading"}),
-            Panel(right, {"xlabel": "x (east), m", "ylabel": "y (north), m", "aspect": "equal"}),
+            ReportPanel(left, {"xlabel": "time, s", "ylabel": "T_cpa, s", "title": "By reading"}),
+            ReportPanel(
+                right, {"xlabel": "x (east), m", "ylabel": "y (north), m", "aspect": "equal"}
+            ),
         ],
     )
 
 
-def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
+def environment_smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Whether detection 1 goes to A and detection 2 to B, by two rules.
 
     Parameters
@@ -233,7 +249,7 @@ def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
     return each, straight < np.minimum(distances[..., 0, 1], distances[..., 1, 0])
 
 
-def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
+def environment_decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
     """The decision function as printed (Eqs. 10 and 11).
 
     Parameters
@@ -254,9 +270,9 @@ def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
     return np.asarray(np.square(after - mean).sum(axis=-1))
 
 
-def decide(
+def environment_decide(
     rng: np.random.Generator, trials: int, offset: float, histories: tuple[int, int]
-) -> tuple[Estimate, Estimate]:
+) -> tuple[IntervalEstimate, IntervalEstimate]:
     """Simulate encounters of a target A and a target B, a detection of each, decided by Eqs. 10-11.
 
     The three features are independent and Gaussian, in units of one detection's standard deviation.
@@ -284,21 +300,23 @@ def decide(
         rng.standard_normal((trials, 1, count, FEATURES)) + centre
         for count, centre in zip(histories, centres, strict=True)
     ]
-    distances = np.stack([decision(history, detections) for history in earlier], axis=-1)
-    each, pairs = smallest(distances)
+    distances = np.stack(
+        [environment_decision(history, detections) for history in earlier], axis=-1
+    )
+    each, pairs = environment_smallest(distances)
     # The two detections of an encounter meet the same histories.
-    return mean(each.mean(axis=1)), proportion(int(pairs.sum()), trials)
+    return mean_interval(each.mean(axis=1)), proportion_interval(int(pairs.sum()), trials)
 
 
-def _decision_parts(setting: Setting) -> list[Part]:
+def _environment_decision_parts(setting: ReportSetting) -> list[Part]:
     table = np.array(ENVIRONMENT_TABLE_1)
-    each, pairs = smallest(table)
+    each, pairs = environment_smallest(table)
     rng = np.random.default_rng(setting.seed)
     trials = TRIALS * setting.runs
     rows: list[list[Cell]] = []
     for histories in HISTORIES:
         for offset in OFFSETS:
-            shares = decide(rng, trials, offset, histories)
+            shares = environment_decide(rng, trials, offset, histories)
             rows.append(["{}, {}".format(*histories), offset, *shares])
     (a1, b1), (a2, b2) = table
     alone = ", ".join(f"detection {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))
@@ -312,7 +330,7 @@ def _decision_parts(setting: Setting) -> list[Part]:
         "The source prints neither units nor variances. Simulated are three independent Gaussian "
         "features, each with an offset between the targets in standard deviations of a detection; "
         f"{trials} encounters with a detection of each target; J by Eqs. 10 and 11.",
-        Table(
+        ReportTable(
             "environment_2018_table_1",
             {
                 "detections of A, B before": "",

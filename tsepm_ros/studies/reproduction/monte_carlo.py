@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
+from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import squared_distance
+from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.studies.reproduction.report import Result
 from tsepm_ros.tools.evaluation.simulated_run import (
     Judged,
     Outcome,
     SimulatedScene,
-    measurement_sigma,
+    simulated_measurement_sigma,
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
 from tsepm_ros.tracker import merging
@@ -35,7 +35,7 @@ from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.splitting import Gated, gate_within
+from tsepm_ros.tracker.splitting import SplittingGates, splitting_gate_within
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -98,7 +98,7 @@ WEIGHTS = ("f_1, as published", "equal", "1 / f_1", "the best member alone")
 
 
 @dataclass(frozen=True)
-class Started:
+class MonteCarloStarts:
     """Tracks started in a scene, with equal numbers of hits.
 
     Attributes
@@ -111,7 +111,7 @@ class Started:
     tracks: TrackArrays
 
     @classmethod
-    def on(cls, scene: SimulatedScene, initiator: Tracker, scans: int) -> Started:
+    def on(cls, scene: SimulatedScene, initiator: Tracker, scans: int) -> MonteCarloStarts:
         """The tracks that a method starts in the first scans."""
         parts = [initiator.process(scan) for scan in scene.scans[:scans]]
         return cls(scene, TrackArrays.joined(NO_TRACKS, *map(TrackArrays.from_tracks, parts)))
@@ -150,7 +150,7 @@ class Started:
         return outcomes.count(Outcome.TRUE), wrong
 
 
-def first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
+def monte_carlo_first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
     """Of the tracks with more than half of their hits from a target the first of each target."""
     first: dict[int, Judged] = {}
     for judgement in judged:
@@ -160,7 +160,7 @@ def first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
 
 
 @dataclass(frozen=True)
-class Table1Row:
+class MonteCarloTable1Row:
     """A row of TSEPM 2018, Table 1: P_F(1), P_F(2), and P_D at p_d = 1.0, 0.9 and 0.8."""
 
     rule: tuple[int, int]
@@ -175,7 +175,7 @@ class Table1Row:
 
 
 TABLE_1 = tuple(
-    Table1Row((m, n), before, after, (one, two, three))
+    MonteCarloTable1Row((m, n), before, after, (one, two, three))
     for m, n, before, after, one, two, three in (
         (3, 4, 0.1822, 0.1004, 0.9720, 0.8149, 0.6470),
         (3, 5, 0.3953, 0.1253, 0.9963, 0.8788, 0.7445),
@@ -211,19 +211,19 @@ class Table1Case:
     method: str = "published"
 
 
-class FixedMargin(Tsepm):
+class MonteCarloFixedMargin(Tsepm):
     """TSEPM 2018 with one gate margin, `STATED_MARGIN`, for all detections.
 
     Only the gate uses this margin; estimation, pruning and merging use each detection's errors.
     """
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gated:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> SplittingGates:
         """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
-        return gate_within(last_hits, detections, self.common.max_speed, margin)
+        return splitting_gate_within(last_hits, detections, self.common.max_speed, margin)
 
 
-class Predicted(Tsepm):
+class MonteCarloPredicted(Tsepm):
     """TSEPM 2018 with Eq. 22 read as the distance of each hit from its prediction by the others.
 
     The prediction does not contain the hit, so that the covariance of Eq. 21 is exact.
@@ -233,7 +233,7 @@ class Predicted(Tsepm):
         """The hits that predict a hit: all others."""
         return np.delete(np.arange(number), hit)
 
-    def estimated(self, ids: IntArray) -> Candidates:
+    def estimated(self, ids: IntArray) -> TsepmCandidates:
         """See `Tsepm.estimated`."""
         candidates, hits = super().estimated(ids), self.detections[ids]
         distances = [np.zeros(len(ids))]
@@ -245,30 +245,30 @@ class Predicted(Tsepm):
                 misfit = hit["position"] - position_after(fitted.state[:, None], time)
                 covariance = position_covariance_after(fitted.covariance[:, None], time)
                 covariance += hit["covariance"]
-                distances.append(squared_distance(misfit, covariance)[:, 0])
+                distances.append(squared_mahalanobis_distance(misfit, covariance)[:, 0])
         largest = np.max(distances, axis=0)
         return dataclasses.replace(candidates, distance=largest, evaluation=largest)
 
 
-class PredictedByEarlier(Predicted):
+class MonteCarloPredictedByEarlier(MonteCarloPredicted):
     """The same with the prediction of each hit, from the third on, by those before it."""
 
     def hits_before(self, hit: int, number: int) -> IntArray:
-        """See `Predicted.hits_before`."""
+        """See `MonteCarloPredicted.hits_before`."""
         return np.arange(hit)
 
 
 TSEPM_AS_READ: Mapping[str, type[Tsepm]] = MappingProxyType(
     {
         "published": Tsepm,
-        "fixed margin": FixedMargin,
-        "predicted": Predicted,
-        "predicted by earlier": PredictedByEarlier,
+        "fixed margin": MonteCarloFixedMargin,
+        "predicted": MonteCarloPredicted,
+        "predicted by earlier": MonteCarloPredictedByEarlier,
     }
 )
 
 
-def table_1_cases() -> dict[str, Table1Case]:
+def monte_carlo_table_1_cases() -> dict[str, Table1Case]:
     """Scenes of Section 5.1, a disc of clutter and one target, by the reading of the errors.
 
     P_F(1) has one gate margin everywhere, that of the errors at 5000 m. The published simulation
@@ -300,7 +300,7 @@ def table_1_cases() -> dict[str, Table1Case]:
 
 
 class Counted(IntEnum):
-    """Indices of the counts of `run_table_1`."""
+    """Indices of the counts of `monte_carlo_table_1`."""
 
     FIRST_SCAN_STARTS = 0
     """Clutter starts of the first scan."""
@@ -320,18 +320,18 @@ class Counted(IntEnum):
     """Length of the error of its velocity, m/s."""
 
 
-def run_table_1(case: Table1Case, seed: list[int]) -> Result:
+def monte_carlo_table_1(case: Table1Case, seed: list[int]) -> Result:
     """Start tracks by every rule and reading on one scene, and count as in `Counted`."""
     scene = SimulatedScene.drawn(case.scenario, seed)
     return {
-        f"{row.name} {reading}": _table_1_counts(scene, row, reading, case.method)
+        f"{row.name} {reading}": _monte_carlo_table_1_counts(scene, row, reading, case.method)
         for row in TABLE_1
         for reading in READINGS
     }
 
 
-def _table_1_counts(
-    scene: SimulatedScene, row: Table1Row, reading: str, as_read: str
+def _monte_carlo_table_1_counts(
+    scene: SimulatedScene, row: MonteCarloTable1Row, reading: str, as_read: str
 ) -> list[float]:
     """Counts in the order of `Counted`."""
     min_hits, window = row.rule
@@ -343,7 +343,7 @@ def _table_1_counts(
     )
     common = CommonOptions(max_speed=MAX_SPEED, **AS_GIVEN)
     initiator = Tracker(TSEPM_AS_READ[as_read](scene.scenario.sensor, common, options))
-    started = Started.on(scene, initiator, window)
+    started = MonteCarloStarts.on(scene, initiator, window)
     found, wrong = started.counts()
     errors = [
         (one.position_error, one.velocity_error)
@@ -364,10 +364,10 @@ def _table_1_counts(
     ]
 
 
-def sensor_at(error: float) -> SensorModel:
+def monte_carlo_sensor(error: float) -> SensorModel:
     """The sensor of Section 5.1, its errors scaled to a major axis (m) at the target."""
     sensor = SensorModel()
-    factor = error / measurement_sigma(sensor, TARGET)
+    factor = error / simulated_measurement_sigma(sensor, TARGET)
     return dataclasses.replace(
         sensor,
         range_std_fraction=factor * sensor.range_std_fraction,
@@ -375,7 +375,7 @@ def sensor_at(error: float) -> SensorModel:
     )
 
 
-def _scenario(sensor: SensorModel, density: float) -> Scenario:
+def _monte_carlo_scenario(sensor: SensorModel, density: float) -> Scenario:
     box = load_scenario("box", {"scans": RULE[1]})
     box_sensor = dataclasses.replace(
         sensor, max_range=box.sensor.max_range, clutter_density=density
@@ -384,25 +384,26 @@ def _scenario(sensor: SensorModel, density: float) -> Scenario:
 
 
 DENSITIES = {
-    density: _scenario(SensorModel(), density) for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
+    density: _monte_carlo_scenario(SensorModel(), density)
+    for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
 }
 """Scenes of Figs. 5 and 6."""
 ERRORS = {
-    error: _scenario(sensor_at(error), FIGURE_7_DENSITY)
+    error: _monte_carlo_scenario(monte_carlo_sensor(error), FIGURE_7_DENSITY)
     for error in (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
 }
 """Scenes of Figs. 7 and 8."""
 
 
-class Grouping(Tsepm):
+class MonteCarloGrouping(Tsepm):
     """TSEPM 2018 that keeps the members of every merged group, each as a track of their state."""
 
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self.groups: list[tuple[Candidates, TrackArrays]] = []
+        self.groups: list[tuple[TsepmCandidates, TrackArrays]] = []
 
-    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
         """See `Tsepm.merged`."""
         state, covariance = super().merged(group)
         n = len(group.distance)
@@ -413,7 +414,7 @@ class Grouping(Tsepm):
         return state, covariance
 
 
-def weighted(group: Candidates) -> FloatArray:
+def monte_carlo_weighted(group: TsepmCandidates) -> FloatArray:
     """States of a group by each of `WEIGHTS`, (4, 4)."""
     inverse = 1.0 / np.maximum(group.distance, 1e-12)
     moments = [
@@ -423,7 +424,7 @@ def weighted(group: Candidates) -> FloatArray:
     return np.stack([*moments, group.state[np.argmin(group.evaluation)]])
 
 
-def run_comparison(scenario: Scenario, seed: list[int]) -> Result:
+def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every curve's method: target found, false and misplaced, starts.
 
     Further numbers of TSEPM: whether the target is found if a merged group is judged by any of its
@@ -437,12 +438,12 @@ def run_comparison(scenario: Scenario, seed: list[int]) -> Result:
         initiator = make_initiator(method, sensor=scenario.sensor, **given)
         if method == "tsepm":
             made = initiator.method
-            initiator = Tracker(Grouping(made.sensor, made.common, made.options))
-        started = Started.on(scene, initiator, RULE[1])
+            initiator = Tracker(MonteCarloGrouping(made.sensor, made.common, made.options))
+        started = MonteCarloStarts.on(scene, initiator, RULE[1])
         found, wrong = started.counts()
         totals = initiator.totals
         results[name] = [float(found), float(wrong), float(totals.started)]
-        if isinstance(initiator.method, Grouping):
+        if isinstance(initiator.method, MonteCarloGrouping):
             groups = [
                 (scene.judge(list(tracks)), group) for group, tracks in initiator.method.groups
             ]
@@ -452,17 +453,17 @@ def run_comparison(scenario: Scenario, seed: list[int]) -> Result:
             left = totals.raw_confirmations - totals.pruned
             results[name] += [float(found_by_any), float(totals.raw_confirmations), float(left)]
             if name == next(iter(CURVES)):
-                results["weights"] = _errors_by_weight(scene, groups)
+                results["weights"] = _monte_carlo_errors_by_weight(scene, groups)
     return results
 
 
-def _errors_by_weight(
-    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], Candidates]]
+def _monte_carlo_errors_by_weight(
+    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], TsepmCandidates]]
 ) -> list[float]:
     errors: list[float] = []
     for judged, group in groups:
         if any(one.outcome is not Outcome.FALSE for one in judged):
             truth = scene.simulator.truth(judged[0].track.stamp)[0]
-            x, y = (weighted(group) - truth)[:, 0::2].T
+            x, y = (monte_carlo_weighted(group) - truth)[:, 0::2].T
             errors += np.hypot(x, y).tolist()
     return errors

@@ -22,11 +22,20 @@ from typing import Any
 import numpy as np
 
 import tsepm_ros
-from tsepm_ros.tools.commands.arguments import add_out, add_runs
-from tsepm_ros.tools.evaluation.intervals import Estimate, error_bars
-from tsepm_ros.tools.evaluation.result_files import RunFile, code_key, complete
-from tsepm_ros.tools.terminal import Progress, markdown_table, silent, with_progress
-from tsepm_ros.whole_files import opened_whole, write_text, written_whole
+from tsepm_ros.tools.commands.arguments import add_out_argument, add_runs_arguments
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate, interval_error_bars
+from tsepm_ros.tools.evaluation.result_files import (
+    ResultRunFile,
+    complete_result_files,
+    result_code_key,
+)
+from tsepm_ros.tools.terminal import (
+    Progress,
+    silent_terminal,
+    terminal_markdown_table,
+    terminal_progress,
+)
+from tsepm_ros.whole_files import opened_whole, write_whole_text, written_whole
 
 SOURCES = {
     "tsepm_2018": "TSEPM 2018",
@@ -43,7 +52,7 @@ RunFunction = Callable[[Any, list[int]], Result]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class ReportSetting:
     """Number, seeds, storage and workers of the runs.
 
     Attributes
@@ -61,7 +70,7 @@ class Setting:
     runs: int
     seed: int = 1
     processes: int = 1
-    progress: Progress = silent
+    progress: Progress = silent_terminal
 
     def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
         """Perform the runs of some cases that are not stored yet.
@@ -83,36 +92,41 @@ class Setting:
             return function, cases[case], [self.seed, index]
 
         return [
-            *complete(
-                files, self.runs, _run, job_of, processes=self.processes, progress=self.progress
+            *complete_result_files(
+                files,
+                self.runs,
+                _report_run,
+                job_of,
+                processes=self.processes,
+                progress=self.progress,
             )
         ]
 
-    def _file(self, function: RunFunction, case: Any) -> RunFile:
+    def _file(self, function: RunFunction, case: Any) -> ResultRunFile:
         header = {
-            "version": code_key(),
+            "version": result_code_key(),
             "function": function.__name__,
             "case": dataclasses.asdict(case),
             "seed": self.seed,
         }
-        return RunFile(self.folder, [function.__name__], header)
+        return ResultRunFile(self.folder, [function.__name__], header)
 
 
-def _run(job: tuple[RunFunction, Any, list[int]]) -> Result:
+def _report_run(job: tuple[RunFunction, Any, list[int]]) -> Result:
     function, case, seed = job
     return function(case, seed)
 
 
-def column(runs: Sequence[Result], name: str, place: int) -> np.ndarray:
+def report_column(runs: Sequence[Result], name: str, place: int) -> np.ndarray:
     """One number of every run, (runs,)."""
     return np.array([run[name][place] for run in runs], float)
 
 
-Cell = str | int | float | Estimate
+Cell = str | int | float | IntervalEstimate
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """A table in the report, also written as a CSV file.
 
     Attributes
@@ -151,36 +165,38 @@ class Table:
             ]
             for row in rows
         ]
-        return markdown_table(shown, texts) if texts else ""
+        return terminal_markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
         """Text of a cell without its interval, a dash for nan."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
-        value = cell.value if isinstance(cell, Estimate) else cell
+        value = cell.value if isinstance(cell, IntervalEstimate) else cell
         return "-" if math.isnan(value) else format(value, spec)
 
     def write_csv(self, path: Path) -> None:
         """Write the numbers; a number with an interval has three columns."""
         columns = zip(*self.rows, strict=True)
-        widths = [3 if any(isinstance(c, Estimate) for c in column) else 1 for column in columns]
+        widths = [
+            3 if any(isinstance(c, IntervalEstimate) for c in column) else 1 for column in columns
+        ]
         heading = [[name, f"{name}, low", f"{name}, high"] for name in self.columns]
         with opened_whole(path) as file:
             writer = csv.writer(file, lineterminator="\n")
-            for row in (heading, *(map(_values, row) for row in self.rows)):
+            for row in (heading, *(map(_report_values, row) for row in self.rows)):
                 cells = zip(row, widths, strict=True)
                 writer.writerow(value for values, width in cells for value in values[:width])
 
 
-def _values(cell: Cell) -> list[Any]:
+def _report_values(cell: Cell) -> list[Any]:
     """A number and its bounds, which are empty if it has none."""
-    if isinstance(cell, Estimate):
+    if isinstance(cell, IntervalEstimate):
         return [cell.value, cell.low, cell.high]
     return [cell, "", ""]
 
 
 @dataclass(frozen=True)
-class Line:
+class ReportLine:
     """A line or points of a panel.
 
     Attributes
@@ -199,16 +215,16 @@ class Line:
 
     def draw(self, axis: Any) -> None:
         """Draw it on an axis of matplotlib."""
-        if isinstance(self.y[0], Estimate):
+        if isinstance(self.y[0], IntervalEstimate):
             values = np.array([estimate.value for estimate in self.y])
-            bars = error_bars(values, self.y)
+            bars = interval_error_bars(values, self.y)
             axis.errorbar(self.x, values, yerr=bars, label=self.label, **self.style)
         else:
             axis.plot(self.x, self.y, label=self.label, **self.style)
 
 
 @dataclass(frozen=True)
-class Panel:
+class ReportPanel:
     """An axis of a picture.
 
     Attributes
@@ -220,7 +236,7 @@ class Panel:
         Values of x with a vertical line.
     """
 
-    lines: Sequence[Line]
+    lines: Sequence[ReportLine]
     settings: Mapping[str, Any] = field(default_factory=dict)
     marks: Sequence[float] = ()
 
@@ -237,7 +253,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ReportPicture:
     """A picture of panels side by side.
 
     Attributes
@@ -252,7 +268,7 @@ class Picture:
 
     name: str
     caption: str
-    panels: Sequence[Panel]
+    panels: Sequence[ReportPanel]
     size: tuple[float, float] = (9.0, 4.5)
 
     def written(self, folder: Path) -> str:
@@ -272,11 +288,11 @@ class Picture:
         return f"![{self.caption}]({self.name}.png)"
 
 
-Part = str | Table | Picture
+Part = str | ReportTable | ReportPicture
 """A part of a chapter; a text is a paragraph in Markdown."""
 
 
-def write(parts: Sequence[Part], report: Path) -> None:
+def write_report(parts: Sequence[Part], report: Path) -> None:
     """Write a report, and its tables and pictures beside it.
 
     Parameters
@@ -287,25 +303,25 @@ def write(parts: Sequence[Part], report: Path) -> None:
     """
     report.parent.mkdir(parents=True, exist_ok=True)
     texts = [one if isinstance(one, str) else one.written(report.parent) for one in parts]
-    write_text(report, "\n\n".join(filter(None, texts)) + "\n")
+    write_whole_text(report, "\n\n".join(filter(None, texts)) + "\n")
 
 
-def add_reproduction_arguments(parser: argparse.ArgumentParser) -> None:
+def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a reproduction."""
     parser.add_argument(
         "source", nargs="*", metavar="SOURCE", help=f"{', '.join(SOURCES)}; default all"
     )
-    add_runs(parser, 300)
-    add_out(parser, "build/reproduction")
+    add_runs_arguments(parser, 300)
+    add_out_argument(parser, "build/reproduction")
 
 
-def run_reproduction(options: argparse.Namespace) -> None:
+def run_report(options: argparse.Namespace) -> None:
     """Regenerate the published results and write the report.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_reproduction_arguments`, and `line`, the command line.
+        From `add_report_arguments`, and `line`, the command line.
 
     Raises
     ------
@@ -316,12 +332,12 @@ def run_reproduction(options: argparse.Namespace) -> None:
     for name in names:
         if name not in SOURCES:
             raise ValueError(f"source must be one of {', '.join(SOURCES)}; got {name!r}")
-    setting = Setting(
+    setting = ReportSetting(
         folder=options.out / "runs",
         runs=options.runs,
         seed=options.seed,
         processes=options.workers,
-        progress=with_progress,
+        progress=terminal_progress,
     )
     parts: list[Part] = [
         "# Reproduction of the published results",
@@ -333,5 +349,5 @@ def run_reproduction(options: argparse.Namespace) -> None:
         chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
         told = f"Measured with version {tsepm_ros.__version__}: {options.runs} runs, seed "
         parts += [f"## {SOURCES[name]}", f"{told}{options.seed}.", *chapter(setting)]
-    write(parts, options.out / "report.md")
+    write_report(parts, options.out / "report.md")
     print(f"written: {options.out / 'report.md'}, its tables and pictures beside it")

@@ -15,24 +15,33 @@ from scipy.stats import binom
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.studies import sequential
-from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, Started, first_of_each_target
+from tsepm_ros.studies.reproduction.monte_carlo import (
+    AS_GIVEN,
+    MonteCarloStarts,
+    monte_carlo_first_of_each_target,
+)
 from tsepm_ros.studies.reproduction.report import (
     Cell,
-    Line,
-    Panel,
     Part,
-    Picture,
+    ReportLine,
+    ReportPanel,
+    ReportPicture,
+    ReportSetting,
+    ReportTable,
     Result,
-    Setting,
-    Table,
 )
 from tsepm_ros.studies.sequential import SequentialOptions
-from tsepm_ros.tools.evaluation.intervals import Estimate, mean, proportion, root_mean_square
-from tsepm_ros.tools.evaluation.measures import cramer_rao
+from tsepm_ros.tools.evaluation.intervals import (
+    IntervalEstimate,
+    mean_interval,
+    proportion_interval,
+    root_mean_square_interval,
+)
+from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, SimulatedScene
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.simulation.scenario import WaypointMotion
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tools.simulation.scenario import ScenarioWaypointMotion
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 
@@ -148,7 +157,7 @@ PUBLISHED: list[Cell] = [
 ]
 
 
-def hexagon_case(period: float, detection_probability: float) -> Scenario:
+def hexagon_case_2014(period: float, detection_probability: float) -> Scenario:
     """The scene of Section 5, from time 0 to two minutes; every run draws the targets' headings.
 
     Parameters
@@ -171,11 +180,13 @@ def hexagon_case(period: float, detection_probability: float) -> Scenario:
         scans=1 + int(DURATION // period),
         period=period,
         sensor=sensor,
-        own_ship=WaypointMotion(corners, PLATFORM_SPEED, PLATFORM_SPEED / TURN_RADIUS, True),
+        own_ship=ScenarioWaypointMotion(
+            corners, PLATFORM_SPEED, PLATFORM_SPEED / TURN_RADIUS, True
+        ),
     )
 
 
-def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
+def hexagon_2014(rng: np.random.Generator) -> tuple[FloatArray, ...]:
     """States of the targets, with headings drawn."""
     azimuth = np.arange(TARGETS) * 2.0 * np.pi / TARGETS
     heading = rng.uniform(-np.pi, np.pi, TARGETS)
@@ -184,38 +195,40 @@ def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
     return tuple(np.stack([x, vx, y, vy], axis=1))
 
 
-def hexagon_cases() -> dict[tuple[float, float], Scenario]:
+def hexagon_cases_2014() -> dict[tuple[float, float], Scenario]:
     """Scenes by interval (s) and p_d; the source leaves both open."""
     text_period, list_period = PERIODS
     keys = [(text_period, p_d) for p_d in DETECTION_PROBABILITIES]
-    return {key: hexagon_case(*key) for key in (*keys, (list_period, ASSUMED))}
+    return {key: hexagon_case_2014(*key) for key in (*keys, (list_period, ASSUMED))}
 
 
-def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
+def run_hexagon_2014(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every reading.
 
     Returns cumulative counts per reading and scan: targets with a true track, and all tracks. Of
     the default reading it also returns the errors of each estimator.
     """
-    scene = _hexagon_scene(scenario, seed)
+    scene = _hexagon_scene_2014(scenario, seed)
     results: Result = {}
     for gate, matching in MATCHED:
         given = {"gate_error": gate, "matching": MATCHINGS[matching]}
-        started = _started(scene, "sequential", given)
+        started = _started_2014(scene, "sequential", given)
         judged = started.judged()
-        results |= _counts_by_scan(started, f"{gate}, {matching}", judged)
+        results |= _counts_by_scan_2014(started, f"{gate}, {matching}", judged)
         if (gate, matching) == DEFAULT_READING:
-            results |= errors(started, first_of_each_target(judged))
+            results |= errors_2014(started, monte_carlo_first_of_each_target(judged))
     return results
 
 
-def _started(scene: SimulatedScene, method: str, options: Mapping[str, Any]) -> Started:
+def _started_2014(
+    scene: SimulatedScene, method: str, options: Mapping[str, Any]
+) -> MonteCarloStarts:
     given = {"max_speed": MAX_SPEED, **AS_GIVEN, **options}
     initiator = make_initiator(method, sensor=scene.scenario.sensor, **given)
-    return Started.on(scene, initiator, scene.scenario.scans)
+    return MonteCarloStarts.on(scene, initiator, scene.scenario.scans)
 
 
-def _counts_by_scan(started: Started, name: str, judged: Sequence[Judged]) -> Result:
+def _counts_by_scan_2014(started: MonteCarloStarts, name: str, judged: Sequence[Judged]) -> Result:
     """Counts by the end of each scan: true tracks, all tracks."""
     scenario = started.scene.scenario
     true = [one.track.stamp for one in judged if one.outcome is Outcome.TRUE]
@@ -227,25 +240,27 @@ def _counts_by_scan(started: Started, name: str, judged: Sequence[Judged]) -> Re
     return counts
 
 
-def run_conventional(scenario: Scenario, seed: list[int]) -> Result:
+def run_conventional_2014(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by the conventional methods: counts by scan, and errors of the position, m."""
-    scene = _hexagon_scene(scenario, seed)
+    scene = _hexagon_scene_2014(scenario, seed)
     results: Result = {}
     for name, (method, options) in CONVENTIONAL.items():
-        started = _started(scene, method, options)
+        started = _started_2014(scene, method, options)
         judged = scene.judge(list(started.tracks))  # lines of Hough have any number of hits
-        results |= _counts_by_scan(started, name, judged)
-        results[name] = [float(one.position_error) for one in first_of_each_target(judged)]
+        results |= _counts_by_scan_2014(started, name, judged)
+        results[name] = [
+            float(one.position_error) for one in monte_carlo_first_of_each_target(judged)
+        ]
     return results
 
 
-def _hexagon_scene(scenario: Scenario, seed: list[int]) -> SimulatedScene:
+def _hexagon_scene_2014(scenario: Scenario, seed: list[int]) -> SimulatedScene:
     """The scene with headings drawn."""
-    targets = hexagon(np.random.default_rng([*seed, 1]))
+    targets = hexagon_2014(np.random.default_rng([*seed, 1]))
     return SimulatedScene.drawn(dataclasses.replace(scenario, targets=targets), seed)
 
 
-def errors(started: Started, judged: list[Judged]) -> Result:
+def errors_2014(started: MonteCarloStarts, judged: list[Judged]) -> Result:
     """Errors of the estimators on the same hits.
 
     Returns
@@ -260,18 +275,24 @@ def errors(started: Started, judged: list[Judged]) -> Result:
     for judgement in judged:
         truth = scene.simulator.truth(judgement.track.stamp)[judgement.target]
         for name in ESTIMATORS:
-            results[name] += _errors(_estimated(scene, judgement.track, name) - truth, truth)
+            results[name] += _mean_errors_2014(
+                _estimated_2014(scene, judgement.track, name) - truth, truth
+            )
     return results | {"pure": [float(one.pure) for one in judged]}
 
 
-def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
+def _estimated_2014(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
     sensor = scene.scenario.sensor
-    hits = np.array([convert(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits])
+    hits = np.array(
+        [convert_measurements(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits]
+    )
     noise = SequentialOptions().process_noise
-    return sequential.estimate(hits[None], track.stamp, sensor, estimator, noise).state[0]
+    return sequential.sequential_estimate(hits[None], track.stamp, sensor, estimator, noise).state[
+        0
+    ]
 
 
-def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
+def _mean_errors_2014(error: FloatArray, truth: FloatArray) -> list[float]:
     true, estimated = truth[1::2], truth[1::2] + error[1::2]
     angle = math.atan2(true[0] * estimated[1] - true[1] * estimated[0], float(true @ estimated))
     return [
@@ -283,7 +304,7 @@ def _errors(error: FloatArray, truth: FloatArray) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Counts:
+class Counts2014:
     """Tracks started by a reading in the runs of a scene.
 
     Attributes
@@ -302,7 +323,9 @@ class Counts:
     every: FloatArray
 
     @classmethod
-    def of(cls, key: tuple[float, float], reading: tuple[str, str], runs: list[Result]) -> Counts:
+    def of(
+        cls, key: tuple[float, float], reading: tuple[str, str], runs: list[Result]
+    ) -> Counts2014:
         """Counts of a reading in the runs of a scene, given by interval and p_d."""
         name = ", ".join(reading)
         counts = (np.array([run[f"{name}: {kind}"] for run in runs]) for kind in _KINDS)
@@ -320,14 +343,14 @@ class Counts:
         """Index of the last scan by a time (s); the first scan is after an interval, or at 0."""
         return int(time // self.period) - (0 if earlier else 1)
 
-    def formed(self, counts: FloatArray, earlier: bool = False) -> list[Estimate]:
+    def formed(self, counts: FloatArray, earlier: bool = False) -> list[IntervalEstimate]:
         """Means at the times of Fig. 9."""
-        return [mean(counts[:, self.place(time, earlier)]) for time in TIMES]
+        return [mean_interval(counts[:, self.place(time, earlier)]) for time in TIMES]
 
-    def at_least(self, number: int, earlier: bool = False) -> Estimate:
+    def at_least(self, number: int, earlier: bool = False) -> IntervalEstimate:
         """Share of the runs with at least this number of targets started within two minutes."""
         enough = self.true[:, self.place(DURATION, earlier)] >= number
-        return proportion(int(enough.sum()), len(enough))
+        return proportion_interval(int(enough.sum()), len(enough))
 
     def distance(self, earlier: bool = False) -> float:
         """Root mean square difference from Fig. 9, tracks."""
@@ -335,22 +358,30 @@ class Counts:
         return float(np.sqrt(np.square(means - FORMED).mean()))
 
 
-def reproduce(setting: Setting, scenes: Scenes | None = None) -> list[Part]:
+def reproduce(setting: ReportSetting, scenes: Scenes | None = None) -> list[Part]:
     """The parts of its chapter, by default of all scenes."""
-    scenes = hexagon_cases() if scenes is None else scenes
-    results = dict(zip(scenes, setting.results(run_hexagon, list(scenes.values())), strict=True))
-    counts = [Counts.of(key, reading, runs) for key, runs in results.items() for reading in MATCHED]
-    [others] = setting.results(run_conventional, [scenes[MAIN]])
-    return [*_start_parts(counts), *_conventional_parts(others), *_error_parts(results)]
+    scenes = hexagon_cases_2014() if scenes is None else scenes
+    results = dict(
+        zip(scenes, setting.results(run_hexagon_2014, list(scenes.values())), strict=True)
+    )
+    counts = [
+        Counts2014.of(key, reading, runs) for key, runs in results.items() for reading in MATCHED
+    ]
+    [others] = setting.results(run_conventional_2014, [scenes[MAIN]])
+    return [
+        *_start_parts_2014(counts),
+        *_conventional_parts_2014(others),
+        *_error_parts_2014(results),
+    ]
 
 
-def closest(counts: Sequence[Counts], earlier: bool = False) -> Counts:
+def closest_2014(counts: Sequence[Counts2014], earlier: bool = False) -> Counts2014:
     """The reading whose means are nearest to Fig. 9."""
     return min(counts, key=lambda reading: reading.distance(earlier))
 
 
-def _start_parts(counts: list[Counts]) -> list[Part]:
-    nearest, shifted = closest(counts), closest(counts, earlier=True)
+def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
+    nearest, shifted = closest_2014(counts), closest_2014(counts, earlier=True)
     shares = [reading.at_least(6) for reading in counts]
     agree = sum(share.low <= ALL_SIX <= share.high for share in shares)
     certain = [reading for reading in counts if reading.at_least(4).value == 1.0]
@@ -368,11 +399,18 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         "match, and the time of the first scan (here after one interval). A target is started by "
         "a true track. *Off Fig. 9* is the root mean square difference of the five means from the "
         "published.",
-        Table(
+        ReportTable(
             "sequential_2014_starts",
             STARTS,
-            [PUBLISHED, *map(_row, counts)],
-            [PUBLISHED, *(_row(one) for one in _in_main(counts) if one.gate == DEFAULT_READING[0])],
+            [PUBLISHED, *map(_row_2014, counts)],
+            [
+                PUBLISHED,
+                *(
+                    _row_2014(one)
+                    for one in _in_main_2014(counts)
+                    if one.gate == DEFAULT_READING[0]
+                ),
+            ],
             hidden=("T, s", "p_d", "sigma", "84 s", "96 s"),
         ),
         f"Shown are T = {MAIN[0]:g} s, p_d = {MAIN[1]:g}, sigma {DEFAULT_READING[0]}. "
@@ -385,20 +423,22 @@ def _start_parts(counts: list[Counts]) -> list[Part]:
         f"P(>= 4) = {four_or_more:.3f}: four or more in all of {RUNS} runs then "
         f"have the probability {four_or_more**RUNS:.1g}. Whatever the "
         f"dependence, it allows {most:.2f} started targets on average.",
-        _starts_picture(counts),
+        _starts_picture_2014(counts),
     ]
 
 
-def _in_main(readings: Sequence[Counts]) -> list[Counts]:
+def _in_main_2014(readings: Sequence[Counts2014]) -> list[Counts2014]:
     """The readings in the main scene."""
     return [one for one in readings if (one.period, one.detection_probability) == MAIN]
 
 
-def _conventional_parts(runs: list[Result]) -> list[Part]:
+def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
     rows: list[list[Cell]] = []
     for name in CONVENTIONAL:
-        counts = (mean([run[f"{name}: {kind}"][-2] for run in runs]) for kind in _KINDS)
-        rows.append([name, *counts, root_mean_square(np.concatenate([run[name] for run in runs]))])
+        counts = (mean_interval([run[f"{name}: {kind}"][-2] for run in runs]) for kind in _KINDS)
+        rows.append(
+            [name, *counts, root_mean_square_interval(np.concatenate([run[name] for run in runs]))]
+        )
     period, p_d = MAIN
     return [
         "### The conventional methods in this scene",
@@ -406,7 +446,7 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
         "transform and its modification cannot start the real tracks; Hough finds tracks with "
         "large errors by few cells and none by many. TSEPM 2018 calls the start from two points "
         f"inaccurate. T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s.",
-        Table(
+        ReportTable(
             "sequential_2014_conventional",
             {
                 "method": "",
@@ -419,7 +459,7 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
     ]
 
 
-def _row(reading: Counts) -> list[Cell]:
+def _row_2014(reading: Counts2014) -> list[Cell]:
     last = reading.place(DURATION)
     return [
         reading.period,
@@ -430,38 +470,42 @@ def _row(reading: Counts) -> list[Cell]:
         reading.at_least(6),
         reading.at_least(6, earlier=True),
         *reading.formed(reading.true),
-        mean(reading.every[:, last]),
+        mean_interval(reading.every[:, last]),
         reading.distance(),
     ]
 
 
-def _starts_picture(counts: list[Counts]) -> Picture:
+def _starts_picture_2014(counts: list[Counts2014]) -> ReportPicture:
     numbers = range(1, TARGETS + 1)
     marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2}
-    left = [Line([4, 6], [FOUR_OR_MORE, ALL_SIX], style=marks | {"ls": ""})]
-    right = [Line(TIMES, FORMED, "published", marks | {"ls": ":"})]
-    for reading in _in_main(counts):
+    left = [ReportLine([4, 6], [FOUR_OR_MORE, ALL_SIX], style=marks | {"ls": ""})]
+    right = [ReportLine(TIMES, FORMED, "published", marks | {"ls": ":"})]
+    for reading in _in_main_2014(counts):
         style = {
             "color": f"C{list(MATCHINGS).index(reading.matching)}",
             "ls": "-" if reading.gate == DEFAULT_READING[0] else "--",
             "marker": ".",
         }
         formed = [point.value for point in reading.formed(reading.true)]
-        left.append(Line(numbers, [reading.at_least(k).value for k in numbers], style=style))
-        right.append(Line(TIMES, formed, f"{reading.matching}, {reading.gate}", style))
+        left.append(ReportLine(numbers, [reading.at_least(k).value for k in numbers], style=style))
+        right.append(ReportLine(TIMES, formed, f"{reading.matching}, {reading.gate}", style))
     settings = {"xlabel": "targets", "ylabel": "share of runs"}
-    return Picture(
+    return ReportPicture(
         "sequential_2014_figures_8_9",
         f"Figs. 8 and 9 of Sequential 2014, T = {MAIN[0]:g} s and p_d = {MAIN[1]:g}, by who gets a "
         "detection that several tracks match and by sigma",
         [
-            Panel(left, settings | {"title": "At least so many are started", "ylim": (0.0, 1.05)}),
-            Panel(right, {"xlabel": "time, s", "ylabel": "targets, mean", "ylim": (0.0, 6.5)}),
+            ReportPanel(
+                left, settings | {"title": "At least so many are started", "ylim": (0.0, 1.05)}
+            ),
+            ReportPanel(
+                right, {"xlabel": "time, s", "ylabel": "targets, mean", "ylim": (0.0, 6.5)}
+            ),
         ],
     )
 
 
-def min_speed_error(hits: int, period: float) -> float:
+def min_speed_error_2014(hits: int, period: float) -> float:
     """Minimum mean absolute speed error (m/s), without bias, from hits in successive scans.
 
     It follows from the Cramer-Rao bound of the velocity component along the line of sight, the
@@ -469,20 +513,23 @@ def min_speed_error(hits: int, period: float) -> float:
     """
     positions = np.tile([DISTANCE, 0.0], (hits, 1))
     times = np.arange(hits) * period
-    sensor = hexagon_case(period, ASSUMED).sensor
-    bound = cramer_rao(positions, times, np.zeros(2), sensor, times[-1])
+    sensor = hexagon_case_2014(period, ASSUMED).sensor
+    bound = cramer_rao_measure(positions, times, np.zeros(2), sensor, times[-1])
     return float(np.sqrt(2.0 / np.pi * min(bound[1, 1], bound[3, 3])))
 
 
-def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]:
+def _error_parts_2014(results: dict[tuple[float, float], list[Result]]) -> list[Part]:
     here = results[MAIN]
     rows: list[list[Cell]] = [
         ["published", ESTIMATORS[name], position, speed, "-", "-", angle]
         for name, (position, speed, angle) in TABLE_1.items()
     ]
-    rows += [["here", text, *_figures(_stacked(here, name))] for name, text in ESTIMATORS.items()]
+    rows += [
+        ["here", text, *_figures_2014(_stacked_2014(here, name))]
+        for name, text in ESTIMATORS.items()
+    ]
     pure = [own for runs in results.values() for run in runs for own in run["pure"]]
-    six, ten = (min_speed_error(hits, MAIN[0]) for hits in (6, SCANS))
+    six, ten = (min_speed_error_2014(hits, MAIN[0]) for hits in (6, SCANS))
     _, speed, angle = TABLE_1["least_squares"]
     across = TARGET_SPEED * math.sin(math.radians(angle))
     return [
@@ -491,7 +538,7 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         f"of the range and the oldest track served first ({np.mean(pure):.2f} of these tracks have "
         "only its hits). Linear fitting is read as a straight line from the first hit to the "
         "last, the Kalman filter as begun by the first two hits.",
-        Table(
+        ReportTable(
             "sequential_2014_table_1",
             {
                 "scene": "",
@@ -508,21 +555,21 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
         f"hits in six scans of {MAIN[0]:g} s, {ten:.2f} m/s by ten in ten; published are "
         f"{speed:g}. The {angle:g} degrees beside it alone are {across:.2f} m/s across "
         f"{TARGET_SPEED:g} m/s.",
-        _errors_picture(here),
+        _errors_picture_2014(here),
     ]
 
 
-def _stacked(runs: list[Result], estimator: str) -> FloatArray:
-    """Errors of all tracks, (n, 4), see `errors`."""
+def _stacked_2014(runs: list[Result], estimator: str) -> FloatArray:
+    """Errors of all tracks, (n, 4), see `errors_2014`."""
     return np.concatenate([np.reshape(run[estimator], (-1, 4)) for run in runs])
 
 
-def _figures(errors: FloatArray) -> list[Estimate]:
+def _figures_2014(errors: FloatArray) -> list[IntervalEstimate]:
     position, velocity, speed, angle = errors.T
-    return [mean(values) for values in (position, np.abs(speed), speed, velocity, angle)]
+    return [mean_interval(values) for values in (position, np.abs(speed), speed, velocity, angle)]
 
 
-def _errors_picture(runs: list[Result]) -> Picture:
+def _errors_picture_2014(runs: list[Result]) -> ReportPicture:
     panels = []
     for place, top, text in (
         (1, 8.0, "length of the velocity's error, m/s"),
@@ -530,14 +577,14 @@ def _errors_picture(runs: list[Result]) -> Picture:
     ):
         bins, lines = np.linspace(0.0, top, 33), []
         for name, label in ESTIMATORS.items():
-            values = np.minimum(_stacked(runs, name)[:, place], top)
+            values = np.minimum(_stacked_2014(runs, name)[:, place], top)
             share = np.histogram(values, bins)[0] / max(len(values), 1)
-            lines.append(Line(bins[:-1], share, label, {"drawstyle": "steps-post"}))
+            lines.append(ReportLine(bins[:-1], share, label, {"drawstyle": "steps-post"}))
         value = TABLE_1["least_squares"][1 if place == 1 else 2]
         title = f"dashed: least squares, published, {value:g}"
         settings = {"xlabel": text, "ylabel": "share of tracks", "title": title}
-        panels.append(Panel(lines, settings, [value]))
-    return Picture(
+        panels.append(ReportPanel(lines, settings, [value]))
+    return ReportPicture(
         "sequential_2014_figures_10_11",
         f"Figs. 10 and 11 of Sequential 2014, T = {MAIN[0]:g} s and p_d = {MAIN[1]:g}: errors of "
         "the velocity",

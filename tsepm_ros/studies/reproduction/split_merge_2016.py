@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.methods.tsepm import Candidates
-from tsepm_ros.numerics.arrays import BoolArray, IntArray, members_of_groups
-from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, Started
+from tsepm_ros.methods.tsepm import TsepmCandidates
+from tsepm_ros.numerics.arrays import BoolArray, IntArray, array_rows_of_groups
+from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, MonteCarloStarts
 from tsepm_ros.studies.reproduction.report import (
     Cell,
     Part,
+    ReportSetting,
+    ReportTable,
     Result,
-    Setting,
-    Table,
-    column,
+    report_column,
 )
 from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
-from tsepm_ros.tools.evaluation.intervals import mean_count, proportion
+from tsepm_ros.tools.evaluation.intervals import mean_count_interval, proportion_interval
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tracker import merging
@@ -66,7 +66,7 @@ SHARED_HITS: IntArray = (TRACK_IDS[:, None, :, None] == TRACK_IDS[None, :, None,
 """Number of measurements that each pair of tracks shares, (13, 13)."""
 
 
-def may_merge(first_track: int, second_track: int) -> bool:
+def may_merge_2016(first_track: int, second_track: int) -> bool:
     """Whether two tracks of Table I, by their indices there, meet conditions (i) and (iii).
 
     Condition (ii), close states, needs the positions, which are not printed.
@@ -76,7 +76,7 @@ def may_merge(first_track: int, second_track: int) -> bool:
     return bool(same_scan[0] and merging.overlap(TRACK_IDS, first, second)[0])
 
 
-def table_i_groups() -> list[tuple[int, ...]]:
+def table_i_groups_2016() -> list[tuple[int, ...]]:
     """Groups of Table I's tracks by the package's merging, if all states are close."""
     groups = []
     index = np.array(list(TABLE_I))
@@ -84,12 +84,12 @@ def table_i_groups() -> list[tuple[int, ...]]:
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
         labels = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
-        for members in members_of_groups(labels):
+        for members in array_rows_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 
 
-def disjoint_pairs() -> list[tuple[int, int]]:
+def disjoint_pairs_2016() -> list[tuple[int, int]]:
     """Pairs that the text merges, in its order, without pairs that share a track."""
     used: set[int] = set()
     pairs = []
@@ -100,22 +100,22 @@ def disjoint_pairs() -> list[tuple[int, int]]:
     return pairs
 
 
-def chained() -> int:
+def chained_2016() -> int:
     """Number of tracks of Table I after chaining of the text's pairs to groups."""
     pairs = np.zeros((len(TABLE_I), len(TABLE_I)))
     pairs[tuple(np.array(SAID_TO_MERGE).T - 1)] = 1.0
     return int(connected_components(pairs, directed=False)[0])
 
 
-class SplitOnly(SplitMerge):
+class SplitOnly2016(SplitMerge):
     """Split-merge 2016 without merging: every confirmed track is an output."""
 
-    def merge(self, candidates: Candidates) -> TrackArrays:
+    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
         """One track per candidate."""
         return self.tracks(candidates)
 
 
-def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
+def run_four_targets_2016(scenario: Scenario, seed: list[int]) -> Result:
     """Count tracks after splitting and after merging.
 
     Returns after each stage, for the coverage: tracks, and targets found; for the area of interest
@@ -126,18 +126,18 @@ def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     min_hits, window = TABLE_I_RULE
     options = SplitMergeOptions(min_hits=min_hits, window=window)
     results: Result = {}
-    for name, method_class in (("split", SplitOnly), ("merged", SplitMerge)):
+    for name, method_class in (("split", SplitOnly2016), ("merged", SplitMerge)):
         initiator = Tracker(method_class(scenario.sensor, CommonOptions(**AS_GIVEN), options))
-        started = Started.on(scene, initiator, scenario.scans)
+        started = MonteCarloStarts.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = started.from_targets()
-        inside = [_inside(started, target) for target in range(len(scene.simulator.targets))]
+        inside = [_inside_2016(started, target) for target in range(len(scene.simulator.targets))]
         results[f"{name} areas"] = [float(rows.sum()) for rows in inside]
         results[f"{name} near"] = [float((rows & near).sum()) for rows in inside]
     return results
 
 
-def _inside(started: Started, target: int) -> BoolArray:
+def _inside_2016(started: MonteCarloStarts, target: int) -> BoolArray:
     """Tracks all of whose hits lie in the area of interest round a target in mid run."""
     scene = started.scene
     x, y = scene.simulator.truth(0.5 * scene.scenario.duration)[target, 0::2]
@@ -149,33 +149,33 @@ def _inside(started: Started, target: int) -> BoolArray:
     return np.asarray(started.of_hits(inside).all(axis=1))
 
 
-def reproduce(setting: Setting) -> list[Part]:
+def reproduce(setting: ReportSetting) -> list[Part]:
     """Parts of the source's chapter."""
     scenario = load_scenario("four_targets", {"scans": TABLE_I_RULE[1]})
-    [runs] = setting.results(run_four_targets, [scenario])
-    return [*_table_i_parts(), *_scene_parts(runs)]
+    [runs] = setting.results(run_four_targets_2016, [scenario])
+    return [*_table_i_parts_2016(), *_scene_parts_2016(runs)]
 
 
-def _table_i_parts() -> list[Part]:
+def _table_i_parts_2016() -> list[Part]:
     majority = [t for t in TABLE_II if 2 * SHARED_HITS[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
     return [
         "### Table I: thirteen tracks of one run",
         "The table has labels, not positions: of the conditions, the same scan (i) and more than "
         "M/2 shared measurements (iii) can be checked, close states (ii) cannot. "
-        f"{sum(may_merge(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} pairs that the "
-        f"text merges meet (i) and (iii), {sum(may_merge(*pair) for pair in SAID_NOT_TO_MERGE)} of "
+        f"{sum(may_merge_2016(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} pairs that the "
+        f"text merges meet (i) and (iii), {sum(may_merge_2016(*pair) for pair in SAID_NOT_TO_MERGE)} of "
         f"{len(SAID_NOT_TO_MERGE)} that it does not merge.",
-        f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs())} tracks (published: "
-        f"{AFTER_MERGING}), the text's pairs chained to groups {chained()}, the package's groups "
-        f"(connected components), all states close, {len(table_i_groups())}.",
+        f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs_2016())} tracks (published: "
+        f"{AFTER_MERGING}), the text's pairs chained to groups {chained_2016()}, the package's groups "
+        f"(connected components), all states close, {len(table_i_groups_2016())}.",
         "Of the tracks that the text lets split, "
-        + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
+        + "; ".join(_split_text_2016(*pair) for pair in SAID_TO_SPLIT)
         + f". Of Table II's tracks {', '.join(map(str, majority))} share more than half of their "
         f"hits with the true track {TRUE_TRACK}: they are its repetitions.",
     ]
 
 
-def _split_text(first: int, second: int) -> str:
+def _split_text_2016(first: int, second: int) -> str:
     pairs = zip(TABLE_I[first], TABLE_I[second], strict=True)
     place = next(place for place, (hit, other) in enumerate(pairs) if hit != other)
     if place == 0:
@@ -183,13 +183,13 @@ def _split_text(first: int, second: int) -> str:
     return f"{first} and {second} split at hit {place + 1}"
 
 
-def _scene_parts(runs: list[Result]) -> list[Part]:
+def _scene_parts_2016(runs: list[Result]) -> list[Part]:
     split, merged = (
         np.array([run[f"{name} areas"] for run in runs]) for name in ("split", "merged")
     )
     near = [np.array([run[f"{name} near"] for run in runs]) for name in ("split", "merged")]
     targets = split.shape[1]
-    detected = [int(column(runs, name, 1).sum()) for name in ("split", "merged")]
+    detected = [int(report_column(runs, name, 1).sum()) for name in ("split", "merged")]
     rows: list[list[Cell]] = []
     for what, published, counts in (
         ("after splitting", AFTER_SPLITTING, split),
@@ -199,14 +199,14 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
     ):
         low, high = np.quantile(counts, (0.05, 0.95))
         # The areas of one run are not independent.
-        average = mean_count(counts.mean(axis=1) * targets) / targets
+        average = mean_count_interval(counts.mean(axis=1) * targets) / targets
         rows.append([what, published, average, f"{low:.0f} to {high:.0f}"])
     return [
         "### The scene with four targets",
         f"The shipped scenario *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8; in the 3 km "
         "square of interest round each target (a track counts if all its hits lie in it). The "
         "published share near the target after merging is by the text's pairs.",
-        Table(
+        ReportTable(
             "split_merge_2016_scene",
             {
                 "tracks": "",
@@ -218,7 +218,7 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         ),
         f"Targets found of {len(runs) * targets}: "
         + ", ".join(
-            f"{text} {proportion(number, len(runs) * targets):.3f}"
+            f"{text} {proportion_interval(number, len(runs) * targets):.3f}"
             for text, number in zip(("before merging", "after it"), detected, strict=True)
         )
         + ".",

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import trapezoid
 from scipy.special import ndtr
 
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.studies.reproduction.monte_carlo import (
     CURVES,
     DENSITIES,
@@ -31,37 +31,37 @@ from tsepm_ros.studies.reproduction.monte_carlo import (
     TARGET,
     WEIGHTS,
     Counted,
-    Table1Row,
-    run_comparison,
-    run_table_1,
-    sensor_at,
-    table_1_cases,
+    MonteCarloTable1Row,
+    monte_carlo_comparison,
+    monte_carlo_sensor,
+    monte_carlo_table_1,
+    monte_carlo_table_1_cases,
 )
 from tsepm_ros.studies.reproduction.report import (
     Cell,
-    Line,
-    Panel,
     Part,
-    Picture,
+    ReportLine,
+    ReportPanel,
+    ReportPicture,
+    ReportSetting,
+    ReportTable,
     Result,
-    Setting,
-    Table,
-    column,
+    report_column,
 )
 from tsepm_ros.tools.design.expected_counts import (
-    false_start_probability,
-    rule_detection_probability,
-    unbounded_gate_areas,
+    expected_detection_probability,
+    expected_false_start_probability,
+    expected_unbounded_gate_areas,
 )
 from tsepm_ros.tools.evaluation.intervals import (
-    Estimate,
-    mean,
-    mean_count,
-    proportion,
-    root_mean_square,
+    IntervalEstimate,
+    mean_count_interval,
+    mean_interval,
+    proportion_interval,
+    root_mean_square_interval,
 )
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tracker.measurement import position_covariance
+from tsepm_ros.tracker.measurement import measurement_covariance
 from tsepm_ros.tracker.pruning import READINGS
 
 FITTED_MARGIN = 159.78
@@ -88,15 +88,15 @@ SHOWN = (
 """Curves that the report shows as numbers."""
 
 
-def detection(row: Table1Row) -> list[float]:
+def tsepm_2018_detection(row: MonteCarloTable1Row) -> list[float]:
     """P_D of a row in closed form, at each p_d."""
     return [
-        rule_detection_probability(*row.rule, p_d, GATE_PROBABILITY)
+        expected_detection_probability(*row.rule, p_d, GATE_PROBABILITY)
         for p_d in TABLE_1_DETECTION_PROBABILITIES
     ]
 
 
-def detection_with_slip(row: Table1Row) -> list[float]:
+def tsepm_2018_detection_with_slip(row: MonteCarloTable1Row) -> list[float]:
     """P_D with an additional factor P p_d in the term of a fourth hit in the sixth scan.
 
     That term of 4/6 and 4/7 is ``p_d C(4, 2) h^3 (1 - h)^2`` with ``h = P p_d``.
@@ -105,86 +105,94 @@ def detection_with_slip(row: Table1Row) -> list[float]:
     return [
         exact - p_d * 6.0 * hit**3 * (1.0 - hit) ** 2 * (1.0 - hit)
         for exact, p_d, hit in zip(
-            detection(row), TABLE_1_DETECTION_PROBABILITIES, hits, strict=True
+            tsepm_2018_detection(row), TABLE_1_DETECTION_PROBABILITIES, hits, strict=True
         )
     ]
 
 
-def false_before(row: Table1Row, margin: float) -> float:
+def tsepm_2018_false_before(row: MonteCarloTable1Row, margin: float) -> float:
     """P_F(1) of a row from the first-passage chain with a gate margin g, m."""
-    areas = unbounded_gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
-    return false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
+    areas = expected_unbounded_gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
+    return expected_false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
 
 
-def unmatched_detection() -> list[str]:
+def tsepm_2018_unmatched_detection() -> list[str]:
     """Rows whose P_D differs from the closed form."""
-    return [row.name for row in TABLE_1 if not _is_near(detection(row), row)]
+    return [row.name for row in TABLE_1 if not _tsepm_2018_is_near(tsepm_2018_detection(row), row)]
 
 
-def _is_near(values: Sequence[float], row: Table1Row) -> bool:
+def _tsepm_2018_is_near(values: Sequence[float], row: MonteCarloTable1Row) -> bool:
     return np.allclose(values, row.detection, rtol=0.0, atol=MAX_DETECTION_DIFFERENCE)
 
 
-def unmatched_false_before() -> list[str]:
+def tsepm_2018_unmatched_false_before() -> list[str]:
     """Rows whose P_F(1) differs from the chain, even with the fitted margin."""
     return [
         row.name
         for row in TABLE_1
-        if abs(false_before(row, FITTED_MARGIN) - row.false_before) > MAX_FALSE_DIFFERENCE
+        if abs(tsepm_2018_false_before(row, FITTED_MARGIN) - row.false_before)
+        > MAX_FALSE_DIFFERENCE
     ]
 
 
 def reproduce(
-    setting: Setting,
+    setting: ReportSetting,
     by_density: Mapping[float, Scenario] = DENSITIES,
     by_error: Mapping[float, Scenario] = ERRORS,
 ) -> list[Part]:
     """The parts of the source's chapter."""
-    return [*table_1_parts(setting), *figure_parts(setting, by_density, by_error)]
+    return [
+        *tsepm_2018_table_1_parts(setting),
+        *tsepm_2018_figure_parts(setting, by_density, by_error),
+    ]
 
 
-def table_1_parts(setting: Setting) -> list[Part]:
+def tsepm_2018_table_1_parts(setting: ReportSetting) -> list[Part]:
     """The table, its columns in closed form and simulated."""
-    cases = table_1_cases()
-    results = dict(zip(cases, setting.results(run_table_1, list(cases.values())), strict=True))
+    cases = monte_carlo_table_1_cases()
+    results = dict(
+        zip(cases, setting.results(monte_carlo_table_1, list(cases.values())), strict=True)
+    )
     stated, _, _, predicted, _ = results.values()
     after = {
         f"{scene}; {name}": values
         for scene, runs in results.items()
-        for name, values in _after(runs).items()
+        for name, values in _tsepm_2018_after(runs).items()
     }
     closest = [
         min(
             (name for name in after if name.startswith(f"{scene};") and name.endswith("literal")),
-            key=lambda name: _log_distance(after[name]),
+            key=lambda name: _tsepm_2018_log_distance(after[name]),
         )
         for scene in results
     ]
     return [
         "### Table 1",
-        *_detection_parts(stated, predicted),
-        *_before_parts(),
-        *_after_parts(after, closest),
+        *_tsepm_2018_detection_parts(stated, predicted),
+        *_tsepm_2018_before_parts(),
+        *_tsepm_2018_after_parts(after, closest),
     ]
 
 
-def ratio(part: ArrayLike, whole: ArrayLike) -> Estimate:
+def tsepm_2018_ratio(part: ArrayLike, whole: ArrayLike) -> IntervalEstimate:
     """Ratio of two sums of counts over independent runs, with the interval of the delta method."""
     a, b = np.asarray(part, float), np.asarray(whole, float)
     if not b.sum() > 0.0:
-        return Estimate.unknown()
+        return IntervalEstimate.unknown()
     value = float(a.sum() / b.sum())
     if value == 0.0:
-        return mean_count([0]) / float(b.sum())
-    spread = mean((a - value * b) / b.mean())
-    return Estimate(value, max(value + spread.low, 0.0), value + spread.high)
+        return mean_count_interval([0]) / float(b.sum())
+    spread = mean_interval((a - value * b) / b.mean())
+    return IntervalEstimate(value, max(value + spread.low, 0.0), value + spread.high)
 
 
-def _after(runs: Sequence[Result]) -> dict[str, list[Estimate]]:
+def _tsepm_2018_after(runs: Sequence[Result]) -> dict[str, list[IntervalEstimate]]:
     """P_F(2) of every row, by the reading of the denominator and of the threshold."""
     return {
         f"{denominator}, {reading}": [
-            ratio(*(column(runs, f"{row.name} {reading}", place) for place in places))
+            tsepm_2018_ratio(
+                *(report_column(runs, f"{row.name} {reading}", place) for place in places)
+            )
             for row in TABLE_1
         ]
         for denominator, places in DENOMINATORS.items()
@@ -192,14 +200,16 @@ def _after(runs: Sequence[Result]) -> dict[str, list[Estimate]]:
     }
 
 
-def _errors(runs: Sequence[Result], row: Table1Row) -> list[Cell]:
+def _tsepm_2018_errors(runs: Sequence[Result], row: MonteCarloTable1Row) -> list[Cell]:
     """Root mean square errors of the target's first true tracks."""
     both = (Counted.POSITION_ERROR, Counted.VELOCITY_ERROR)
-    errors = (column(runs, f"{row.name} literal", place) for place in both)
-    return [root_mean_square(values[np.isfinite(values)]) for values in errors]
+    errors = (report_column(runs, f"{row.name} literal", place) for place in both)
+    return [root_mean_square_interval(values[np.isfinite(values)]) for values in errors]
 
 
-def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> list[Part]:
+def _tsepm_2018_detection_parts(
+    stated: Sequence[Result], predicted: Sequence[Result]
+) -> list[Part]:
     columns = {"M/N": ""}
     for p_d in TABLE_1_DETECTION_PROBABILITIES:
         columns |= {f"P_D at {p_d}, published": ".4f", f"closed form at {p_d}, difference": "+.4f"}
@@ -212,15 +222,17 @@ def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> l
     rows: list[list[Cell]] = []
     for row in TABLE_1:
         cells: list[Cell] = [row.name]
-        for published, computed in zip(row.detection, detection(row), strict=True):
+        for published, computed in zip(row.detection, tsepm_2018_detection(row), strict=True):
             cells += [published, computed - published]
         cells += [
-            proportion(int(column(runs, f"{row.name} literal", Counted.FOUND).sum()), len(runs))
+            proportion_interval(
+                int(report_column(runs, f"{row.name} literal", Counted.FOUND).sum()), len(runs)
+            )
             for runs in (stated, predicted)
         ]
-        rows.append([*cells, *_errors(stated, row)])
-    missed = [row for row in TABLE_1 if row.name in unmatched_detection()]
-    slips = sum(_is_near(detection_with_slip(row), row) for row in missed)
+        rows.append([*cells, *_tsepm_2018_errors(stated, row)])
+    missed = [row for row in TABLE_1 if row.name in tsepm_2018_unmatched_detection()]
+    slips = sum(_tsepm_2018_is_near(tsepm_2018_detection_with_slip(row), row) for row in missed)
     return [
         "**P_D.** The closed form `p_d P(Binomial(N-1, P p_d) >= M-1)`, P = 0.9, gives "
         f"{3 * (len(TABLE_1) - len(missed))} of {3 * len(TABLE_1)} entries within "
@@ -230,7 +242,7 @@ def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> l
         "Simulated are (Eq. 26 literal): true tracks in N scans, also with each hit predicted from "
         "the others in Eq. 22, and the errors of the first true track. *The larger M, the more "
         "accurate the state*: compare the rows of one N.",
-        Table(
+        ReportTable(
             "tsepm_2018_table_1_detection",
             columns,
             rows,
@@ -240,22 +252,26 @@ def _detection_parts(stated: Sequence[Result], predicted: Sequence[Result]) -> l
     ]
 
 
-def _before_parts() -> list[Part]:
+def _tsepm_2018_before_parts() -> list[Part]:
     margins = {
         f"fitted g = {FITTED_MARGIN:.1f} m": FITTED_MARGIN,
         f"sigma at 5000 m, g = {STATED_MARGIN:.2f} m": STATED_MARGIN,
     }
     rows: list[list[Cell]] = [
-        [row.name, row.false_before, *(false_before(row, margin) for margin in margins.values())]
+        [
+            row.name,
+            row.false_before,
+            *(tsepm_2018_false_before(row, margin) for margin in margins.values()),
+        ]
         for row in TABLE_1
     ]
-    missed = unmatched_false_before()
+    missed = tsepm_2018_unmatched_false_before()
     return [
         "**P_F(1)** is a first-passage chain of one clutter start: k scans after the last hit, the "
         "gate `a_k = pi (v_max k T + g)^2` has a hit with `1 - exp(-lambda a_k)`. "
         f"{len(TABLE_1) - len(missed)} of {len(TABLE_1)} rows are as published within "
         f"{MAX_FALSE_DIFFERENCE:g}; the rows {', '.join(missed)} fit no g.",
-        Table(
+        ReportTable(
             "tsepm_2018_table_1_before",
             {"M/N": "", "P_F(1), published": ".4f"} | dict.fromkeys(margins, ".4f"),
             rows,
@@ -264,11 +280,14 @@ def _before_parts() -> list[Part]:
     ]
 
 
-def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) -> list[Part]:
-    factors = {name: math.exp(_log_distance(values)) for name, values in after.items()}
+def _tsepm_2018_after_parts(
+    after: Mapping[str, list[IntervalEstimate]], closest: Sequence[str]
+) -> list[Part]:
+    factors = {name: math.exp(_tsepm_2018_log_distance(values)) for name, values in after.items()}
     order = sorted(factors, key=factors.__getitem__)
     readings: list[list[Cell]] = [
-        [name, factors[name], _recommended(after[name]), _falls(after[name])] for name in order
+        [name, factors[name], _tsepm_2018_recommended(after[name]), _tsepm_2018_falls(after[name])]
+        for name in order
     ]
     shown = [row for row in readings if row[0] in (*closest, order[0])]
     columns = {
@@ -291,9 +310,11 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
         f"logarithm, without 7/9, 8/9 and rows without a false track. Of {len(factors)} readings "
         "the table has the closest, and of each scene the closest denominator with Eq. 26 literal; "
         f"P_F falls with M at each N in {sum(row[-1] == 'yes' for row in shown)} of them.",
-        Table("tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[-1:]),
+        ReportTable(
+            "tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[-1:]
+        ),
         "P_F(2) of the closest denominators, Eq. 26 literal:",
-        Table(
+        ReportTable(
             "tsepm_2018_table_1_after",
             {"M/N": "", "published": ".4f"} | dict.fromkeys(after, ".4f"),
             rows,
@@ -303,7 +324,7 @@ def _after_parts(after: Mapping[str, list[Estimate]], closest: Sequence[str]) ->
     ]
 
 
-def _log_ratios(values: list[Estimate]) -> dict[str, float]:
+def _tsepm_2018_log_ratios(values: list[IntervalEstimate]) -> dict[str, float]:
     """ln(ours / published) of the rows where both are above 0 and possible.
 
     Pruning and merging only remove tracks, so a published P_F(2) above its P_F(1) is wrong.
@@ -315,13 +336,13 @@ def _log_ratios(values: list[Estimate]) -> dict[str, float]:
     }
 
 
-def _log_distance(values: list[Estimate]) -> float:
-    """Root mean square of `_log_ratios`; infinite if there are none."""
-    ratios = list(_log_ratios(values).values())
+def _tsepm_2018_log_distance(values: list[IntervalEstimate]) -> float:
+    """Root mean square of `_tsepm_2018_log_ratios`; infinite if there are none."""
+    ratios = list(_tsepm_2018_log_ratios(values).values())
     return math.sqrt(float(np.mean(np.square(ratios)))) if ratios else math.inf
 
 
-def _recommended(values: Sequence[Estimate]) -> str:
+def _tsepm_2018_recommended(values: Sequence[IntervalEstimate]) -> str:
     names = [
         row.name
         for row, false in zip(TABLE_1, values, strict=True)
@@ -330,7 +351,7 @@ def _recommended(values: Sequence[Estimate]) -> str:
     return ", ".join(names) or "none"
 
 
-def _falls(values: Sequence[Estimate]) -> str:
+def _tsepm_2018_falls(values: Sequence[IntervalEstimate]) -> str:
     """Whether P_F(2) does not rise from a rule to that of one more hit."""
     false = {row.rule: value.value for row, value in zip(TABLE_1, values, strict=True)}
     falls = [false[m, n] >= false[m + 1, n] for m, n in false if (m + 1, n) in false]
@@ -338,7 +359,7 @@ def _falls(values: Sequence[Estimate]) -> str:
 
 
 @dataclass(frozen=True)
-class Curves:
+class Tsepm2018Curves:
     """The runs of two figures.
 
     Attributes
@@ -352,24 +373,27 @@ class Curves:
     scenes: Mapping[float, Scenario]
     runs: Sequence[Sequence[Result]]
 
-    def found(self, name: str, place: int = 0) -> list[Estimate]:
+    def found(self, name: str, place: int = 0) -> list[IntervalEstimate]:
         """P_D along the curve; at place 3 if any member of a merged group may be the target's."""
-        found = [column(runs, name, place) for runs in self.runs]
-        return [proportion(int(runs.sum()), len(runs)) for runs in found]
+        found = [report_column(runs, name, place) for runs in self.runs]
+        return [proportion_interval(int(runs.sum()), len(runs)) for runs in found]
 
-    def per_start(self, name: str) -> list[Estimate]:
+    def per_start(self, name: str) -> list[IntervalEstimate]:
         """False and misplaced tracks per start along the curve."""
-        return [ratio(column(runs, name, 1), column(runs, name, 2)) for runs in self.runs]
+        return [
+            tsepm_2018_ratio(report_column(runs, name, 1), report_column(runs, name, 2))
+            for runs in self.runs
+        ]
 
-    def density(self, name: str) -> list[Estimate]:
+    def density(self, name: str) -> list[IntervalEstimate]:
         """False and misplaced tracks per scan and km^2 along the curve."""
         units = [scene.scans * scene.area / 1e6 for scene in self.scenes.values()]
         return [
-            mean_count(column(runs, name, 1)) / unit
+            mean_count_interval(report_column(runs, name, 1)) / unit
             for runs, unit in zip(self.runs, units, strict=True)
         ]
 
-    def table(self, name: str, heading: str, spec: str) -> Table:
+    def table(self, name: str, heading: str, spec: str) -> ReportTable:
         """P_D, and false and misplaced tracks per start; the report shows those of `SHOWN`."""
         columns = {heading: spec}
         values: list[Sequence[Cell]] = [[*self.scenes]]
@@ -380,7 +404,7 @@ class Curves:
             columns[f"{curve}: P_D, any"] = ".2f"
             values.append(self.found(curve, 3))
         shown = (heading, *(f"{curve}: {what}" for curve in SHOWN for what in ("P_D", "P_F")))
-        return Table(
+        return ReportTable(
             name,
             columns,
             list(zip(*values, strict=True)),
@@ -394,7 +418,7 @@ class Curves:
         label: str,
         theory: Callable[[float], float] | None = None,
         marks: Sequence[float] = (),
-    ) -> Picture:
+    ) -> ReportPicture:
         """P_D, P_F per start, and false tracks per scan and km^2, side by side.
 
         `theory` is P_D of one start without clutter as a function of the value; `marks` are values
@@ -409,7 +433,7 @@ class Curves:
         ):
             along = {curve: values_of(curve) for curve in CURVES}
             lines = [
-                Line(x, values, curve, _style(curve, k))
+                ReportLine(x, values, curve, _tsepm_2018_style(curve, k))
                 for k, (curve, values) in enumerate(along.items())
             ]
             positive = [v.value for values in along.values() for v in values if v.value > 0.0]
@@ -419,9 +443,11 @@ class Curves:
                 if theory:
                     expected = [theory(value) for value in x]
                     style = {"color": "k", "ls": ":"}
-                    lines.append(Line(x, expected, "one start, no clutter", style))
-            panels.append(Panel(lines, {"title": heading, "xlabel": label, **settings}, marks))
-        return Picture(
+                    lines.append(ReportLine(x, expected, "one start, no clutter", style))
+            panels.append(
+                ReportPanel(lines, {"title": heading, "xlabel": label, **settings}, marks)
+            )
+        return ReportPicture(
             name,
             f"{title} of TSEPM 2018, regenerated ({len(self.runs[0])} runs; 95 % intervals)",
             panels,
@@ -429,12 +455,12 @@ class Curves:
         )
 
 
-def _style(name: str, k: int) -> dict[str, object]:
+def _tsepm_2018_style(name: str, k: int) -> dict[str, object]:
     dashes = {"clutter": "--", "multiple": "-."}.get(name.split()[0], "-")
     return {"fmt": "osD^vPX*"[k], "ls": dashes, "color": f"C{k}", "ms": 4, "lw": 1}
 
 
-def gate_hit_probability(error: float) -> float:
+def tsepm_2018_gate_hit_probability(error: float) -> float:
     """Probability that a target's detection lies in the gate of that a scan before (Eq. 4).
 
     Both detections have an error; the gate's margin covers only one.
@@ -444,15 +470,15 @@ def gate_hit_probability(error: float) -> float:
     error : float
         Larger axis of the measurement error at the target, m.
     """
-    sensor = sensor_at(error)
+    sensor = monte_carlo_sensor(error)
     range_, azimuth = float(np.hypot(*TARGET)), np.arctan2(TARGET[1], TARGET[0])
-    covariance = 2.0 * position_covariance(
+    covariance = 2.0 * measurement_covariance(
         range_, azimuth, sensor.range_variance(range_), sensor.azimuth_std
     )
     variances, axes = np.linalg.eigh(covariance)
     sigma = np.sqrt(variances)
     offset = axes.T @ np.array([5.0 * PERIOD, 0.0])
-    radius = MAX_SPEED * PERIOD + gate_factor(GATE_PROBABILITY) * error
+    radius = MAX_SPEED * PERIOD + gaussian_gate_factor(GATE_PROBABILITY) * error
     x = np.linspace(-radius, radius, 4001)
     half = np.sqrt(radius**2 - x**2)
     density = np.exp(-0.5 * ((x - offset[0]) / sigma[0]) ** 2) / (np.sqrt(2 * np.pi) * sigma[0])
@@ -460,18 +486,18 @@ def gate_hit_probability(error: float) -> float:
     return float(trapezoid(density * across, x))
 
 
-def one_start(error: float) -> float:
+def tsepm_2018_one_start(error: float) -> float:
     """P_D of one start without clutter or pruning, with the gate of a measurement error."""
-    return rule_detection_probability(*RULE, 0.9, gate_hit_probability(error))
+    return expected_detection_probability(*RULE, 0.9, tsepm_2018_gate_hit_probability(error))
 
 
-def figure_parts(
-    setting: Setting, by_density: Mapping[float, Scenario], by_error: Mapping[float, Scenario]
+def tsepm_2018_figure_parts(
+    setting: ReportSetting, by_density: Mapping[float, Scenario], by_error: Mapping[float, Scenario]
 ) -> list[Part]:
     """The curves, the burden, the weights of merging and the gate."""
-    results = setting.results(run_comparison, [*by_density.values(), *by_error.values()])
-    densities = Curves(by_density, results[: len(by_density)])
-    errors = Curves(by_error, results[len(by_density) :])
+    results = setting.results(monte_carlo_comparison, [*by_density.values(), *by_error.values()])
+    densities = Tsepm2018Curves(by_density, results[: len(by_density)])
+    errors = Tsepm2018Curves(by_error, results[len(by_density) :])
     return [
         "### Figs. 5-8",
         f"All use {RULE[0]}/{RULE[1]}, gates of 0.9 (the multiple model also its default, 0.99), "
@@ -490,18 +516,18 @@ def figure_parts(
             "tsepm_2018_figures_7_8",
             "Figs. 7 and 8",
             f"measurement error [m], at {FIGURE_7_DENSITY:g} per m²",
-            one_start,
+            tsepm_2018_one_start,
             FIGURE_7_MARKS,
         ),
-        *_merging_parts(densities),
-        *_gate_parts(),
+        *_tsepm_2018_merging_parts(densities),
+        *_tsepm_2018_gate_parts(),
     ]
 
 
-def _merging_parts(densities: Curves) -> list[Part]:
+def _tsepm_2018_merging_parts(densities: Tsepm2018Curves) -> list[Part]:
     """The burden before and after pruning and merging, and the weights of merging."""
     literal, last = SHOWN[0], densities.runs[-1]
-    found, wrong, _, _, reached, left = (column(last, literal, k).mean() for k in range(6))
+    found, wrong, _, _, reached, left = (report_column(last, literal, k).mean() for k in range(6))
     errors = np.array([e for runs in densities.runs for run in runs for e in run["weights"]])
     published, *others = errors.reshape(-1, len(WEIGHTS)).T
     return [
@@ -510,25 +536,25 @@ def _merging_parts(densities: Curves) -> list[Part]:
         f"scans, pruning leaves {left:.3g}, and merging {wrong + found:.3g}.",
         f"**Merging by evaluation values** (Eq. 31, {literal}): the position of {len(published)} "
         "merged groups with a member from the target has an rms error of "
-        f"{root_mean_square(published):.0f} m. Mean difference from it, by other weights: "
+        f"{root_mean_square_interval(published):.0f} m. Mean difference from it, by other weights: "
         + "; ".join(
-            f"{name} {mean(own - published):+.1f} m"
+            f"{name} {mean_interval(own - published):+.1f} m"
             for name, own in zip(WEIGHTS[1:], others, strict=True)
         )
         + ".",
     ]
 
 
-def _gate_parts() -> list[Part]:
+def _tsepm_2018_gate_parts() -> list[Part]:
     rows: list[list[Cell]] = [
-        [error, gate_hit_probability(error), one_start(error)]
+        [error, tsepm_2018_gate_hit_probability(error), tsepm_2018_one_start(error)]
         for error in (15.0, *FIGURE_7_MARKS, 180.0)
     ]
     return [
         "**The gate.** The text explains Fig. 7 by the probability that a detected target falls "
         "into the gate of Eq. 4: roughly 1 below 75 m, 0.9 from 120 m on. Computed, and P_D by "
         "the closed form with it:",
-        Table(
+        ReportTable(
             "tsepm_2018_gate",
             {"error [m]": "g", "one scan": ".4f", "P_D of one start": ".4f"},
             rows,

@@ -54,7 +54,9 @@ OFFLINE = uuid.UUID(int=0)
 """Instance of offline runs: a recording gives the same deltas each time."""
 
 
-def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+def nmea_closest_approach(
+    position: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Time until the closest approach, and the distance then.
 
     Parameters
@@ -71,10 +73,10 @@ def closest_approach(position: FloatArray, velocity: FloatArray) -> tuple[FloatA
     """
     moves = np.hypot(*velocity.T)[:, None] > LEAST_SPEED
     state = np.stack([position, np.where(moves, velocity, 0.0)], axis=2).reshape(-1, 4)
-    return measures.closest_approach(state)
+    return measures.measured_closest_approach(state)
 
 
-class TargetNumbers:
+class NmeaTargetNumbers:
     """Numbers 00 to 99 of the tracks: each is free again at its track's end.
 
     A track that comes back has its number again if no other took it; the number that is free for
@@ -105,7 +107,7 @@ class TargetNumbers:
         return len(present) - len(self.of)
 
 
-class Reports(dict[int, Report]):
+class NmeaReports(dict[int, Report]):
     """What a receiver was told of each track, by its id, so that it is told each end."""
 
     def texts(
@@ -124,15 +126,15 @@ class Reports(dict[int, Report]):
         """
         gone = [self.pop(track) for track in list(self) if track not in present]
         self.update(reports)
-        ends = [_line(one, stamp, LOST) for one in gone]
-        return ends + [_line(one, stamp, TRACKED) for one in reports.values()]
+        ends = [_nmea_line(one, stamp, LOST) for one in gone]
+        return ends + [_nmea_line(one, stamp, TRACKED) for one in reports.values()]
 
 
-def _line(report: Report, stamp: float, status: str) -> str:
+def _nmea_line(report: Report, stamp: float, status: str) -> str:
     """A sentence, or a delta, with its end of line."""
     date = datetime.fromtimestamp(round(stamp, 1 if isinstance(report, str) else 3), UTC)
     if isinstance(report, str):
-        return sentence(report.format(status, date.strftime("%H%M%S.%f")[:8]))
+        return nmea_sentence(report.format(status, date.strftime("%H%M%S.%f")[:8]))
     context, given = report
     values = [
         {"path": path, "value": None if status == LOST else value}
@@ -144,7 +146,7 @@ def _line(report: Report, stamp: float, status: str) -> str:
     return json.dumps({"context": context, "updates": [update]}, allow_nan=False) + "\n"
 
 
-def sentence(body: str) -> str:
+def nmea_sentence(body: str) -> str:
     """A sentence of fields between commas, with its checksum and line end.
 
     Parameters
@@ -155,7 +157,7 @@ def sentence(body: str) -> str:
     return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n"
 
 
-def ttm(
+def nmea_ttm(
     talker: str,
     tracks: TrackArrays,
     numbers: dict[int, int],
@@ -180,27 +182,27 @@ def ttm(
     """
     position, velocity = tracks.state[:, 0::2] - own_ship[0], tracks.state[:, 1::2]
     away, speed = np.hypot(*position.T), np.round(np.hypot(*velocity.T) / KNOT, 1)
-    times, distances = closest_approach(position, velocity - own_ship[1])
+    times, distances = nmea_closest_approach(position, velocity - own_ship[1])
     figures = [
         (away <= MAX_DISTANCE) & (speed <= MAX_SPEED),
         np.maximum(away / NAUTICAL_MILE, MIN_MILES),
-        _direction(position, from_north),
+        _nmea_direction(position, from_north),
         speed,
-        _direction(velocity, from_north),
+        _nmea_direction(velocity, from_north),
         distances / NAUTICAL_MILE,
         np.round(np.clip(times / 60.0, -MAX_MINUTES, MAX_MINUTES), 1) + 0.0,  # 0.0, not -0.0
     ]
     axis = "T" if from_north else "R"
     rows = zip(tracks.track_id.tolist(), *map(np.ndarray.tolist, figures), strict=True)
     return {
-        track: f"{talker}TTM,{numbers[track]:02d},{_miles(away)},{bearing:.1f},{axis},{speed:.1f},"
-        f"{course:.1f},{axis},{_miles(closest)},{minutes:.1f},N,{_name(track)},{{0}},,{{1}},A"
+        track: f"{talker}TTM,{numbers[track]:02d},{_nmea_miles(away)},{bearing:.1f},{axis},{speed:.1f},"
+        f"{course:.1f},{axis},{_nmea_miles(closest)},{minutes:.1f},N,{_nmea_name(track)},{{0}},,{{1}},A"
         for track, is_written, away, bearing, speed, course, closest, minutes in rows
         if is_written and track in numbers
     }
 
 
-def tll(
+def nmea_tll(
     talker: str, tracks: TrackArrays, numbers: dict[int, int], geographic: FloatArray
 ) -> dict[int, str]:
     """Reports of tracks on the earth, by id.
@@ -208,20 +210,20 @@ def tll(
     Parameters
     ----------
     talker, tracks, numbers
-        See `ttm`.
+        See `nmea_ttm`.
     geographic : (n, 2) ndarray
         Latitude and longitude of the tracks, degrees; tracks where it is nan are left out.
     """
     rows = zip(tracks.track_id.tolist(), geographic.tolist(), strict=True)
     return {
-        track: f"{talker}TLL,{numbers[track]:02d},{_angle(latitude, 2, 'NS')},"
-        f"{_angle(longitude, 3, 'EW')},{_name(track)},{{1}},{{0}},"
+        track: f"{talker}TLL,{numbers[track]:02d},{_nmea_angle(latitude, 2, 'NS')},"
+        f"{_nmea_angle(longitude, 3, 'EW')},{_nmea_name(track)},{{1}},{{0}},"
         for track, (latitude, longitude) in rows
         if track in numbers and math.isfinite(latitude)
     }
 
 
-def deltas(
+def nmea_deltas(
     tracks: TrackArrays, instance: uuid.UUID, geographic: FloatArray
 ) -> dict[int, tuple[str, dict[str, Any]]]:
     """Reports of tracks in east and north for Signal K, by id: context, and values by path.
@@ -232,7 +234,7 @@ def deltas(
     instance : uuid.UUID
         Of the run: the tracks of another run are other vessels.
     geographic : (n, 2) ndarray
-        See `tll`.
+        See `nmea_tll`.
     """
     velocities = tracks.state[:, 1::2].tolist()
     rows = zip(tracks.track_id.tolist(), geographic.tolist(), velocities, strict=True)
@@ -256,24 +258,24 @@ def deltas(
     }
 
 
-def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
+def _nmea_direction(vectors: FloatArray, from_north: bool) -> FloatArray:
     """Directions, degrees clockwise from north or ahead, below 360 when rounded; (n,) of (n, 2)."""
     x, y = vectors.T
     angles = np.arctan2(x, y) if from_north else np.arctan2(-y, x)
     return np.round(np.degrees(angles) % 360.0, 1) % 360.0
 
 
-def _miles(distance: float) -> str:
+def _nmea_miles(distance: float) -> str:
     """Nautical miles, cut to seven characters: a sentence has 82."""
     return f"{distance:.3f}"[:7]
 
 
-def _name(track: int) -> str:
+def _nmea_name(track: int) -> str:
     """The track's id; of a long one the last digits, since a sentence has 82 characters."""
     return str(track % 1_000_000)
 
 
-def _angle(degrees: float, digits: int, signs: str) -> str:
+def _nmea_angle(degrees: float, digits: int, signs: str) -> str:
     """Degrees and minutes of an angle, and its direction: two fields."""
     parts = round(abs(degrees) * 60 * MINUTE_PARTS)
     whole, parts = divmod(parts, 60 * MINUTE_PARTS)
@@ -281,7 +283,7 @@ def _angle(degrees: float, digits: int, signs: str) -> str:
     return f"{whole:0{digits}d}{parts / MINUTE_PARTS:07.4f},{sign}"
 
 
-def report_writer(
+def nmea_report_writer(
     file: TextIO, reference: GeographicReference, notes: dict[str, str], form: str = "nmea"
 ) -> Callable[[ScanResult], None]:
     """A writer of the confirmed tracks of a run as TLL, or as deltas of Signal K, scan by scan.
@@ -295,7 +297,7 @@ def report_writer(
         Sentences by reason: that of `numbers` says how much was not written.
     form : {"nmea", "signalk"}
     """
-    numbers, told, not_written = TargetNumbers(), Reports(), 0
+    numbers, told, not_written = NmeaTargetNumbers(), NmeaReports(), 0
 
     def write(result: ScanResult) -> None:
         nonlocal not_written
@@ -303,10 +305,10 @@ def report_writer(
         present = tracks.track_id.tolist()
         places = reference.geographic(tracks.state[:, 0::2])
         if form == "signalk":
-            reports: Mapping[int, Report] = deltas(tracks, OFFLINE, places)
+            reports: Mapping[int, Report] = nmea_deltas(tracks, OFFLINE, places)
         else:
             not_written += numbers.update(present)
-            reports = tll("RA", tracks, numbers.of, places)
+            reports = nmea_tll("RA", tracks, numbers.of, places)
             if not_written:
                 notes["numbers"] = (
                     f"{not_written} positions of tracks beyond {NUMBERS} at a time are not "

@@ -20,15 +20,15 @@ from msg_adapters.nav_messages import read_fix
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
-from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
+from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import exchanged
-from tsepm_ros.session.inputs import bounded
-from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address
-from tsepm_ros.settings.settings import help_text
+from tsepm_ros.own_ship.registration import exchanged_after_registration
+from tsepm_ros.session.inputs import bounded_input_tracks
+from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address_option
+from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -50,7 +50,7 @@ MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
 """Of each topic the message type and what makes it of tracks."""
 
 
-class TrackBridge(ParameterisedNode):
+class TrackBridge(BaseNode):
     """Subscribes to confirmed tracks and publishes them in the messages and sentences of others."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -58,22 +58,22 @@ class TrackBridge(ParameterisedNode):
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
         self._instance = uuid.uuid4()
-        self._numbers = nmea.TargetNumbers()
+        self._numbers = nmea.NmeaTargetNumbers()
         self._reported = -math.inf
         self._odometry: bytes | None = None
         self._frame, self._reference_frame = "", ""  # of the tracks, and of the reference
         self._reference: GeographicReference | None = None
         self._doubted: list[GeographicReference] = []
-        with refusing("origin"):
+        with refusing_node_parameter("origin"):
             if options.origin:
                 self._reference = GeographicReference.read(options.origin)
         kinds = ("TTM", "TLL") if options.nmea_sentences == "both" else (options.nmea_sentences,)
         given = {
-            **dict.fromkeys(kinds, udp_address("nmea_address", options.nmea_address)),
-            SIGNAL_K: udp_address("signal_k_address", options.signal_k_address),
+            **dict.fromkeys(kinds, udp_address_option("nmea_address", options.nmea_address)),
+            SIGNAL_K: udp_address_option("signal_k_address", options.signal_k_address),
         }
         self._addresses = {kind: address for kind, address in given.items() if address}
-        self._told = {kind: nmea.Reports() for kind in self._addresses}
+        self._told = {kind: nmea.NmeaReports() for kind in self._addresses}
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._socket.setblocking(False)
@@ -98,7 +98,13 @@ class TrackBridge(ParameterisedNode):
     def _subscribe(self) -> None:
         durability = DurabilityPolicy.TRANSIENT_LOCAL
         self._tracks = OfferedSubscription(
-            self, PointCloud2, TRACKS, DEPTH, self._take, QosWatch(self), durability=durability
+            self,
+            PointCloud2,
+            TRACKS,
+            DEPTH,
+            self._take,
+            SubscriptionQos(self),
+            durability=durability,
         )
         if self._options.own_ship_source == "odometry":
             # It may come much more often than tracks: only the newest before these is read.
@@ -134,7 +140,7 @@ class TrackBridge(ParameterisedNode):
         except MessageError as error:
             self.drop("bad_tracks", f"{TRACKS} is not used: {error}")
             return
-        usable = bounded(tracks)
+        usable = bounded_input_tracks(tracks)
         if not usable.all():
             self.drop(
                 "bad_state",
@@ -148,7 +154,7 @@ class TrackBridge(ParameterisedNode):
         self._frame = cloud.header.frame_id.lstrip("/")
         if due:
             self._reported = stamp
-            self._report(exchanged(tracks, self._frame), stamp)
+            self._report(exchanged_after_registration(tracks, self._frame), stamp)
 
     def _report(self, tracks: TrackArrays, stamp: float) -> None:
         """Send reports of tracks in east and north."""
@@ -182,7 +188,7 @@ class TrackBridge(ParameterisedNode):
         if kind == "TTM":
             position, velocity, frame = self._own_ship(stamp)
             self._check_frame(frame)
-            reports: Mapping[int, nmea.Report] = nmea.ttm(
+            reports: Mapping[int, nmea.Report] = nmea.nmea_ttm(
                 talker, tracks, numbers, (position, velocity), self._from_north
             )
         elif self._reference is None:
@@ -191,9 +197,9 @@ class TrackBridge(ParameterisedNode):
             self._check_frame(self._reference_frame)
             places = self._reference.geographic(tracks.state[:, 0::2])
             if kind == SIGNAL_K:
-                reports = nmea.deltas(tracks, self._instance, places)
+                reports = nmea.nmea_deltas(tracks, self._instance, places)
             else:
-                reports = nmea.tll(talker, tracks, numbers, places)
+                reports = nmea.nmea_tll(talker, tracks, numbers, places)
         if len(reports) < number:
             self.drop(
                 "too_far",
@@ -286,4 +292,4 @@ class TrackBridge(ParameterisedNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(TrackBridge, args, help_text("track_bridge", __doc__))
+    return run_node(TrackBridge, args, settings_help("track_bridge", __doc__))

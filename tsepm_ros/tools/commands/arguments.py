@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser, arguments: Arguments) -> None
         parser.add_argument(name, **options)
 
 
-def at_least(minimum: int, text: str) -> int:
+def at_least_argument(minimum: int, text: str) -> int:
     """An integer from the command line that is not below a minimum."""
     value = int(text)
     if value < minimum:
@@ -32,10 +32,10 @@ def at_least(minimum: int, text: str) -> int:
     return value
 
 
-positive, seed = partial(at_least, 1), partial(at_least, 0)
+positive, seed = partial(at_least_argument, 1), partial(at_least_argument, 0)
 
 
-def in_folder(text: str) -> Path:
+def in_folder_argument(text: str) -> Path:
     """A path to write to, from the command line, in a folder that exists."""
     path = Path(text)
     if not path.parent.is_dir():
@@ -43,7 +43,7 @@ def in_folder(text: str) -> Path:
     return path
 
 
-def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") -> None:
+def add_runs_arguments(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") -> None:
     """Add the number of runs, the seed and the number of processes."""
     cores = os.cpu_count() or 1
     for name, kind, default, text in (
@@ -54,13 +54,13 @@ def add_runs(parser: argparse.ArgumentParser, runs: int, meaning: str = "runs") 
         parser.add_argument(name, type=kind, default=default, help=text)
 
 
-def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
+def add_out_argument(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add the folder of the results and of the runs done so far."""
     text = f"folder of the results and of the runs done so far; default {folder}"
     parser.add_argument("--out", type=Path, default=Path(folder), help=text)
 
 
-def scenario_names() -> str:
+def scenario_argument_names() -> str:
     """Names of the shipped scenarios, and the form of another one."""
     from tsepm_ros.tools.simulation import shipped_scenarios
 

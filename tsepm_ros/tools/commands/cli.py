@@ -14,9 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
-from tsepm_ros.ending_signals import INTERRUPTED, ending_on_termination, ends_at_once, handled
+from tsepm_ros.ending_signals import (
+    INTERRUPTED,
+    ending_on_termination,
+    ends_at_once,
+    handling_ending_signals,
+)
 from tsepm_ros.tools.commands.arguments import CommandFailed
-from tsepm_ros.whole_files import naming
+from tsepm_ros.whole_files import naming_file
 
 Place = str | Callable[..., Any]
 """A function, or its module and name: the modules are imported when the command is called."""
@@ -35,18 +40,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         written, or every scan was dropped; 130 if interrupted, 143 if terminated.
     """
     with ending_on_termination():
-        return _run(sys.argv[1:] if arguments is None else arguments)
+        return _run_cli(sys.argv[1:] if arguments is None else arguments)
 
 
-def _run(arguments: Sequence[str]) -> int:
-    options = _parser(arguments[:1]).parse_args(arguments)
+def _run_cli(arguments: Sequence[str]) -> int:
+    options = _cli_parser(arguments[:1]).parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
-        with naming("standard output"):
-            _found(options.command)(options)
+        with naming_file("standard output"):
+            _cli_function(options.command)(options)
             sys.stdout.flush()
     except ValueError as error:
-        print(f"refused: {_sentence(error)}", file=sys.stderr)
+        print(f"refused: {_cli_sentence(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -56,18 +61,18 @@ def _run(arguments: Sequence[str]) -> int:
     except (OSError, CommandFailed) as error:
         if "standard output" in str(error):  # Python writes what is left at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        print(f"failed: {_sentence(error)}", file=sys.stderr)
+        print(f"failed: {_cli_sentence(error)}", file=sys.stderr)
         return 1
     return 0
 
 
-def _sentence(error: Exception) -> str:
+def _cli_sentence(error: Exception) -> str:
     """What an error says, on one line and of bounded length: it may quote a whole file."""
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= MAX_SENTENCE else f"{text[:MAX_SENTENCE]} ..."
 
 
-def _parser(named: Collection[str] | None = None) -> argparse.ArgumentParser:
+def _cli_parser(named: Collection[str] | None = None) -> argparse.ArgumentParser:
     """The parser of all commands, of which those named, or all, have their arguments.
 
     The modules of a command are imported where they are needed: all take seconds.
@@ -77,43 +82,43 @@ def _parser(named: Collection[str] | None = None) -> argparse.ArgumentParser:
     for name, (text, add_arguments, function) in COMMANDS.items():
         command = commands.add_parser(name, help=text)
         if named is None or name in named:
-            _found(add_arguments)(command)
+            _cli_function(add_arguments)(command)
         command.set_defaults(command=function)
     return parser
 
 
-def _found(place: Place) -> Callable[..., Any]:
+def _cli_function(place: Place) -> Callable[..., Any]:
     """A function of the commands, or one of another module, which is imported."""
     if not isinstance(place, str):
         return place
-    with handled(ends_at_once()):
+    with handling_ending_signals(ends_at_once()):
         return pkgutil.resolve_name(f"tsepm_ros.{place}")
 
 
-def _add_ros_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_cli_ros_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ros-args", nargs=argparse.REMAINDER, default=[], help="arguments of ROS, such as -r"
     )
 
 
-def _add_health_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_cli_health_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("node", nargs="?", default="", help="full name; default every node")
     parser.add_argument("--timeout", type=float, default=5.0, help="longest time, s; default 5")
-    _add_ros_arguments(parser)
+    _add_cli_ros_arguments(parser)
 
 
-def _of_ros(*places: str) -> list[Callable[..., Any]]:
+def _cli_of_ros(*places: str) -> list[Callable[..., Any]]:
     """Functions of modules that need ROS."""
     try:
-        return [_found(place) for place in places]
+        return [_cli_function(place) for place in places]
     except ImportError as error:
         raise ValueError(f"live topics need ROS 2 ({error})") from None
 
 
-def _health(options: argparse.Namespace) -> None:
+def _cli_health(options: argparse.Namespace) -> None:
     if not 0.0 < options.timeout < math.inf:
         raise ValueError("--timeout must be a positive number of seconds")
-    [read] = _of_ros("tools.live_commands:read_health")
+    [read] = _cli_of_ros("tools.live_commands:read_live_health")
     entries = read(options.node, options.timeout, options.ros_args)
     for level, sentence in entries:
         print(f"{level.name:5} {sentence}")
@@ -123,17 +128,19 @@ def _health(options: argparse.Namespace) -> None:
     raise SystemExit(int(max((level for level, _ in entries), key=ORDER.index)))
 
 
-def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_cli_record_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="folder of the bag, which must not exist")
     names = (*pkgutil.resolve_name("tsepm_ros.tools.replay.bag:ROLES"), "/tf", "/tf_static")
     parser.add_argument(
         "topics", nargs="*", default=names, help=f"default the inputs: {', '.join(names)}"
     )
-    _add_ros_arguments(parser)
+    _add_cli_ros_arguments(parser)
 
 
-def _record(options: argparse.Namespace) -> None:
-    run, recorder = _of_ros("nodes.base_node:run", "tools.players.scan_player:TopicRecorder")
+def _cli_record(options: argparse.Namespace) -> None:
+    run, recorder = _cli_of_ros(
+        "nodes.base_node:run_node", "tools.players.scan_player:PlayerTopicRecorder"
+    )
     make = partial(recorder, options.out, options.topics)
     if code := run(make, ["--ros-args", *options.ros_args]):
         raise SystemExit(code)
@@ -158,7 +165,7 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "run": (
         "start tracks on a recording, a bag or a simulated scenario; write CSV or a picture",
-        f"{HERE}.run_command:add_recording_arguments",
+        f"{HERE}.run_command:add_run_arguments",
         f"{HERE}.run_command:run_recording",
     ),
     "watch": (
@@ -168,13 +175,13 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "health": (
         "print the health of the running nodes; the exit code is that of the worst level",
-        _add_health_arguments,
-        _health,
+        _add_cli_health_arguments,
+        _cli_health,
     ),
     "record": (
         "write a bag of live topics until interrupted, without ros2 bag",
-        _add_record_arguments,
-        _record,
+        _add_cli_record_arguments,
+        _cli_record,
     ),
     "design": (
         "predict detection and false tracks of a sonar at a target false-track rate",
@@ -183,13 +190,13 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "evaluate": (
         "operating curves of the methods: tables and pictures from many runs",
-        f"{HERE}.evaluate_command:add_evaluation_arguments",
-        f"{HERE}.evaluate_command:run_evaluation",
+        f"{HERE}.evaluate_command:add_evaluate_arguments",
+        f"{HERE}.evaluate_command:run_evaluate",
     ),
     "reproduce": (
         "regenerate the published results and compare them with the published values",
-        "studies.reproduction.report:add_reproduction_arguments",
-        "studies.reproduction.report:run_reproduction",
+        "studies.reproduction.report:add_report_arguments",
+        "studies.reproduction.report:run_report",
     ),
 }
 """Description, arguments and function of each command."""

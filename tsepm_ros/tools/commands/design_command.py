@@ -10,26 +10,31 @@ from collections.abc import Sequence
 
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.session.consistency_checks import questions
+from tsepm_ros.session.consistency_checks import check_questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
-from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.parameter_files import parse_parameter_file_values
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.arguments import Arguments, add_arguments, add_runs, positive
-from tsepm_ros.tools.commands.given_parameters import add_values, given_values
-from tsepm_ros.tools.design.prediction import (
-    Candidate,
-    Case,
-    FirstEstimate,
-    Rule,
-    candidates,
-    clutter_scans,
-    first_estimate,
-    remedied_detection,
-    rules_within,
-    target_scenes,
+from tsepm_ros.tools.commands.arguments import (
+    Arguments,
+    add_arguments,
+    add_runs_arguments,
+    positive,
 )
-from tsepm_ros.tools.evaluation.intervals import Estimate
-from tsepm_ros.tools.terminal import named_progress, text_table
+from tsepm_ros.tools.commands.given_parameters import add_given_parameters, given_parameter_values
+from tsepm_ros.tools.design.prediction import (
+    FirstPrediction,
+    PredictedCandidate,
+    PredictedRule,
+    PredictionCase,
+    first_prediction,
+    predicted_candidates,
+    predicted_remedied_detection,
+    predicted_rules_within,
+    prediction_clutter_scans,
+    prediction_scenes,
+)
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
+from tsepm_ros.tools.terminal import named_terminal_progress, terminal_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -65,8 +70,8 @@ ARGUMENTS: Arguments = {
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a design."""
     add_arguments(parser, ARGUMENTS)
-    add_runs(parser, 400, "simulated targets, at most")
-    add_values(parser)
+    add_runs_arguments(parser, 400, "simulated targets, at most")
+    add_given_parameters(parser)
 
 
 def run_design(options: argparse.Namespace) -> None:
@@ -82,8 +87,8 @@ def run_design(options: argparse.Namespace) -> None:
     ValueError
         If an argument is not allowed.
     """
-    _check(options)
-    values = given_values(options.parameter)
+    _check_design(options)
+    values = given_parameter_values(options.parameter)
     values.pop("method", None)  # the design chooses it
     groups = make_groups(TRACK_INITIATOR, values)
     if options.false_detections is not None:
@@ -91,11 +96,11 @@ def run_design(options: argparse.Namespace) -> None:
         values["sensor.clutter_density"] = density
         groups = make_groups(TRACK_INITIATOR, values)
     if options.interval is None:
-        options.interval = groups[DiagnosticsOptions].scan_period or Case.interval
-    for question in questions(groups[SensorModel], groups[Mounting]):
+        options.interval = groups[DiagnosticsOptions].scan_period or PredictionCase.interval
+    for question in check_questions(groups[SensorModel], groups[Mounting]):
         print(f"note: {question}", file=sys.stderr)
     common = groups[CommonOptions]
-    case = Case(
+    case = PredictionCase(
         sensor=groups[SensorModel],
         common=common,
         interval=options.interval,
@@ -103,53 +108,55 @@ def run_design(options: argparse.Namespace) -> None:
         target_speed=0.5 * common.max_speed if options.speed is None else options.speed,
         ratio_db=options.ratio,
     )
-    target_scenes(case, options.runs, options.seed)  # refuses targets that leave the coverage
+    prediction_scenes(case, options.runs, options.seed)  # refuses targets that leave the coverage
     score, tsepm = groups[ScoreOptions], groups[TsepmOptions]
     target_rate = score.false_tracks_per_hour
-    print(case_lines(case, target_rate), flush=True)
-    first = first_estimate(case, score, given_window="score.window" in values)
+    print(design_case_lines(case, target_rate), flush=True)
+    first = first_prediction(case, score, given_window="score.window" in values)
     score = dataclasses.replace(score, window=first.window)
-    print(first_line(first, case), flush=True)
-    rules = rules_within(case, tsepm, target_rate, options.workers)
+    print(design_first_line(first, case), flush=True)
+    rules = predicted_rules_within(case, tsepm, target_rate, options.workers)
     print(
         "\nM/N rules of the method tsepm that keep the target false-track rate:"
         + ("" if rules else " none")
     )
     if rules:
-        print(rule_table(rules), flush=True)
+        print(design_rule_table(rules), flush=True)
     simulation = {
         "runs": options.runs,
         "seed": options.seed,
         "processes": options.workers,
-        "progress": named_progress,
+        "progress": named_terminal_progress,
     }
-    found = list(candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation))
-    hours = clutter_scans(case, target_rate) / case.scans_per_hour
+    found = list(
+        predicted_candidates(case, score, tsepm, rules, wanted=options.wanted, **simulation)
+    )
+    hours = prediction_clutter_scans(case, target_rate) / case.scans_per_hour
     print(
         f"\nsimulated: up to {options.runs} targets, {hours:.1f} h of clutter alone, seed "
         f"{options.seed}; score with window {score.window}; 95 % intervals; a dash: not simulated, "
         "since fewer targets are found"
     )
-    print(candidate_table(found))
+    print(design_candidate_table(found))
     assumed = ""
     if "sensor.clutter_density" not in values:
         assumed = (
             f"the clutter is not given; with the default, {case.detections_per_scan:.3g} false "
             "detections per ping (yours: --false-detections NUMBER), "
         )
-    print(f"\n{assumed}{verdict(found, options.wanted, target_rate)}", flush=True)
+    print(f"\n{assumed}{design_verdict(found, options.wanted, target_rate)}", flush=True)
     if max(candidate.targets.detection.high for candidate in found) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
-        changes = remedied_detection(
+        changes = predicted_remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
         now = ("as it is", found[0].targets.detection)
-        print(remedy_table([now, *changes]))
+        print(design_remedy_table([now, *changes]))
 
 
-def _check(options: argparse.Namespace) -> None:
+def _check_design(options: argparse.Namespace) -> None:
     """Refuse arguments early that would fail after the simulation."""
-    values = parse_values(one for one in options.parameter if isinstance(one, str))
+    values = parse_parameter_file_values(one for one in options.parameter if isinstance(one, str))
     if options.false_detections is not None and not 0.0 < options.false_detections < math.inf:
         raise ValueError(f"--false-detections must be above 0; got {options.false_detections:g}")
     if options.false_detections is not None and "sensor.clutter_density" in values:
@@ -160,7 +167,7 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError(f"wanted must be between 0 and 1; got {options.wanted!r}")
 
 
-def case_lines(case: Case, false_per_hour: float) -> str:
+def design_case_lines(case: PredictionCase, false_per_hour: float) -> str:
     """The case of a design in two lines."""
     sensor = case.sensor
     strength = "" if case.ratio_db is None else f", {case.ratio_db:g} dB above the clutter"
@@ -174,7 +181,7 @@ def case_lines(case: Case, false_per_hour: float) -> str:
     )
 
 
-def first_line(estimate: FirstEstimate, case: Case) -> str:
+def design_first_line(estimate: FirstPrediction, case: PredictionCase) -> str:
     """The first estimate in a line."""
     if not estimate.found[-1] > 0.0:
         return "first estimate, without simulation: no target is found in time"
@@ -187,9 +194,9 @@ def first_line(estimate: FirstEstimate, case: Case) -> str:
     )
 
 
-def rule_table(rules: Sequence[Rule]) -> str:
+def design_rule_table(rules: Sequence[PredictedRule]) -> str:
     """Table of the M/N rules that keep the target false-track rate."""
-    return text_table(
+    return terminal_table(
         ["M/N", "P_D of one start", "in time, evaluated", "false/h at most"],
         [
             [
@@ -203,9 +210,9 @@ def rule_table(rules: Sequence[Rule]) -> str:
     )
 
 
-def candidate_table(candidates: Sequence[Candidate]) -> str:
+def design_candidate_table(candidates: Sequence[PredictedCandidate]) -> str:
     """Table of the candidates' simulated performance."""
-    return text_table(
+    return terminal_table(
         ["method", "targets", "P_D, 95 %", "time [s]", "95 % by", "bound/h", "false/h, 95 %"],
         [
             [
@@ -222,7 +229,9 @@ def candidate_table(candidates: Sequence[Candidate]) -> str:
     )
 
 
-def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: float) -> str:
+def design_verdict(
+    candidates: Sequence[PredictedCandidate], wanted: float, false_per_hour: float
+) -> str:
     """Sentence on whether P_D is reached at the target false-track rate, and by which method."""
     keeping = [candidate for candidate in candidates if candidate.keeps(false_per_hour)]
     if not keeping:
@@ -237,10 +246,10 @@ def verdict(candidates: Sequence[Candidate], wanted: float, false_per_hour: floa
     return f"infeasible: {text}, less than {wanted:g}"
 
 
-def remedy_table(remedies: Sequence[tuple[str, Estimate]]) -> str:
+def design_remedy_table(remedies: Sequence[tuple[str, IntervalEstimate]]) -> str:
     """Table of P_D with each change, the present case first and then by P_D, descending."""
     ordered = [remedies[0], *sorted(remedies[1:], key=lambda row: -row[1].value)]
-    return text_table(
+    return terminal_table(
         ["with a change", "P_D, 95 %"],
         [[text, f"{share:.2f}"] for text, share in ordered],
     )

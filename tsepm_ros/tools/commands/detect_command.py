@@ -10,8 +10,8 @@ import numpy as np
 
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.detector.image import NO_LONGER, SonarImage
-from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder, seed
-from tsepm_ros.tools.replay.image_folder import write_detections
+from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder_argument, seed
+from tsepm_ros.tools.replay.image_folder import write_image_folder_detections
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.whole_files import written_whole
@@ -35,8 +35,12 @@ def add_detect_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name.replace('_', '-')}", type=float, help=text)
     for name, text in NO_LONGER.items():
         parser.add_argument(f"--{name.replace('_', '-')}", help=text)
-    parser.add_argument("--out", type=in_folder, default=Path(DETECTIONS_FILE), help="CSV file")
-    parser.add_argument("--picture", type=in_folder, help="picture of an image at its stages")
+    parser.add_argument(
+        "--out", type=in_folder_argument, default=Path(DETECTIONS_FILE), help="CSV file"
+    )
+    parser.add_argument(
+        "--picture", type=in_folder_argument, help="picture of an image at its stages"
+    )
     parser.add_argument("--image", type=seed, default=20, help="which, from 0; default 20 or last")
 
 
@@ -55,7 +59,7 @@ def run_detect(options: argparse.Namespace) -> None:
     notes = [f"{one}: {NO_LONGER[one]}" for one in NO_LONGER if getattr(options, one) is not None]
     outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
-        write_detections(options.folder, options.out, notes, outputs, **given)
+        write_image_folder_detections(options.folder, options.out, notes, outputs, **given)
     ):
         found += len(scan)
         if k <= options.image and detector.stages is not None:
@@ -65,14 +69,14 @@ def run_detect(options: argparse.Namespace) -> None:
     if not found or drawn is None:
         raise CommandFailed(f"{options.folder} has no image with an echo")
     if options.picture:
-        draw(options.picture, *drawn)
+        draw_detect(options.picture, *drawn)
     measured = ", ".join(f"{name} {value:.3g}" for name, value in detector.measured.items())
     number = detector.options.false_detections_per_ping
     print(f"{found} detections in {options.out}; {measured}", file=sys.stderr)
     print(f"a ping: {detector.kinds()}; {number:g} false ones are stated", file=sys.stderr)
 
 
-def draw(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:
+def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:
     """Picture of an image, its background, the smoothed image and the detections.
 
     Raises

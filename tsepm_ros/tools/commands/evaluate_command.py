@@ -9,33 +9,40 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tsepm_ros.methods.registry import available_methods
-from tsepm_ros.settings.parameter_files import parse_values
+from tsepm_ros.settings.parameter_files import parse_parameter_file_values
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     add_arguments,
-    add_out,
-    add_runs,
+    add_out_argument,
+    add_runs_arguments,
     positive,
-    scenario_names,
+    scenario_argument_names,
 )
-from tsepm_ros.tools.commands.given_parameters import add_values
+from tsepm_ros.tools.commands.given_parameters import add_given_parameters
 from tsepm_ros.tools.evaluation.performance import (
-    Evaluated,
-    Plan,
-    evaluate,
-    markdown,
-    measures_rows,
-    table_of,
-    write_csv,
+    PerformanceEvaluated,
+    PerformancePlan,
+    evaluate_performance,
+    performance_markdown,
+    performance_rows,
+    performance_table,
+    write_performance_csv,
 )
-from tsepm_ros.tools.evaluation.result_files import Result, add_result, write_result
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, operating_points
+from tsepm_ros.tools.evaluation.result_files import Result, add_result_file, write_result
+from tsepm_ros.tools.evaluation.simulated_run import (
+    SimulatedOperatingPoint,
+    simulated_operating_points,
+)
 from tsepm_ros.tools.simulation import load_scenario
-from tsepm_ros.tools.terminal import text_table, with_progress, write_line
-from tsepm_ros.whole_files import opened_whole, spare, write_text
+from tsepm_ros.tools.terminal import terminal_progress, terminal_table, write_terminal_line
+from tsepm_ros.whole_files import opened_whole, spare_files, write_whole_text
 
 ARGUMENTS: Arguments = {
-    "scenario": {"nargs": "*", "default": ["box"], "help": f"{scenario_names()}; default box"},
+    "scenario": {
+        "nargs": "*",
+        "default": ["box"],
+        "help": f"{scenario_argument_names()}; default box",
+    },
     "--method": {
         "action": "append",
         "choices": available_methods(),
@@ -51,32 +58,32 @@ ARGUMENTS: Arguments = {
 }
 
 
-def add_evaluation_arguments(parser: argparse.ArgumentParser) -> None:
+def add_evaluate_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of an evaluation."""
     add_arguments(parser, ARGUMENTS)
-    add_runs(parser, 500)
-    add_values(
+    add_runs_arguments(parser, 500)
+    add_given_parameters(
         parser,
         "--scene",
         help="change of the scenario, such as sensor.clutter_density:=2.0e-6; may be repeated",
     )
-    add_values(
+    add_given_parameters(
         parser,
         "-p",
         "--parameter",
         help="option of the methods that have it, in place of its sweep; may be repeated",
     )
-    add_out(parser, "build/evaluation")
-    add_result(parser)
+    add_out_argument(parser, "build/evaluation")
+    add_result_file(parser)
 
 
-def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] = ()) -> None:
+def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingPoint] = ()) -> None:
     """Evaluate, print a short table, and write tables and pictures.
 
     Parameters
     ----------
     options : argparse.Namespace
-        From `add_evaluation_arguments`, and `line`, the command line.
+        From `add_evaluate_arguments`, and `line`, the command line.
     more : sequence of OperatingPoint, optional
         Points evaluated in addition to those of the package's methods.
 
@@ -85,37 +92,44 @@ def run_evaluation(options: argparse.Namespace, more: Sequence[OperatingPoint] =
     ValueError
         If an argument is not allowed.
     """
-    spare(map(Path, options.scenario), [options.result] if options.result else [])
-    changes = parse_values(options.scene)
+    spare_files(map(Path, options.scenario), [options.result] if options.result else [])
+    changes = parse_parameter_file_values(options.scene)
     if options.scans:
         changes["scans"] = options.scans
     methods = dict.fromkeys(options.method or available_methods())
-    plan = Plan(
+    plan = PerformancePlan(
         scenarios=[load_scenario(name, changes) for name in options.scenario],
-        points=[*operating_points(methods, parse_values(options.parameter)), *more],
+        points=[
+            *simulated_operating_points(methods, parse_parameter_file_values(options.parameter)),
+            *more,
+        ],
         runs=options.runs,
         seed=options.seed,
         horizons=options.horizon,
     )
-    _announce(plan)
-    evaluated = evaluate(plan, options.out / "runs", options.workers, with_progress, _say)
-    print(f"{plan.runs} runs, seed {plan.seed}\n{text_table(*table_of(evaluated, interval=False))}")
-    _write(plan, evaluated, options.out, options.line)
+    _announce_evaluate(plan)
+    evaluated = evaluate_performance(
+        plan, options.out / "runs", options.workers, terminal_progress, _say_evaluate
+    )
+    print(
+        f"{plan.runs} runs, seed {plan.seed}\n{terminal_table(*performance_table(evaluated, interval=False))}"
+    )
+    _write_evaluate(plan, evaluated, options.out, options.line)
     if options.result:
-        header, rows = table_of(evaluated)
+        header, rows = performance_table(evaluated)
         result = Result(
-            command=_repeated(options.line),
+            command=_repeated_evaluate(options.line),
             seed=plan.seed,
             runs=plan.runs,
-            parameters=parse_values(options.parameter),
+            parameters=parse_parameter_file_values(options.parameter),
             header=header,
             rows=rows,
-            measures=measures_rows(evaluated),
+            measures=performance_rows(evaluated),
         )
         write_result(options.result, result)
 
 
-def _announce(plan: Plan) -> None:
+def _announce_evaluate(plan: PerformancePlan) -> None:
     """Say what will be done; the bar has the time that is left."""
     for point in plan.points:
         point.make(plan.scenarios[0])  # refused options are refused before anything is said
@@ -129,34 +143,40 @@ def _announce(plan: Plan) -> None:
     )
 
 
-def _say(finished: Evaluated) -> None:
+def _say_evaluate(finished: PerformanceEvaluated) -> None:
     """Print the figures of a point as soon as its runs are done; the table of all follows."""
-    header, [row] = table_of([finished], interval=False)
-    write_line(", ".join(map(" ".join, zip(header, row, strict=True))), sys.stderr)
+    header, [row] = performance_table([finished], interval=False)
+    write_terminal_line(", ".join(map(" ".join, zip(header, row, strict=True))), sys.stderr)
 
 
-def _repeated(line: str) -> str:
+def _repeated_evaluate(line: str) -> str:
     """A command line without what does not change its figures."""
     return re.sub(r" --(?:result|out|workers)[ =]\S+", "", line)
 
 
-def _write(plan: Plan, evaluated: Sequence[Evaluated], folder: Path, command: str) -> None:
+def _write_evaluate(
+    plan: PerformancePlan, evaluated: Sequence[PerformanceEvaluated], folder: Path, command: str
+) -> None:
     report, table = folder / "evaluation.md", folder / "evaluation.csv"
-    write_text(report, markdown(plan, evaluated, command))
+    write_whole_text(report, performance_markdown(plan, evaluated, command))
     with opened_whole(table) as file:
-        write_csv(plan, evaluated, file)
-    written = [report, table, *_pictures(plan, evaluated, folder)]
+        write_performance_csv(plan, evaluated, file)
+    written = [report, table, *_evaluate_pictures(plan, evaluated, folder)]
     print("written: " + ", ".join(map(str, written)))
 
 
-def _pictures(plan: Plan, evaluated: Sequence[Evaluated], folder: Path) -> list[Path]:
+def _evaluate_pictures(
+    plan: PerformancePlan, evaluated: Sequence[PerformanceEvaluated], folder: Path
+) -> list[Path]:
     try:
-        from tsepm_ros.tools.pictures.operating_curve_picture import draw
+        from tsepm_ros.tools.pictures.operating_curve_picture import draw_operating_curve
     except ImportError:
         print("no pictures: they need matplotlib, see the extra plot")
         return []
     caption = f"{plan.runs} runs, seed {plan.seed}; 95 % intervals"
     return [
-        draw([one for one in evaluated if one.scenario is scenario], folder, caption)
+        draw_operating_curve(
+            [one for one in evaluated if one.scenario is scenario], folder, caption
+        )
         for scenario in plan.scenarios
     ]

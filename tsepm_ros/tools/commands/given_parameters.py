@@ -6,36 +6,36 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from tsepm_ros.parameters import Value, refuse_integer
+from tsepm_ros.parameters import Value, refuse_integer_parameter
 from tsepm_ros.settings.parameter_files import (
     ANY_NODE,
     OF_ROS,
-    content,
-    fits,
-    flattened,
-    parse_values,
-    section,
-    sections,
-    unused_files,
-    yaml_text,
+    flattened_parameter_file,
+    parameter_file_content,
+    parameter_file_fits,
+    parameter_file_section,
+    parameter_file_sections,
+    parameter_file_text,
+    parse_parameter_file_values,
+    unused_parameter_files,
 )
-from tsepm_ros.settings.settings import TRACK_INITIATOR, Groups, full_table
+from tsepm_ros.settings.settings import TRACK_INITIATOR, Groups, settings_table
 
 
-def as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
+def given_parameters_as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
     """A ROS parameter file with the default of every parameter of a node.
 
     By default the key fits any node that gets the file, also under another name or in a namespace.
     """
-    lines = [f"# Parameters of {node}", *section(key)]
-    for row in full_table(groups):
+    lines = [f"# Parameters of {node}", *parameter_file_section(key)]
+    for row in settings_table(groups):
         note = ", ".join(part for part in (row.unit, row.bounds) if part)
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
-        lines.append(f"    {row.name}: {yaml_text(row.default)}")
+        lines.append(f"    {row.name}: {parameter_file_text(row.default)}")
     return "\n".join(lines) + "\n"
 
 
-def add_values(
+def add_given_parameters(
     parser: argparse.ArgumentParser,
     *names: str,
     help: str = "parameter of the node track_initiator; may be repeated",
@@ -54,7 +54,9 @@ def add_values(
         )
 
 
-def given_values(given: Sequence[str | Path], node: str = "/track_initiator") -> dict[str, Value]:
+def given_parameter_values(
+    given: Sequence[str | Path], node: str = "/track_initiator"
+) -> dict[str, Value]:
     """Values by full name of parameter files and of assignments NAME:=VALUE.
 
     As in ROS the last value of a name holds. The parameters of ROS itself are left out.
@@ -66,21 +68,29 @@ def given_values(given: Sequence[str | Path], node: str = "/track_initiator") ->
     """
     values: dict[str, Value] = {}
     for one in given:
-        values |= values_for(one, node) if isinstance(one, Path) else parse_values([one])
+        values |= (
+            given_parameters_for(one, node)
+            if isinstance(one, Path)
+            else parse_parameter_file_values([one])
+        )
     return {name: value for name, value in values.items() if not name.startswith(OF_ROS)}
 
 
-def values_for(path: Path, node: str) -> dict[str, Value]:
+def given_parameters_for(path: Path, node: str) -> dict[str, Value]:
     """Values that a parameter file has for a node; refuses the types that ROS refuses."""
     try:
         path.read_bytes()
     except OSError as error:
         raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from None
-    fitting = [values for key, values in sections(content(path)) if fits(key, node)]
+    fitting = [
+        values
+        for key, values in parameter_file_sections(parameter_file_content(path))
+        if parameter_file_fits(key, node)
+    ]
     if not fitting:
-        [*why] = unused_files(["--params-file", str(path)], node)
+        [*why] = unused_parameter_files(["--params-file", str(path)], node)
         raise ValueError("; ".join(why) or f"{path} is no parameter file for {node}")
-    values = {name: value for one in fitting for name, value in flattened(one)}
-    for row in full_table(TRACK_INITIATOR):
-        refuse_integer(row, values.get(row.name), f"{path}: ")
+    values = {name: value for one in fitting for name, value in flattened_parameter_file(one)}
+    for row in settings_table(TRACK_INITIATOR):
+        refuse_integer_parameter(row, values.get(row.name), f"{path}: ")
     return values

@@ -20,19 +20,19 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.image_messages import in_words, located, to_side
+from msg_adapters.image_messages import image_in_words, image_side_in_words, located_image
 from tsepm_ros.detector.image import DetectorOptions
-from tsepm_ros.methods.registry import METHODS, method_class
+from tsepm_ros.methods.registry import METHODS, registered_method
 from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
-from tsepm_ros.settings.parameter_files import ANY_NODE, section, yaml_text
+from tsepm_ros.settings.parameter_files import ANY_NODE, parameter_file_section, parameter_file_text
 from tsepm_ros.settings.settings import NODES, SONAR_DETECTOR, TRACK_INITIATOR, make_groups
-from tsepm_ros.tools.commands.given_parameters import as_yaml
-from tsepm_ros.tools.design.prediction import Case, first_estimate
-from tsepm_ros.tools.terminal import text_table
+from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml
+from tsepm_ros.tools.design.prediction import PredictionCase, first_prediction
+from tsepm_ros.tools.terminal import terminal_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import Coverage, SensorModel
-from tsepm_ros.whole_files import write_text, written_whole
+from tsepm_ros.whole_files import write_whole_text, written_whole
 
 Answers = Mapping[str, float]
 Sections = dict[str, dict[str, Value]]
@@ -71,7 +71,7 @@ NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*"
 
 
 @dataclass(frozen=True)
-class Question:
+class InitQuestion:
     """A question about the sonar, its targets or the operator's wish.
 
     Attributes
@@ -143,21 +143,21 @@ class Question:
         return float(Parameter(self.argument, 0.0, self.text, self.unit, *bounds).check(value))
 
 
-def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
+def _init_of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
     return lambda answers: float(f"{answers[name] * CELL_TO_STD:.3g}") or unknown
 
 
-def _ping_interval(answers: Answers) -> float:
+def _init_ping_interval(answers: Answers) -> float:
     """Two-way travel time to the farthest range, rounded up to two digits."""
     if not answers["sound_speed"]:
-        return Case(sensor=SensorModel()).interval
+        return PredictionCase(sensor=SensorModel()).interval
     travel = 2.0 * answers["max_range"] / answers["sound_speed"]
     step = 10.0 ** (math.floor(math.log10(travel)) - 1)
     return float(f"{math.ceil(travel / step - 1e-9) * step:.2g}")
 
 
 QUESTIONS = (
-    Question(
+    InitQuestion(
         "max_range",
         "Range setting, the farthest range",
         "m",
@@ -165,14 +165,14 @@ QUESTIONS = (
         SENSOR.max_range,
         positive=True,
     ),
-    Question(
+    InitQuestion(
         "min_range",
         "Blanking distance, the nearest range",
         "m",
         "Nearer targets cannot be detected; an image may begin at another range.",
         SENSOR.min_range,
     ),
-    Question(
+    InitQuestion(
         "sector",
         "Swath or sector, the full angle covered",
         "degrees",
@@ -181,7 +181,7 @@ QUESTIONS = (
         maximum=ALL_ROUND,
         positive=True,
     ),
-    Question(
+    InitQuestion(
         "sector_centre",
         "Middle of the sector",
         "degrees",
@@ -190,7 +190,7 @@ QUESTIONS = (
         minimum=-180.0,
         maximum=180.0,
     ),
-    Question(
+    InitQuestion(
         "beam_width",
         "Beam width",
         "degrees",
@@ -198,16 +198,16 @@ QUESTIONS = (
         0.0,
         maximum=math.degrees(1.0),
     ),
-    Question(
+    InitQuestion(
         "bearing_accuracy",
         "Bearing accuracy, one standard deviation",
         "degrees",
         "An echo anywhere in a beam has the beam width / 3.5.",
-        _of_cell("beam_width", 1.0),
+        _init_of_cell("beam_width", 1.0),
         maximum=math.degrees(1.0),
         positive=True,
     ),
-    Question(
+    InitQuestion(
         "range_cell",
         "Range resolution, the length of a resolution cell",
         "m",
@@ -215,15 +215,15 @@ QUESTIONS = (
         0.0,
         maximum=1e4,
     ),
-    Question(
+    InitQuestion(
         "range_accuracy",
         "Range accuracy, one standard deviation",
         "m",
         "An echo anywhere in a cell has the cell / 3.5.",
-        _of_cell("range_cell", 0.0),
+        _init_of_cell("range_cell", 0.0),
         maximum=1e5,
     ),
-    Question(
+    InitQuestion(
         "range_error",
         "Range error that grows with range, one standard deviation",
         "%",
@@ -231,7 +231,7 @@ QUESTIONS = (
         100.0 * SENSOR.range_std_fraction,
         maximum=100.0,
     ),
-    Question(
+    InitQuestion(
         "sound_speed",
         "Sound speed",
         "m/s",
@@ -239,15 +239,15 @@ QUESTIONS = (
         1500.0,
         maximum=1e4,
     ),
-    Question(
+    InitQuestion(
         "interval",
         "Time between pings",
         "s",
         "For diagnostics and the estimate below; the tracker measures it.",
-        _ping_interval,
+        _init_ping_interval,
         positive=True,
     ),
-    Question(
+    InitQuestion(
         "max_speed",
         "Maximum speed of targets",
         "m/s",
@@ -256,7 +256,7 @@ QUESTIONS = (
         maximum=1e4,
         positive=True,
     ),
-    Question(
+    InitQuestion(
         "extent",
         "Extent of targets, their length",
         "m",
@@ -264,7 +264,7 @@ QUESTIONS = (
         COMMON.target_extent,
         maximum=1e3,
     ),
-    Question(
+    InitQuestion(
         "images",
         "Does your driver publish images, or intensities of single bearings",
         "no or yes",
@@ -272,7 +272,7 @@ QUESTIONS = (
         0.0,
         choices=("no", "yes"),
     ),
-    Question(
+    InitQuestion(
         "rows",
         "Image: what its rows are",
         "auto, ranges, beams or fan",
@@ -280,7 +280,7 @@ QUESTIONS = (
         0.0,
         choices=ROWS,
     ),
-    Question(
+    InitQuestion(
         "near_range",
         "Image: range of the nearest row",
         "m",
@@ -288,7 +288,7 @@ QUESTIONS = (
         -1.0,
         minimum=-1.0,
     ),
-    Question(
+    InitQuestion(
         "far_range",
         "Image: range of the farthest row",
         "m",
@@ -296,7 +296,7 @@ QUESTIONS = (
         -1.0,
         minimum=-1.0,
     ),
-    Question(
+    InitQuestion(
         "near_row",
         "Image: which row, or of beams which column, is the nearest range",
         "last or first",
@@ -304,7 +304,7 @@ QUESTIONS = (
         0.0,
         choices=("last", "first"),
     ),
-    Question(
+    InitQuestion(
         "first_column",
         "Image: side of the first column, or of beams of the first row",
         "port or starboard",
@@ -312,7 +312,7 @@ QUESTIONS = (
         0.0,
         choices=("port", "starboard"),
     ),
-    Question(
+    InitQuestion(
         "false_detections",
         "False detections per ping, over the whole coverage",
         "per ping",
@@ -320,7 +320,7 @@ QUESTIONS = (
         lambda answers: answers["images"] and DetectorOptions().false_detections_per_ping,
         maximum=1e6,
     ),
-    Question(
+    InitQuestion(
         "own_ship",
         "Own ship: where the pose of a moving sonar comes from",
         "none, odometry or tf",
@@ -329,7 +329,7 @@ QUESTIONS = (
         choices=OWN_SHIP_SOURCES,
     ),
     *(
-        Question(
+        InitQuestion(
             f"mounting_{name}",
             f"Mounting: the sonar {where}",
             unit,
@@ -340,7 +340,7 @@ QUESTIONS = (
         )
         for name, where, unit, bound in MOUNTING
     ),
-    Question(
+    InitQuestion(
         "false_tracks",
         "Acceptable false tracks per hour, over the whole coverage",
         "per hour",
@@ -353,12 +353,12 @@ QUESTIONS = (
 """In the order in which they are asked; a default depends on earlier answers only."""
 
 
-def _meant(answers: Answers) -> list[Question]:
+def _init_meant(answers: Answers) -> list[InitQuestion]:
     """The questions that are not of images where there are none."""
     return [each for each in QUESTIONS if each.name not in OF_IMAGES or answers["images"]]
 
 
-def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[str, float]:
+def init_completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[str, float]:
     """All answers: those given, checked, and the others asked for, each until it is allowed.
 
     Parameters
@@ -383,11 +383,11 @@ def completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[s
         ):
             answers[name] = question.checked(given.get(name, default))
         else:
-            answers[name] = _asked(question, default, ask)
+            answers[name] = _init_asked(question, default, ask)
     return answers
 
 
-def _asked(question: Question, default: float, ask: Callable[[str], str]) -> float:
+def _init_asked(question: InitQuestion, default: float, ask: Callable[[str], str]) -> float:
     prompt = (
         f"{question.text} ({question.unit})\n  {question.explanation}\n"
         f"  [{question.shown(default)}]: "
@@ -403,7 +403,7 @@ def _asked(question: Question, default: float, ask: Callable[[str], str]) -> flo
             print(f"  {error}")
 
 
-def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, Value]:
+def init_parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, Value]:
     """Parameters of the node `track_initiator` that follow from all answers.
 
     With a `known_interval` these include the diagnostics of the time between pings.
@@ -462,7 +462,7 @@ def parameters(answers: Answers, *, known_interval: bool = False) -> dict[str, V
     return values
 
 
-def sections(answers: Answers, values: dict[str, Value]) -> Sections:
+def init_sections(answers: Answers, values: dict[str, Value]) -> Sections:
     """Sections of the parameter file: values of the tracker, and with images of the detector."""
     if not answers["images"]:
         return {ANY_NODE: values}
@@ -489,7 +489,7 @@ def sections(answers: Answers, values: dict[str, Value]) -> Sections:
 def print_methods(options: argparse.Namespace) -> None:
     """List the methods, each with what it is."""
     for name in METHODS:
-        print(f"{name}: {str(method_class(name).__doc__).splitlines()[0].strip()}")
+        print(f"{name}: {str(registered_method(name).__doc__).splitlines()[0].strip()}")
 
 
 def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
@@ -503,7 +503,10 @@ def print_parameters(options: argparse.Namespace) -> None:
     """Print the parameter file of a node, or of all, with the defaults."""
     nodes = NODES if options.node == "all" else {options.node: NODES[options.node]}
     keys = {node: ANY_NODE if len(nodes) == 1 else f"{ANY_NODE}/{node}" for node in nodes}
-    print("\n".join(as_yaml(node, nodes[node], key) for node, key in keys.items()), end="")
+    print(
+        "\n".join(given_parameters_as_yaml(node, nodes[node], key) for node, key in keys.items()),
+        end="",
+    )
 
 
 def add_init_arguments(parser: argparse.ArgumentParser) -> None:
@@ -552,21 +555,23 @@ def run_init(options: argparse.Namespace) -> None:
     }
     if not options.yes and sys.stdin.isatty() and sys.stdout.isatty():
         print("The sonar's data sheet has most answers. Enter alone takes the value in [ ].\n")
-        given = completed(given, input)
-    answers = completed(given)
-    values = parameters(answers, known_interval="interval" in given)
-    content = sections(answers, values)
-    write_text(path, file_text(content, _line(path, answers, given)))
+        given = init_completed(given, input)
+    answers = init_completed(given)
+    values = init_parameters(answers, known_interval="interval" in given)
+    content = init_sections(answers, values)
+    write_whole_text(path, init_file_text(content, _init_command_line(path, answers, given)))
     missing = [
         f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
-        for question in _meant(answers)
+        for question in _init_meant(answers)
         if question.name not in given
     ]
     if missing:
         print("not given, defaults taken:", *missing, sep="\n")
-    print(f"{LEARNED}\n\n{expectation_text(answers, path)}\n")
+    print(f"{LEARNED}\n\n{init_expectation_text(answers, path)}\n")
     if answers["images"] and answers["far_range"] > 0.0:
-        _draw_layout(picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"]))
+        _draw_init_layout(
+            picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"])
+        )
     source = str(values["own_ship_source"])
     more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
     of_images = {"sonar_detector": " -r image:=YOUR_TOPIC", "track_initiator": ""}
@@ -578,7 +583,7 @@ def run_init(options: argparse.Namespace) -> None:
         print("on a moving vessel give --own-ship odometry, or tf")
 
 
-def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
+def _draw_init_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     """Picture of where an image has its ranges and sides, as `sonar_detector` reads it."""
     try:
         from matplotlib.figure import Figure
@@ -591,15 +596,15 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     of_fan = 1.0 if half > 0.5 * math.pi else 2.0 * math.sin(half)
     shape = 300, round(300 * (of_fan if layout.rows == "fan" else 1.5))
     rows, columns = np.indices(shape, float)
-    range_, azimuth, down = located(rows, layout, ends, sector)
-    across = located(columns, layout, ends, sector)[2]
+    range_, azimuth, down = located_image(rows, layout, ends, sector)
+    across = located_image(columns, layout, ends, sector)[2]
     ahead, port = (range_ * turn(azimuth)[:, None] for turn in (np.cos, np.sin))
     figure = Figure(figsize=(13, 7), layout="constrained")
-    words = in_words(rows, layout, range_, azimuth).partition(": ")[2]
+    words = image_in_words(rows, layout, range_, azimuth).partition(": ")[2]
     figure.suptitle(textwrap.fill(words, 110))
     (b, m), to_port = down.shape, np.argsort(azimuth)
     beam, cell, arcs = to_port[b * 3 // 4], m * 3 // 4, np.linspace(0, m - 1, 5).round().astype(int)
-    target = f"a target at {range_[cell]:.3g} m, {to_side(azimuth[beam])}"
+    target = f"a target at {range_[cell]:.3g} m, {image_side_in_words(azimuth[beam])}"
     for axes, x, y, title in zip(
         figure.subplots(1, 2),
         (across, -port),
@@ -611,7 +616,9 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
         for k in arcs:
             axes.text(x[b // 2, k], y[b // 2, k], f"{range_[k]:.3g} m", ha="center", va="bottom")
         for side, colour in zip(to_port[[0, -1]], ("green", "red"), strict=True):
-            axes.plot(x[side], y[side], color=colour, lw=4, label=to_side(azimuth[side]))
+            axes.plot(
+                x[side], y[side], color=colour, lw=4, label=image_side_in_words(azimuth[side])
+            )
         axes.plot(x[beam, cell], y[beam, cell], "*", color="black", ms=14, label=target)
         axes.set(title=title, aspect="equal")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06))
@@ -628,37 +635,37 @@ def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     print(f"picture: {path}; compare it with the driver's own display")
 
 
-def file_text(content: Sections, line: str) -> str:
+def init_file_text(content: Sections, line: str) -> str:
     """The parameter file, for nodes in any namespace; without images of any name."""
     lines = [
         f"# {line}",
         "# Clutter density and detection probability are learned; a density here is the start.",
     ]
     for key, values in content.items():
-        lines += section(key) + [
-            f"    {name}: {yaml_text(value)}" for name, value in values.items()
+        lines += parameter_file_section(key) + [
+            f"    {name}: {parameter_file_text(value)}" for name, value in values.items()
         ]
     return "\n".join(lines) + "\n"
 
 
-def expectation_text(answers: Answers, path: Path) -> str:
+def init_expectation_text(answers: Answers, path: Path) -> str:
     """Table of the estimated performance by the number of false detections; a more exact way.
 
     If that number is not given, for each of `FALSE_DETECTIONS`. Targets have half the maximum
     speed; detection probability 0.9.
     """
     interval, given = answers["interval"], answers["false_detections"]
-    groups = make_groups(TRACK_INITIATOR, parameters(answers))
+    groups = make_groups(TRACK_INITIATOR, init_parameters(answers))
     sensor, rows = groups[SensorModel], []
     for number in (given,) if given else FALSE_DETECTIONS:
-        case = Case(
+        case = PredictionCase(
             sensor=replace(sensor, clutter_density=number / sensor.coverage_area),
             common=groups[CommonOptions],
             interval=interval,
             scans=ESTIMATED_SCANS,
             target_speed=0.5 * answers["max_speed"],
         )
-        estimate = first_estimate(case, groups[ScoreOptions], given_window=True)
+        estimate = first_prediction(case, groups[ScoreOptions], given_window=True)
         row = [f"{number:g}"]
         for share in (0.5, 0.9):
             scans = estimate.scans_until(share)
@@ -674,17 +681,17 @@ def expectation_text(answers: Answers, path: Path) -> str:
     return (
         f"what to expect at {answers['false_tracks']:g} false tracks per hour, by theory,\n"
         f"of targets at {0.5 * answers['max_speed']:g} m/s, seen in 9 of 10 pings, a ping every "
-        f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n{text_table(head, rows)}\n"
+        f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n{terminal_table(head, rows)}\n"
         "more exact, with a required P_D: "
         f"tsepm design --params-file {shlex.quote(str(path))} --interval {interval:g}"
         + ("" if answers["false_detections"] else " --false-detections YOURS")
     )
 
 
-def _line(path: Path, answers: Answers, given: Answers) -> str:
+def _init_command_line(path: Path, answers: Answers, given: Answers) -> str:
     """The command line that writes the same file again: an interval only if it was given."""
     words = ["tsepm", "init", str(path), "--yes"]
-    for question in _meant(answers):
+    for question in _init_meant(answers):
         if question.name != "interval" or question.name in given:
             words += [question.argument, question.shown(answers[question.name])]
     return shlex.join(words)

@@ -24,31 +24,31 @@ from msg_adapters.image_messages import IMAGES, Plan
 from msg_adapters.message_input import MessageInput
 from msg_adapters.sonar_images import ImageInput
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import Value, table
-from tsepm_ros.session.consistency_checks import explained, questions
-from tsepm_ros.session.drop_reasons import reason_of
+from tsepm_ros.parameters import Value, parameter_table
+from tsepm_ros.session.consistency_checks import check_questions, explained_by_check
+from tsepm_ros.session.drop_reasons import drop_reason_of
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
-from tsepm_ros.settings.parameter_files import unused_files, yaml_text
+from tsepm_ros.settings.parameter_files import parameter_file_text, unused_parameter_files
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
-    full_table,
     make_groups,
     settings_from,
+    settings_table,
 )
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.bridge.nmea import report_writer
+from tsepm_ros.tools.bridge.nmea import nmea_report_writer
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     CommandFailed,
     add_arguments,
-    in_folder,
-    scenario_names,
+    in_folder_argument,
+    scenario_argument_names,
     seed,
 )
-from tsepm_ros.tools.commands.given_parameters import add_values, given_values
-from tsepm_ros.tools.pictures.run_scene import RunScene, ScanView
+from tsepm_ros.tools.commands.given_parameters import add_given_parameters, given_parameter_values
+from tsepm_ros.tools.pictures.run_scene import RunScene, SceneScan
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
@@ -56,30 +56,39 @@ from tsepm_ros.tools.replay.bag import (
     TRACKED,
     TRUTH,
     Bag,
-    find_topics,
-    moving_frames,
+    bag_moving_frames,
+    find_bag_topics,
 )
-from tsepm_ros.tools.replay.image_folder import GEOMETRY, detected
-from tsepm_ros.tools.replay.offline import bag_results, bag_truth, recording_results
+from tsepm_ros.tools.replay.image_folder import GEOMETRY, image_folder_detected
+from tsepm_ros.tools.replay.offline import (
+    offline_bag_results,
+    offline_bag_truth,
+    offline_recording_results,
+)
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
     METADATA,
     Recording,
     read_recording,
+    recording_source_of,
     simulated_recording,
-    source_of,
 )
 from tsepm_ros.tools.replay.track_files import (
     TrackWriter,
-    track_bag,
-    track_lines,
-    track_listing,
-    track_table,
+    track_bag_file,
+    track_lines_file,
+    track_listing_file,
+    track_table_file,
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
-from tsepm_ros.tools.terminal import with_progress
-from tsepm_ros.tools.viewer.page_content import RecordedScene, image_frame, make_server, write_page
-from tsepm_ros.whole_files import naming, opened_whole, spare
+from tsepm_ros.tools.terminal import terminal_progress
+from tsepm_ros.tools.viewer.page_content import (
+    PageRecordedScene,
+    make_page_server,
+    page_image_frame,
+    write_page,
+)
+from tsepm_ros.whole_files import naming_file, opened_whole, spare_files
 
 DRAWING = "tsepm_ros.tools.pictures.plan_position"
 
@@ -106,7 +115,7 @@ WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 """Suffixes of outputs in the folder of a bag, which it does not read."""
 RUN_ARGUMENTS: Arguments = {
     "--out": {
-        "type": in_folder,
+        "type": in_folder_argument,
         "help": "folder for tracks.csv, current.csv (confirmed tracks), tracks.mcap, picture.png",
     },
     "--as": {
@@ -119,9 +128,9 @@ RUN_ARGUMENTS: Arguments = {
         "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
         "--origin=-33.9,151.2"
     },
-    "--picture": {"type": in_folder, "help": "plan-position picture, such as run.png"},
+    "--picture": {"type": in_folder_argument, "help": "plan-position picture, such as run.png"},
     "--html": {
-        "type": in_folder,
+        "type": in_folder_argument,
         "help": "self-contained page with a time slider, such as run.html",
     },
 }
@@ -129,14 +138,14 @@ OPTIONS = ("host", "port", "token", "origin")
 """Options of the viewer that are arguments too."""
 
 
-def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
+def add_run_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
     """Add the arguments that say what is processed, and with which parameters."""
     parser.add_argument(
         "recording",
         nargs=nargs,
         help="folder with detections.csv or images, or a .csv file; bag: folder with "
         "metadata.yaml, .mcap or .db3 file; "
-        f"or scenario to simulate: {scenario_names()}",
+        f"or scenario to simulate: {scenario_argument_names()}",
     )
     parser.add_argument("--seed", type=seed, help="seed of a simulated scenario; default 1")
     for role, name in TOPIC_OPTIONS.items():
@@ -147,12 +156,12 @@ def add_source_arguments(parser: argparse.ArgumentParser, nargs: str | None = No
             metavar="TOPIC",
             help=f"topic of a bag to read as {role}",
         )
-    add_values(parser)
+    add_given_parameters(parser)
     parser.set_defaults(out=None, picture=None, html=None)
 
 
 @dataclass
-class Run:
+class PreparedRun:
     """A prepared run.
 
     Attributes
@@ -171,7 +180,7 @@ class Run:
     processed : int
         Number of scans that were processed so far.
     mounting_yaw : float or None
-        As in `ScanView.of`.
+        As in `SceneScan.of`.
     plans : list of Plan or None
         Sonar images for a page.
     """
@@ -192,24 +201,26 @@ class Run:
         """Whether the axes of the tracks are known from north."""
         return self.session.own_ship.source != "none" or self.mounting_yaw is None
 
-    def recorded_scene(self, origin: str = "") -> RecordedScene:
-        """An empty scene for a page of this run; `origin` as for `RecordedScene`."""
+    def recorded_scene(self, origin: str = "") -> PageRecordedScene:
+        """An empty scene for a page of this run; `origin` as for `PageRecordedScene`."""
         sensor = self.session.settings.sensor
-        return RecordedScene(self.title, self.north, self.truth, self.mounting_yaw, sensor, origin)
+        return PageRecordedScene(
+            self.title, self.north, self.truth, self.mounting_yaw, sensor, origin
+        )
 
-    def page_of(self, recorded: RecordedScene) -> str:
+    def page_of(self, recorded: PageRecordedScene) -> str:
         """The scene of the finished run, JSON."""
         dropped = self.session.dropped
         notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
         plans = [
-            image_frame(1e-9 * plan.stamp_ns, plan.cell, plan.levels.tobytes())
+            page_image_frame(1e-9 * plan.stamp_ns, plan.cell, plan.levels.tobytes())
             for plan in self.plans or ()
         ]
         return recorded.document(dropped, notes, plans)
 
 
-def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
-    """Open what the arguments of `add_source_arguments` name; `stack` closes it.
+def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
+    """Open what the arguments of `add_run_source_arguments` name; `stack` closes it.
 
     Raises
     ------
@@ -227,31 +238,33 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> Run:
     if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
         name in scenarios and not path.exists()
     ):
-        spare(given, outputs)
-        _refuse_unused(options, "a scenario")
-        return _simulation(load_scenario(name), options)
+        spare_files(given, outputs)
+        _refuse_unused_of_run(options, "a scenario")
+        return _run_of_simulation(load_scenario(name), options)
     if not path.exists():
         raise ValueError(
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
-    source, is_bag = (path, False) if is_images else source_of(path)
+    source, is_bag = (path, False) if is_images else recording_source_of(path)
     beside = source.iterdir() if is_bag and source.is_dir() else map(source.with_name, BESIDE)
-    spare(
+    spare_files(
         [*given, source, *(one for one in beside if one.suffix not in WRITTEN or not is_bag)],
         outputs,
     )
-    _refuse_unused(options, "a bag" if is_bag else "a recording")
+    _refuse_unused_of_run(options, "a bag" if is_bag else "a recording")
     if is_images:
         into = Path(stack.enter_context(TemporaryDirectory()))
-        source, coverage = detected(path, into, notes, outputs)
+        source, coverage = image_folder_detected(path, into, notes, outputs)
     if is_bag:
-        return _bag(stack.enter_context(Bag(source)), options)
+        return _run_of_bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)
     recording.notes.extend(notes)
-    return _recorded(recording, options, "odometry" if recording.own_ship else "none", **coverage)
+    return _run_of_recording(
+        recording, options, "odometry" if recording.own_ship else "none", **coverage
+    )
 
 
-def _refuse_unused(options: argparse.Namespace, source: str) -> None:
+def _refuse_unused_of_run(options: argparse.Namespace, source: str) -> None:
     """Refuse options that have no meaning for a source."""
     given = {name: getattr(options, f"topic_{role}") for role, name in TOPIC_OPTIONS.items()}
     unused = [f"--{name}" for name in given if given[name] and source != "a bag"]
@@ -263,10 +276,12 @@ def _refuse_unused(options: argparse.Namespace, source: str) -> None:
         )
 
 
-def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str, Value]]:
+def _shared_out_run_values(
+    values: Mapping[str, Value],
+) -> tuple[dict[str, Value], dict[str, Value]]:
     """Values of a run on images: the detector's, and all but those that are its alone."""
     detector, tracker = (
-        {row.name for row in full_table(groups)} for groups in (SONAR_DETECTOR, TRACK_INITIATOR)
+        {row.name for row in settings_table(groups)} for groups in (SONAR_DETECTOR, TRACK_INITIATOR)
     )
     return (
         {name: value for name, value in values.items() if name in detector},
@@ -274,9 +289,9 @@ def _shared_out(values: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str
     )
 
 
-def _prepared(
+def _prepared_run(
     options: argparse.Namespace, source: str, known: Sequence[str], values: Mapping[str, Value]
-) -> tuple[Run, InitiatorNodeOptions]:
+) -> tuple[PreparedRun, InitiatorNodeOptions]:
     """A run without results, its session made from values of parameters, with its node options.
 
     `source` is the default of `own_ship_source`. The notes begin with those that are `known` of the
@@ -289,7 +304,7 @@ def _prepared(
         notes.setdefault(reason, sentence)
 
     settings = settings_from(groups)
-    for question in questions(settings.sensor, settings.mounting):
+    for question in check_questions(settings.sensor, settings.mounting):
         note(question, question)
     if source == "odometry" and settings.session.own_ship_source == "none":
         note("own_ship_source", "own_ship_source is none: the own ship of the source is not used")
@@ -297,27 +312,27 @@ def _prepared(
     if session.settings.session.own_ship_source == "tf":
         raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
     yaw = None if node.bearing_reference == "north" else settings.mounting.yaw
-    return Run(_title(options, session), session, notes=notes, mounting_yaw=yaw), node
+    return PreparedRun(_run_title(options, session), session, notes=notes, mounting_yaw=yaw), node
 
 
-def _recorded(
+def _run_of_recording(
     recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
-) -> Run:
-    values = {**defaults, **given_values(options.parameter)}
-    run, node = _prepared(options, source, recording.notes, values)
+) -> PreparedRun:
+    values = {**defaults, **given_parameter_values(options.parameter)}
+    run, node = _prepared_run(options, source, recording.notes, values)
     reading = run.session, node.bearing_reference, node.sound_speed
-    run.results = recording_results(recording, *reading)
+    run.results = offline_recording_results(recording, *reading)
     return dataclasses.replace(run, truth=recording.truth, scans=len(recording.scans))
 
 
-def _bag(bag: Bag, options: argparse.Namespace) -> Run:
+def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     given = {role: getattr(options, f"topic_{role}") for role in TOPIC_OPTIONS}
     try:
-        topics = find_topics(bag.topics, given)
+        topics = find_bag_topics(bag.topics, given)
     except ValueError as error:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
-    moving, values = moving_frames(bag.topics), given_values(options.parameter)
+    moving, values = bag_moving_frames(bag.topics), given_parameter_values(options.parameter)
     if moving and OWN_SHIP not in topics and "own_ship_source" not in values:
         raise ValueError(
             f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
@@ -326,8 +341,8 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         )
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
-    values = _shared_out(values)[1] if shown else values
-    run, node = _prepared(options, source, bag.notes, values)
+    values = _shared_out_run_values(values)[1] if shown else values
+    run, node = _prepared_run(options, source, bag.notes, values)
     if run.session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(
@@ -338,27 +353,28 @@ def _bag(bag: Bag, options: argparse.Namespace) -> Run:
         fitting = [
             one
             for one in options.parameter
-            if isinstance(one, str) or not unused_files(["--params-file", str(one)], node_name)
+            if isinstance(one, str)
+            or not unused_parameter_files(["--params-file", str(one)], node_name)
         ]
-        of_detector, _ = _shared_out(given_values(fitting, node_name))
+        of_detector, _ = _shared_out_run_values(given_parameter_values(fitting, node_name))
         groups = make_groups(SONAR_DETECTOR, of_detector)
         images = ImageInput(groups, run.session.drop, lambda one: run.notes.update({one: one}))
         images.plans = [] if options.html else None
     return dataclasses.replace(
         run,
-        results=bag_results(bag, topics, run.session, message_input, images),
-        truth=bag_truth(bag, topics) if needs_scene(options) else [],
+        results=offline_bag_results(bag, topics, run.session, message_input, images),
+        truth=offline_bag_truth(bag, topics) if run_needs_scene(options) else [],
         scans=bag.count(topics[DETECTIONS]),
         plans=images.plans if images else None,
     )
 
 
-def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
+def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> PreparedRun:
     seed = 1 if options.seed is None else options.seed
     simulator = Simulator(scenario, seed)
     recording, origins = simulated_recording(simulator)
     sensor = {f"sensor.{key}": value for key, value in dataclasses.asdict(scenario.sensor).items()}
-    run = _recorded(recording, options, "odometry", **sensor)
+    run = _run_of_recording(recording, options, "odometry", **sensor)
     method = run.session.settings.session.method
     return dataclasses.replace(
         run,
@@ -367,20 +383,20 @@ def _simulation(scenario: Scenario, options: argparse.Namespace) -> Run:
     )
 
 
-def _title(options: argparse.Namespace, session: Session) -> str:
+def _run_title(options: argparse.Namespace, session: Session) -> str:
     path = Path(options.recording)
     name = path.parent.name if path.name in (DETECTIONS_FILE, METADATA) else path.stem
     return f"{name or path.resolve().name}, method {session.settings.session.method}"
 
 
-def needs_scene(options: argparse.Namespace) -> bool:
+def run_needs_scene(options: argparse.Namespace) -> bool:
     """Whether the output that is asked for draws the scene."""
     return bool(options.out or options.picture or options.html)
 
 
-def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm run`."""
-    add_source_arguments(parser)
+    add_run_source_arguments(parser)
     add_arguments(parser, RUN_ARGUMENTS)
 
 
@@ -394,16 +410,16 @@ def run_recording(options: argparse.Namespace) -> None:
     """
     if options.origin and not (options.form or options.html):
         raise ValueError("--origin is for --as and --html, and neither is given")
-    drawing = _drawing(options)
+    drawing = _run_drawing(options)
     with ExitStack() as stack:
         run = open_run(options, stack)
         if options.out:
             options.out.mkdir(exist_ok=True)
         recorded = run.recorded_scene(options.origin or "") if options.html else None
         begin = time.perf_counter()
-        scene = _process(run, options, recorded)
+        scene = _process_run(run, options, recorded)
         seconds = time.perf_counter() - begin
-    _report(run, scene, seconds, options)
+    _report_run(run, scene, seconds, options)
     if drawing is not None:
         picture = options.picture or options.out / "picture.png"
         drawing.save(scene, picture)
@@ -413,7 +429,7 @@ def run_recording(options: argparse.Namespace) -> None:
         print(f"page: {options.html}", file=sys.stderr)
 
 
-def _drawing(options: argparse.Namespace) -> ModuleType | None:
+def _run_drawing(options: argparse.Namespace) -> ModuleType | None:
     """The module that draws the pictures that are asked for, if any."""
     try:
         return import_module(DRAWING) if options.picture or options.out else None
@@ -424,31 +440,31 @@ def _drawing(options: argparse.Namespace) -> ModuleType | None:
         return None
 
 
-def _process(
-    run: Run, options: argparse.Namespace, recorded: RecordedScene | None = None
+def _process_run(
+    run: PreparedRun, options: argparse.Namespace, recorded: PageRecordedScene | None = None
 ) -> RunScene:
     """Process the run and write the tracks; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
-    with_scene = needs_scene(options)
+    with_scene = run_needs_scene(options)
     with ExitStack() as stack:
-        writers = _writers(options, run, stack)
-        for result in with_progress(run.results, run.scans, "scans", "scan"):
+        writers = _run_writers(options, run, stack)
+        for result in terminal_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
             for path, writer in writers.items():
-                with naming(path):
+                with naming_file(path):
                     writer(result.in_frame())
             if recorded is not None:
                 recorded.add(result, run.session.tracker)
             if with_scene:
                 scene.scans.append(
-                    ScanView.of(result, run.session.settings.sensor, run.mounting_yaw)
+                    SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )
     run.judge(scene)
     return scene
 
 
-def _geographic(
-    options: argparse.Namespace, run: Run, file: TextIO, stack: ExitStack
+def _geographic_run_writer(
+    options: argparse.Namespace, run: PreparedRun, file: TextIO, stack: ExitStack
 ) -> TrackWriter:
     """Writer of tracks with latitude and longitude.
 
@@ -461,35 +477,43 @@ def _geographic(
         raise ValueError("--as needs pyproj: pip install pyproj, or apt install python3-pyproj")
     reference = GeographicReference.read(options.origin or "")
     if options.form != "geojson":
-        return report_writer(file, reference, run.notes, options.form)
-    return stack.enter_context(track_lines(file, reference))
+        return nmea_report_writer(file, reference, run.notes, options.form)
+    return stack.enter_context(track_lines_file(file, reference))
 
 
-def _writers(options: argparse.Namespace, run: Run, stack: ExitStack) -> dict[Path, TrackWriter]:
+def _run_writers(
+    options: argparse.Namespace, run: PreparedRun, stack: ExitStack
+) -> dict[Path, TrackWriter]:
     """Writers of the files in a folder, or else of the standard output, by path."""
     reason, folder = run.session.settings.make_tracker().reason, options.out
     if folder is None:
         if options.form:
-            return {Path("standard output"): _geographic(options, run, sys.stdout, stack)}
-        table = sys.stdout.isatty() and track_listing(sys.stdout, reason, north=run.north)
-        return {Path("standard output"): table or track_table(sys.stdout, reason)}
+            return {
+                Path("standard output"): _geographic_run_writer(options, run, sys.stdout, stack)
+            }
+        table = sys.stdout.isatty() and track_listing_file(sys.stdout, reason, north=run.north)
+        return {Path("standard output"): table or track_table_file(sys.stdout, reason)}
     writers: dict[Path, TrackWriter] = {
-        folder / name: track_table(stack.enter_context(opened_whole(folder / name)), reason_of_row)
+        folder / name: track_table_file(
+            stack.enter_context(opened_whole(folder / name)), reason_of_row
+        )
         for name, reason_of_row in (("tracks.csv", reason), ("current.csv", None))
     }
     if options.form:
         path = folder / f"tracks.{options.form}"
         file = stack.enter_context(opened_whole(path))
-        writers[path] = _geographic(options, run, file, stack)
+        writers[path] = _geographic_run_writer(options, run, file, stack)
     try:
         path = folder / "tracks.mcap"
-        writers[path] = stack.enter_context(track_bag(path))
+        writers[path] = stack.enter_context(track_bag_file(path))
     except ImportError:
         print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
     return writers
 
 
-def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespace) -> None:
+def _report_run(
+    run: PreparedRun, scene: RunScene, seconds: float, options: argparse.Namespace
+) -> None:
     """Print notes, drops and the speed.
 
     Raises
@@ -502,12 +526,12 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
         if reason not in dropped and (run.processed or not reason.startswith("lost ")):
             print(f"note: {sentence}", file=sys.stderr)
     for reason, number in sorted(dropped.items()):
-        sentence = run.notes.get(reason) or reason_of(reason).meaning
+        sentence = run.notes.get(reason) or drop_reason_of(reason).meaning
         print(f"dropped: {number} {reason}: {sentence}", file=sys.stderr)
-    scans = [reason for reason in dropped if reason_of(reason).lost == "scan"]
+    scans = [reason for reason in dropped if drop_reason_of(reason).lost == "scan"]
     if scans and not run.processed:
         main = max(scans, key=dropped.__getitem__)
-        why = explained(main, dropped, run.notes)
+        why = explained_by_check(main, dropped, run.notes)
         raise CommandFailed(f"every scan was dropped, {dropped[main]} as {why}")
     if options.out:
         duration = scene.scans[-1].stamp - scene.scans[0].stamp if scene.scans else 0.0
@@ -519,8 +543,8 @@ def _report(run: Run, scene: RunScene, seconds: float, options: argparse.Namespa
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm watch`."""
-    add_source_arguments(parser, nargs="?")
-    for row in table(ViewerNodeOptions):
+    add_run_source_arguments(parser, nargs="?")
+    for row in parameter_table(ViewerNodeOptions):
         if row.name in OPTIONS:
             parser.add_argument(
                 f"--{row.name}", type=row.type, help=f"{row.description}; default {row.default!r}"
@@ -545,13 +569,13 @@ def run_watch(options: argparse.Namespace) -> None:
     given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     viewer = ViewerNodeOptions(**given)
     if options.recording is None:
-        _refuse_unused(options, "live topics")
-        _watch_live(options, given)
+        _refuse_unused_of_run(options, "live topics")
+        _run_watch_live(options, given)
     else:
-        _watch_recording(options, viewer)
+        _run_watch_recording(options, viewer)
 
 
-def _watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
+def _run_watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
     if options.parameter:
         raise ValueError(
             "-p sets parameters of the processing of a recording, and none is given; live topics "
@@ -563,20 +587,22 @@ def _watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
         raise ValueError(
             f"live topics need ROS 2 ({error}); tsepm watch RECORDING needs none"
         ) from None
-    parameters = [part for name in given for part in ("-p", f"{name}:={yaml_text(given[name])}")]
+    parameters = [
+        part for name in given for part in ("-p", f"{name}:={parameter_file_text(given[name])}")
+    ]
     if code := main(["--ros-args", *parameters, *options.ros_args]):
         raise SystemExit(code)
 
 
-def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
+def _run_watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
     if options.ros_args:
         raise ValueError("--ros-args is for live topics, and a recording is given")
     with ExitStack() as stack:
         run = open_run(options, stack)
         recorded = run.recorded_scene(viewer.origin)
-        server = make_server(viewer, recorded.title)  # before the work: the port may be in use
+        server = make_page_server(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
-        for result in with_progress(run.results, run.scans, "scans", "scan"):
+        for result in terminal_progress(run.results, run.scans, "scans", "scan"):
             recorded.add(result, run.session.tracker)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)

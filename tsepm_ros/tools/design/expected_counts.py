@@ -44,11 +44,11 @@ from numpy.typing import ArrayLike
 
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.tracker import pruning
 from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
-from tsepm_ros.tracker.initial_state import fit
-from tsepm_ros.tracker.measurement import convert, major_sigma, position_covariance
+from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.tracker.measurement import convert_measurements, major_sigma, measurement_covariance
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -59,7 +59,7 @@ MIN_PASSES = 3.0
 """Minimum number of passing paths for a share; with fewer, the share of this number counts."""
 
 
-def rule_detection_probability(
+def expected_detection_probability(
     min_hits: int, window: int, detection_probability: float, gate_probability: float
 ) -> float:
     """P_D of TSEPM 2018, Table 1: a target confirmed by a start in the first scan.
@@ -81,7 +81,7 @@ def rule_detection_probability(
     )
 
 
-def unbounded_gate_areas(
+def expected_unbounded_gate_areas(
     max_speed: float, interval: float, margin: ArrayLike, window: int
 ) -> FloatArray:
     """Area of the gate k scans after the last hit, ``pi (v_max k T + g)^2``, k = 1 to N, m^2.
@@ -103,7 +103,7 @@ def unbounded_gate_areas(
     return np.pi * np.square(reach + np.asarray(margin, float)[..., None])
 
 
-def false_start_probability(
+def expected_false_start_probability(
     min_hits: int, window: int, clutter_density: float, areas: FloatArray
 ) -> float:
     """P_F(1) of TSEPM 2018, Table 1: a start from clutter reaches M hits within N scans.
@@ -118,7 +118,7 @@ def false_start_probability(
     clutter_density : float
         lambda, 1/m^2.
     areas : (N,) ndarray
-        a_k, see `gate_areas`, m^2.
+        a_k, see `expected_gate_areas`, m^2.
     """
     hit = -np.expm1(-clutter_density * areas[:window])
     state = np.zeros((min_hits, window))  # hits - 1, k - 1
@@ -135,7 +135,7 @@ def false_start_probability(
     return float(confirmed)
 
 
-def confirmed_by(
+def expected_confirmed_by(
     min_hits: int,
     window: int,
     detection_probability: float,
@@ -186,7 +186,7 @@ def confirmed_by(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gating:
+class ExpectedGating:
     """Parameters that determine the size of the gates.
 
     Attributes
@@ -225,7 +225,7 @@ class Expected:
     raw: FloatArray
 
 
-def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> FloatArray:
+def expected_overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> FloatArray:
     """Area of the part of a circle within a disc about the origin.
 
     Parameters
@@ -252,24 +252,24 @@ def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> Float
     return np.where(crossing, lens, np.pi * radius**2)
 
 
-def error_radius(gating: Gating, ranges: FloatArray) -> FloatArray:
+def expected_error_radius(gating: ExpectedGating, ranges: FloatArray) -> FloatArray:
     """Part of the gate's radius due to the errors, ``alpha sigma_Rmax``, (r,), m."""
     sensor = gating.sensor
-    covariance = position_covariance(
+    covariance = measurement_covariance(
         ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
     )
-    return gate_factor(gating.gate_probability) * major_sigma(covariance)
+    return gaussian_gate_factor(gating.gate_probability) * major_sigma(covariance)
 
 
-def gate_areas(gating: Gating, ranges: FloatArray, window: int) -> FloatArray:
+def expected_gate_areas(gating: ExpectedGating, ranges: FloatArray, window: int) -> FloatArray:
     """Areas a_k of the gates, k = 1 ... N, at each range, (r, N), m^2."""
     disc = gating.sensor.max_range
     reach = gating.max_speed * gating.interval * np.arange(1, window + 1)
-    radius = reach + error_radius(gating, ranges)[:, None]
-    return overlap_area(ranges[:, None], np.minimum(radius, disc), disc)
+    radius = reach + expected_error_radius(gating, ranges)[:, None]
+    return expected_overlap_area(ranges[:, None], np.minimum(radius, disc), disc)
 
 
-def expected_counts(gating: Gating, min_hits: int, window: int, scans: int) -> Expected:
+def expected_counts(gating: ExpectedGating, min_hits: int, window: int, scans: int) -> Expected:
     """Follow the chain from an empty start.
 
     A sector has its share of the disc; the loss of gate area beyond its sides is neglected.
@@ -285,35 +285,35 @@ def expected_counts(gating: Gating, min_hits: int, window: int, scans: int) -> E
     sensor = gating.sensor
     edges = np.linspace(sensor.min_range, sensor.max_range, RINGS + 1)
     ring = 0.5 * sensor.sector_width * np.diff(np.square(edges))
-    areas = gate_areas(gating, 0.5 * (edges[1:] + edges[:-1]), window)
+    areas = expected_gate_areas(gating, 0.5 * (edges[1:] + edges[:-1]), window)
     shape = (RINGS, window, min_hits - 1, window)  # ring, n - 1, h - 1, k - 1
     tracks, last_hits = np.zeros(shape), np.zeros(shape)
     counts = np.zeros((3, scans))
     density = sensor.clutter_density
     for scan in range(scans):
-        tracks, last_hits, started, raw = _next_scan(tracks, last_hits, areas, density)
+        tracks, last_hits, started, raw = _expected_next_scan(tracks, last_hits, areas, density)
         counts[:, scan] = ring @ tracks.sum(axis=(1, 2, 3)), ring @ started, ring @ raw
     return Expected(*counts)
 
 
-def _next_scan(
+def _expected_next_scan(
     tracks: FloatArray, last_hits: FloatArray, areas: FloatArray, density: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """F and G after one more scan, and the densities of starts and raw confirmations."""
     children = np.einsum("rnhk,rk->rnh", tracks, density * areas)
     covering = np.einsum("rnhk,rk->rnh", last_hits, areas)
     started = density * np.exp(-covering.sum(axis=(1, 2)))
-    continued = density * _fewest_hits(covering)
+    continued = density * _expected_fewest_hits(covering)
     empty = np.exp(-density * areas)
     return (
-        _next_states(tracks, empty, children, started),
-        _next_states(last_hits, empty, continued, started),
+        _expected_next_states(tracks, empty, children, started),
+        _expected_next_states(last_hits, empty, continued, started),
         started,
         children[:, :, -1].sum(axis=1),
     )
 
 
-def _next_states(
+def _expected_next_states(
     old: FloatArray, empty: FloatArray, hit: FloatArray, started: FloatArray
 ) -> FloatArray:
     """States after a scan, from states with empty gates, states with hits and starts."""
@@ -325,7 +325,7 @@ def _next_states(
     return new
 
 
-def _fewest_hits(covering: FloatArray) -> FloatArray:
+def _expected_fewest_hits(covering: FloatArray) -> FloatArray:
     """Probability that the covering path of fewest hits is in state (n, h), (r, n, h)."""
     by_hits = covering.sum(axis=1)
     fewer = np.cumsum(by_hits, axis=1) - by_hits
@@ -339,7 +339,7 @@ def _fewest_hits(covering: FloatArray) -> FloatArray:
     return share * probability[:, None]
 
 
-def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
+def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -> float:
     """Share of the raw confirmations from clutter that pass the method's evaluation (Step 6).
 
     The hits of a path are drawn uniformly in the gates. The scans of its hits have the weights
@@ -356,25 +356,29 @@ def clutter_pass_share(gating: Gating, options: TsepmOptions) -> float:
         At least the share of MIN_PASSES passing paths.
     """
     rng = np.random.default_rng(1)
-    ranges, scans = _drawn_paths(rng, gating.sensor, options)
+    ranges, scans = _expected_drawn_paths(rng, gating.sensor, options)
     gaps = np.diff(scans, axis=1)
-    areas = gate_areas(gating, ranges, options.window)
+    areas = expected_gate_areas(gating, ranges, options.window)
     taken = np.take_along_axis(areas, gaps - 1, axis=1)
     before = np.cumsum(areas, axis=1) - areas
     empty = np.take_along_axis(before, gaps - 1, axis=1)
     weight = (np.log(taken) - gating.sensor.clutter_density * empty).sum(axis=1)
     weight = np.exp(weight - weight.max())
-    radius = gating.max_speed * gating.interval * gaps + error_radius(gating, ranges)[:, None]
+    radius = (
+        gating.max_speed * gating.interval * gaps + expected_error_radius(gating, ranges)[:, None]
+    )
     displacement = radius * np.sqrt(rng.random(radius.shape))
     heading = rng.uniform(-math.pi, math.pi, radius.shape)
     x = np.cumsum(np.column_stack([ranges, displacement * np.cos(heading)]), axis=1)
     y = np.cumsum(np.column_stack([np.zeros(PATHS), displacement * np.sin(heading)]), axis=1)
-    passing = _passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
+    passing = _expected_passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
     effective_paths = weight.sum() ** 2 / np.square(weight).sum()
     return float(max(np.average(passing, weights=weight), MIN_PASSES / effective_paths))
 
 
-def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> float:
+def expected_target_pass_share(
+    gating: ExpectedGating, options: TsepmOptions, speed: float
+) -> float:
     """Share of a target's tracks, all hits its own, that pass the method's evaluation (Step 6).
 
     The tracks are of targets detected with p_d in each scan whose detections lie in the gates of
@@ -399,7 +403,7 @@ def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> fl
     azimuth = np.arctan2(y, x) + rng.standard_normal(shape) * sensor.azimuth_std
     hit = rng.random(shape) < sensor.detection_probability
     hit[:, 0] = True
-    _gate(hit, range_, azimuth, gating)
+    _expected_gate(hit, range_, azimuth, gating)
     count = np.cumsum(hit, axis=1)
     hit &= count <= options.min_hits
     reached = count[:, -1] >= options.min_hits
@@ -407,10 +411,12 @@ def target_pass_share(gating: Gating, options: TsepmOptions, speed: float) -> fl
         return 0.0
     scans = np.nonzero(hit[reached])[1].reshape(-1, options.min_hits)
     taken = [np.take_along_axis(part[reached], scans, axis=1) for part in (range_, azimuth)]
-    return float(_passing(gating, options, scans, *taken).mean())
+    return float(_expected_passing(gating, options, scans, *taken).mean())
 
 
-def _gate(hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: Gating) -> None:
+def _expected_gate(
+    hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: ExpectedGating
+) -> None:
     """Remove, in place, the hits (n, N) outside the gate of the hit before (Eq. 4)."""
     x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
     rows = np.arange(len(hit))
@@ -418,11 +424,11 @@ def _gate(hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: Gatin
     for scan in range(1, hit.shape[1]):
         distance = np.hypot(x[:, scan] - x[rows, last], y[:, scan] - y[rows, last])
         reach = gating.max_speed * gating.interval * (scan - last)
-        hit[:, scan] &= distance <= reach + error_radius(gating, range_[rows, last])
+        hit[:, scan] &= distance <= reach + expected_error_radius(gating, range_[rows, last])
         last[hit[:, scan]] = scan
 
 
-def _drawn_paths(
+def _expected_drawn_paths(
     rng: np.random.Generator, sensor: SensorModel, options: TsepmOptions
 ) -> tuple[FloatArray, IntArray]:
     """First ranges (n,) over the coverage, and scans (n, M) of the hits, the first in scan 0."""
@@ -432,8 +438,8 @@ def _drawn_paths(
     return ranges, np.concatenate([np.zeros((PATHS, 1), np.int64), later], axis=1)
 
 
-def _passing(
-    gating: Gating,
+def _expected_passing(
+    gating: ExpectedGating,
     options: TsepmOptions,
     scans: IntArray,
     range_: FloatArray,
@@ -442,13 +448,15 @@ def _passing(
     """Mask of the paths (n, M) of hits that pass the evaluation, (n,)."""
     sensor = gating.sensor
     flat = Scan(stamp=0.0, range=range_.ravel(), azimuth=azimuth.ravel())
-    hits = convert(flat, sensor, 0).reshape(scans.shape)
+    hits = convert_measurements(flat, sensor, 0).reshape(scans.shape)
     hits["time"] = scans * gating.interval
     if options.evaluation == "clutter_statistic":
         statistic = clutter_statistic(hits["position"], sensor.clutter_density)
         threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
     else:
         stamp = options.window * gating.interval
-        statistic = normalized_distance(hits, fit(hits, stamp, sensor, options.estimator))
+        statistic = normalized_distance(
+            hits, fit_initial_states(hits, stamp, sensor, options.estimator)
+        )
         threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
     return statistic <= threshold

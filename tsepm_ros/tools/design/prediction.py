@@ -2,7 +2,7 @@
 
 A first estimate follows from the plan of the threshold, without a simulated scene. The prediction
 of P_D, confirmation time and false tracks runs the method itself, on targets in scenes of
-`target_scenes`, and on clutter alone over the coverage, in which false tracks are counted.
+`prediction_scenes`, and on clutter alone over the coverage, in which false tracks are counted.
 
 A scene has several targets, since most of a scan's cost does not depend on their number. They are
 too far apart to disturb each other, and few beside the clutter, whose density is estimated. Each
@@ -30,25 +30,30 @@ from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.design.expected_counts import (
-    Gating,
-    clutter_pass_share,
-    confirmed_by,
+    ExpectedGating,
+    expected_clutter_pass_share,
+    expected_confirmed_by,
     expected_counts,
-    rule_detection_probability,
-    target_pass_share,
+    expected_detection_probability,
+    expected_target_pass_share,
 )
-from tsepm_ros.tools.evaluation.intervals import Estimate, mean, mean_count, proportion
+from tsepm_ros.tools.evaluation.intervals import (
+    IntervalEstimate,
+    mean_count_interval,
+    mean_interval,
+    proportion_interval,
+)
 from tsepm_ros.tools.evaluation.measures import SECONDS_PER_HOUR
-from tsepm_ros.tools.evaluation.result_files import mapped
+from tsepm_ros.tools.evaluation.result_files import mapped_results
 from tsepm_ros.tools.evaluation.simulated_run import (
-    OperatingPoint,
     Outcome,
-    measurement_sigma,
-    simulate,
+    SimulatedOperatingPoint,
+    simulate_run,
+    simulated_measurement_sigma,
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
-from tsepm_ros.tools.terminal import Progress, silent
+from tsepm_ros.tools.terminal import Progress, silent_terminal
 from tsepm_ros.tracker import threshold as threshold_plan
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -87,7 +92,7 @@ REMEDY_HALF_WIDTH = 0.09
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class PredictionCase:
     """A sonar, its clutter and the targets to be found.
 
     Attributes
@@ -160,7 +165,7 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class _Target:
+class _PredictionTarget:
     """A target: position (x, y) in the middle of the run, and velocity, in SI units."""
 
     centre: FloatArray
@@ -171,7 +176,7 @@ class _Target:
         return self.centre + times[:, None] * self.velocity
 
 
-def target_scenes(case: Case, number: int, seed: int) -> list[Scenario]:
+def prediction_scenes(case: PredictionCase, number: int, seed: int) -> list[Scenario]:
     """Scenes with a number of targets altogether.
 
     Target i depends on (seed, i) only.
@@ -188,30 +193,44 @@ def target_scenes(case: Case, number: int, seed: int) -> list[Scenario]:
     """
     middle = 0.5 * (case.scans - 1)
     times = np.array([case.interval * (scan - middle) for scan in range(case.scans)])
-    drawn = [_drawn(case, np.random.default_rng([seed, i]), times) for i in range(number)]
+    drawn = [
+        _prediction_drawn(case, np.random.default_rng([seed, i]), times) for i in range(number)
+    ]
     if case.detections_per_scan > MAX_WHOLE_COVERAGE:
-        return [_scene(case, [target], times, _patch(case, target)) for target in drawn]
+        return [
+            _prediction_scene(case, [target], times, _prediction_patch(case, target))
+            for target in drawn
+        ]
     most = int(np.clip(case.detections_per_scan / DETECTIONS_PER_TARGET, 1, MAX_TARGETS_PER_SCENE))
-    scenes: list[list[_Target]] = []
+    scenes: list[list[_PredictionTarget]] = []
     for target in drawn:
-        fitting = (one for one in scenes if len(one) < most and _fits(case, target, one, times))
+        fitting = (
+            one for one in scenes if len(one) < most and _prediction_fits(case, target, one, times)
+        )
         scene = next(fitting, None)
         if scene is None:
             scenes.append(scene := [])
         scene.append(target)
-    return [_scene(case, targets, times) for targets in scenes]
+    return [_prediction_scene(case, targets, times) for targets in scenes]
 
 
-def _fits(case: Case, target: _Target, others: list[_Target], times: FloatArray) -> bool:
+def _prediction_fits(
+    case: PredictionCase,
+    target: _PredictionTarget,
+    others: list[_PredictionTarget],
+    times: FloatArray,
+) -> bool:
     """Whether a target's detections and gates end before those of the others."""
     return all(
         float(np.hypot(*(target.at(times) - other.at(times)).T).min())
-        >= _clearance(case, target) + _clearance(case, other)
+        >= _prediction_clearance(case, target) + _prediction_clearance(case, other)
         for other in others
     )
 
 
-def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
+def _prediction_drawn(
+    case: PredictionCase, rng: np.random.Generator, times: FloatArray
+) -> _PredictionTarget:
     """A target that stays in the coverage, anywhere in it."""
     sensor = case.sensor
     for _ in range(MAX_PLACEMENT_TRIES):
@@ -220,7 +239,7 @@ def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
         square = sensor.min_range**2 * (1.0 - share) + sensor.max_range**2 * share
         range_ = math.sqrt(square)
         heading = 2.0 * math.pi * turn
-        target = _Target(
+        target = _PredictionTarget(
             range_ * np.array([math.cos(azimuth), math.sin(azimuth)]),
             case.target_speed * np.array([math.cos(heading), math.sin(heading)]),
         )
@@ -232,9 +251,9 @@ def _drawn(case: Case, rng: np.random.Generator, times: FloatArray) -> _Target:
     )
 
 
-def _scene(
-    case: Case,
-    targets: list[_Target],
+def _prediction_scene(
+    case: PredictionCase,
+    targets: list[_PredictionTarget],
     times: FloatArray,
     clutter_box: tuple[float, float, float, float] | None = None,
 ) -> Scenario:
@@ -253,23 +272,25 @@ def _scene(
     )
 
 
-def _clearance(case: Case, target: _Target) -> float:
+def _prediction_clearance(case: PredictionCase, target: _PredictionTarget) -> float:
     """Distance at which a target's detections and gates end, m: two of these are between two."""
-    sigma = measurement_sigma(case.sensor, target.centre)
+    sigma = simulated_measurement_sigma(case.sensor, target.centre)
     return PATCH_SIGMAS * sigma + case.common.max_speed * case.interval
 
 
-def _patch(case: Case, target: _Target) -> tuple[float, float, float, float]:
+def _prediction_patch(
+    case: PredictionCase, target: _PredictionTarget
+) -> tuple[float, float, float, float]:
     """Box of a target's clutter: its path, its errors and the reach of clutter paths."""
     path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
     reach = case.common.max_speed * case.interval * math.sqrt(case.scans)
-    half = path + PATCH_SIGMAS * measurement_sigma(case.sensor, target.centre) + reach
+    half = path + PATCH_SIGMAS * simulated_measurement_sigma(case.sensor, target.centre) + reach
     x, y = target.centre
     return x - half, x + half, y - half, y + half
 
 
 @dataclass(frozen=True)
-class TargetStatistics:
+class PredictionStatistics:
     """Detection and confirmation time of simulated targets.
 
     Attributes
@@ -285,33 +306,33 @@ class TargetStatistics:
     """
 
     targets: int
-    detection: Estimate
-    confirmation_time: Estimate
+    detection: IntervalEstimate
+    confirmation_time: IntervalEstimate
     slow_confirmation_time: float
 
     @classmethod
-    def of(cls, times: list[float | None]) -> TargetStatistics:
+    def of(cls, times: list[float | None]) -> PredictionStatistics:
         """Statistics of each target's time of confirmation, s, None if it is not confirmed."""
         found = [time for time in times if time is not None]
         return cls(
             targets=len(times),
-            detection=proportion(len(found), len(times)),
-            confirmation_time=mean(found),
+            detection=proportion_interval(len(found), len(times)),
+            confirmation_time=mean_interval(found),
             slow_confirmation_time=float(np.quantile(found, 0.95)) if found else math.nan,
         )
 
 
-def target_statistics(
-    case: Case,
+def prediction_statistics(
+    case: PredictionCase,
     method: str,
     options: dict[str, Any],
     *,
     runs: int,
     seed: int,
     processes: int = 1,
-    progress: Progress = silent,
-    enough: Callable[[Estimate], bool] = lambda found: False,
-) -> TargetStatistics:
+    progress: Progress = silent_terminal,
+    enough: Callable[[IntervalEstimate], bool] = lambda found: False,
+) -> PredictionStatistics:
     """Simulate targets in their scenes and run the method on them.
 
     The scenes depend on the case, `runs` and `seed` only: all methods get the same.
@@ -336,30 +357,34 @@ def target_statistics(
         If no target stays in the coverage during all scans.
     """
     jobs = [
-        (scene, [seed, index], OperatingPoint(method, options=_for_scene(case, scene, options)))
-        for index, scene in enumerate(target_scenes(case, runs, seed))
+        (
+            scene,
+            [seed, index],
+            SimulatedOperatingPoint(method, options=_prediction_for_scene(case, scene, options)),
+        )
+        for index, scene in enumerate(prediction_scenes(case, runs, seed))
     ]
     times: list[float | None] = []
-    done = mapped(_confirmation_times, jobs, processes)
+    done = mapped_results(_predicted_confirmation_times, jobs, processes)
     for of_scene in progress(done, len(jobs)):
         times += of_scene
         found = sum(time is not None for time in times)
-        if len(times) >= MIN_TARGETS and enough(proportion(found, len(times))):
+        if len(times) >= MIN_TARGETS and enough(proportion_interval(found, len(times))):
             break
     done.close()
-    return TargetStatistics.of(times)
+    return PredictionStatistics.of(times)
 
 
-def false_tracks_per_hour(
-    case: Case,
+def predicted_false_tracks_per_hour(
+    case: PredictionCase,
     method: str,
     options: dict[str, Any],
     *,
     scans: int,
     seed: int,
     processes: int = 1,
-    progress: Progress = silent,
-) -> Estimate:
+    progress: Progress = silent_terminal,
+) -> IntervalEstimate:
     """Rate of tracks that the method confirms on clutter alone.
 
     Parameters
@@ -383,11 +408,13 @@ def false_tracks_per_hour(
         clutter_strength=case.clutter_strength,
     )
     jobs = [(scene, [seed, index], method, options, case.scans) for index in range(SEGMENTS)]
-    counts = list(progress(mapped(_count_false, jobs, processes), SEGMENTS))
-    return mean_count(counts).mapped(lambda count: count * case.scans_per_hour / part)
+    counts = list(progress(mapped_results(_predicted_count_false, jobs, processes), SEGMENTS))
+    return mean_count_interval(counts).mapped(lambda count: count * case.scans_per_hour / part)
 
 
-def _for_scene(case: Case, scene: Scenario, options: dict[str, Any]) -> dict[str, Any]:
+def _prediction_for_scene(
+    case: PredictionCase, scene: Scenario, options: dict[str, Any]
+) -> dict[str, Any]:
     """The options with the scene's share of the target false-track rate."""
     rate = options.get("false_tracks_per_hour")
     if rate is None:
@@ -395,16 +422,18 @@ def _for_scene(case: Case, scene: Scenario, options: dict[str, Any]) -> dict[str
     return {**options, "false_tracks_per_hour": rate * scene.area / case.sensor.coverage_area}
 
 
-def _confirmation_times(job: tuple[Scenario, list[int], OperatingPoint]) -> list[float | None]:
+def _predicted_confirmation_times(
+    job: tuple[Scenario, list[int], SimulatedOperatingPoint],
+) -> list[float | None]:
     """Time of each target's true start, s."""
     times: list[float | None] = [None] * len(job[0].targets)
-    for start in simulate(*job).judged():
+    for start in simulate_run(*job).judged():
         if start.outcome is Outcome.TRUE:
             times[start.target] = start.track.stamp
     return times
 
 
-def _count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> int:
+def _predicted_count_false(job: tuple[Scenario, list[int], str, dict[str, Any], int]) -> int:
     """Tracks confirmed on clutter after the first scans."""
     scene, seed, method, options, first = job
     initiator = make_initiator(method, sensor=scene.sensor, **options)
@@ -420,7 +449,7 @@ Labelled = Callable[[str], Progress]
 
 
 @dataclass(frozen=True)
-class Rule:
+class PredictedRule:
     """An M/N rule that keeps the target false-track rate.
 
     Attributes
@@ -443,7 +472,7 @@ class Rule:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class PredictedCandidate:
     """A method with its parameters and its simulated performance.
 
     Attributes
@@ -460,8 +489,8 @@ class Candidate:
 
     name: str
     false_bound: float
-    targets: TargetStatistics
-    false_simulated: Estimate
+    targets: PredictionStatistics
+    false_simulated: IntervalEstimate
 
     def keeps(self, false_per_hour: float) -> bool:
         """Whether the simulated rate's interval reaches down to the given rate, or the bound."""
@@ -469,8 +498,8 @@ class Candidate:
         return (self.false_bound if math.isnan(low) else low) <= false_per_hour
 
 
-def passages(
-    case: Case, options: ScoreOptions, windows: Sequence[int]
+def predicted_passages(
+    case: PredictionCase, options: ScoreOptions, windows: Sequence[int]
 ) -> list[tuple[float, FloatArray]]:
     """For each window the threshold of `score` and the share of targets that passed it by scan.
 
@@ -501,27 +530,33 @@ def passages(
     ]
 
 
-def score_window(case: Case, options: ScoreOptions) -> int:
+def predicted_score_window(case: PredictionCase, options: ScoreOptions) -> int:
     """The shortest window beyond which P_D hardly increases."""
     windows = [window for window in WINDOWS if window <= max(case.scans, WINDOWS[0])]
-    shares = np.array([passed[case.scans - 1] for _, passed in passages(case, options, windows)])
+    shares = np.array(
+        [passed[case.scans - 1] for _, passed in predicted_passages(case, options, windows)]
+    )
     return windows[int(np.argmax(shares >= shares.max() - MIN_DETECTION_INCREASE))]
 
 
-def rules_within(
-    case: Case, options: TsepmOptions, false_per_hour: float, processes: int = 1
-) -> list[Rule]:
+def predicted_rules_within(
+    case: PredictionCase, options: TsepmOptions, false_per_hour: float, processes: int = 1
+) -> list[PredictedRule]:
     """For each window the rule of fewest hits that keeps the target false-track rate, if any."""
     windows = [window for window in reversed(RULE_WINDOWS) if window <= case.scans]
     jobs = [(case, options, false_per_hour, window) for window in windows]  # the longest first
-    rules = [rule for rule in mapped(_rule_within, jobs, processes) if rule is not None]
+    rules = [
+        rule for rule in mapped_results(_predicted_rule_within, jobs, processes) if rule is not None
+    ]
     return rules[::-1]
 
 
-def _rule_within(job: tuple[Case, TsepmOptions, float, int]) -> Rule | None:
+def _predicted_rule_within(
+    job: tuple[PredictionCase, TsepmOptions, float, int],
+) -> PredictedRule | None:
     case, options, false_per_hour, window = job
     sensor, gate = case.sensor, options.gate_probability
-    gating = Gating(
+    gating = ExpectedGating(
         sensor=sensor,
         max_speed=case.common.max_speed,
         interval=case.interval,
@@ -535,7 +570,7 @@ def _rule_within(job: tuple[Case, TsepmOptions, float, int]) -> Rule | None:
         raw = expected_counts(gating, min_hits, window, 3 * window).raw[window:].mean()
         rate = float(raw) * case.scans_per_hour
         if rate > false_per_hour:
-            rate *= clutter_pass_share(gating, chosen(min_hits))
+            rate *= expected_clutter_pass_share(gating, chosen(min_hits))
         return rate
 
     numbers = range(2, window + 1)  # the rate falls with each more hit
@@ -543,36 +578,36 @@ def _rule_within(job: tuple[Case, TsepmOptions, float, int]) -> Rule | None:
     if place == len(numbers):
         return None
     min_hits, probability = numbers[place], sensor.detection_probability
-    passes = target_pass_share(gating, chosen(min_hits), case.target_speed)
-    by_scan = confirmed_by(min_hits, window, probability, gate, case.scans, passes)
-    return Rule(
+    passes = expected_target_pass_share(gating, chosen(min_hits), case.target_speed)
+    by_scan = expected_confirmed_by(min_hits, window, probability, gate, case.scans, passes)
+    return PredictedRule(
         min_hits,
         window,
-        rule_detection_probability(min_hits, window, probability, gate),
+        expected_detection_probability(min_hits, window, probability, gate),
         float(by_scan[-1]),
         predicted(min_hits),
     )
 
 
-def clutter_scans(case: Case, false_per_hour: float) -> int:
+def prediction_clutter_scans(case: PredictionCase, false_per_hour: float) -> int:
     """Number of scans with clutter alone: EXPECTED_FALSE_TRACKS at the rate, within the cost."""
     affordable = MAX_CLUTTER_DETECTIONS / max(case.detections_per_scan, MIN_DETECTIONS_PER_SCAN)
     needed = EXPECTED_FALSE_TRACKS / false_per_hour * case.scans_per_hour
     return int(max(min(needed, affordable), MIN_CLUTTER_SCANS))
 
 
-def candidates(
-    case: Case,
+def predicted_candidates(
+    case: PredictionCase,
     score: ScoreOptions,
     tsepm: TsepmOptions,
-    rules: list[Rule],
+    rules: list[PredictedRule],
     *,
     wanted: float,
     runs: int,
     seed: int,
     processes: int,
     progress: Labelled,
-) -> Iterator[Candidate]:
+) -> Iterator[PredictedCandidate]:
     """The method `score` and the M/N rules of highest P_D, each run on targets and on clutter.
 
     All get the same targets, until P_D is known within `HALF_WIDTH` and is certainly above or below
@@ -597,16 +632,16 @@ def candidates(
         Progress of a part by its name.
     """
     rate = score.false_tracks_per_hour
-    scans = clutter_scans(case, rate)
+    scans = prediction_clutter_scans(case, rate)
     rival = -math.inf  # the P_D that another method has at least
 
-    def enough(found: Estimate) -> bool:
+    def enough(found: IntervalEstimate) -> bool:
         decided = not found.low < wanted <= found.high
-        return (decided and known_within(found, HALF_WIDTH)) or found.high < rival
+        return (decided and prediction_known_within(found, HALF_WIDTH)) or found.high < rival
 
-    def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> Candidate:
+    def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> PredictedCandidate:
         options = {**dataclasses.asdict(case.common), **own}
-        targets = target_statistics(
+        targets = prediction_statistics(
             case,
             method,
             options,
@@ -616,13 +651,13 @@ def candidates(
             progress=progress(f"{name}, targets"),
             enough=enough,
         )
-        false = Estimate.unknown()
+        false = IntervalEstimate.unknown()
         if targets.detection.high >= rival:
             shown = progress(f"{name}, clutter")
-            false = false_tracks_per_hour(
+            false = predicted_false_tracks_per_hour(
                 case, method, options, scans=scans, seed=seed, processes=processes, progress=shown
             )
-        return Candidate(name, bound, targets, false)
+        return PredictedCandidate(name, bound, targets, false)
 
     best = candidate("score", "score", dataclasses.asdict(score), rate)
     yield best
@@ -634,13 +669,13 @@ def candidates(
         yield candidate(f"tsepm {rule.min_hits}/{rule.window}", "tsepm", own, rule.false_per_hour)
 
 
-def known_within(estimate: Estimate, half_width: float) -> bool:
+def prediction_known_within(estimate: IntervalEstimate, half_width: float) -> bool:
     """Whether the interval of an estimate is narrow enough."""
     return estimate.high - estimate.low <= 2.0 * half_width
 
 
 @dataclass(frozen=True, eq=False)
-class FirstEstimate:
+class FirstPrediction:
     """Threshold of `score` and P_D, of targets without clutter about them.
 
     Attributes
@@ -663,19 +698,21 @@ class FirstEstimate:
         return int(np.argmax(reached)) + 1 if reached[-1] else None
 
 
-def first_estimate(case: Case, options: ScoreOptions, *, given_window: bool) -> FirstEstimate:
+def first_prediction(
+    case: PredictionCase, options: ScoreOptions, *, given_window: bool
+) -> FirstPrediction:
     """The estimate of a case, at the design's window unless the given window is kept."""
     if not given_window:
-        options = dataclasses.replace(options, window=score_window(case, options))
-    [(threshold, found)] = passages(case, options, [options.window])
-    return FirstEstimate(options.window, threshold, found[: case.scans])
+        options = dataclasses.replace(options, window=predicted_score_window(case, options))
+    [(threshold, found)] = predicted_passages(case, options, [options.window])
+    return FirstPrediction(options.window, threshold, found[: case.scans])
 
 
-def remedies(case: Case) -> list[tuple[str, Case]]:
+def prediction_remedies(case: PredictionCase) -> list[tuple[str, PredictionCase]]:
     """Changes that may raise P_D, each with the changed case."""
     sensor = case.sensor
 
-    def changed(**values: float) -> Case:
+    def changed(**values: float) -> PredictionCase:
         return dataclasses.replace(case, sensor=dataclasses.replace(sensor, **values))
 
     range_errors = {
@@ -692,8 +729,8 @@ def remedies(case: Case) -> list[tuple[str, Case]]:
     ]
 
 
-def remedied_detection(
-    case: Case,
+def predicted_remedied_detection(
+    case: PredictionCase,
     score: ScoreOptions,
     *,
     given_window: bool,
@@ -701,7 +738,7 @@ def remedied_detection(
     seed: int,
     processes: int,
     progress: Labelled,
-) -> Iterator[tuple[str, Estimate]]:
+) -> Iterator[tuple[str, IntervalEstimate]]:
     """P_D of the method `score` with each change, and at a larger false-track rate.
 
     Parameters
@@ -711,27 +748,31 @@ def remedied_detection(
     given_window : bool
         Whether the window of `score` is kept.
     runs, seed, processes, progress
-        As in `candidates`; P_D is determined within `REMEDY_HALF_WIDTH`.
+        As in `predicted_candidates`; P_D is determined within `REMEDY_HALF_WIDTH`.
     """
     more = dataclasses.replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
-    cases = [(text, changed, score) for text, changed in remedies(case)]
+    cases = [(text, changed, score) for text, changed in prediction_remedies(case)]
     cases.append(("ten times as many false tracks", case, more))
     jobs = [(changed, options, given_window, runs, seed) for _, changed, options in cases]
-    found = progress("possible changes")(mapped(_remedied, jobs, processes), len(jobs))
+    found = progress("possible changes")(
+        mapped_results(_predicted_remedied, jobs, processes), len(jobs)
+    )
     for (text, _, _), detection in zip(cases, found, strict=True):
         yield text, detection
 
 
-def _remedied(job: tuple[Case, ScoreOptions, bool, int, int]) -> Estimate:
+def _predicted_remedied(
+    job: tuple[PredictionCase, ScoreOptions, bool, int, int],
+) -> IntervalEstimate:
     """P_D of a changed case, by this process alone."""
     case, score, given_window, runs, seed = job
-    window = score.window if given_window else score_window(case, score)
+    window = score.window if given_window else predicted_score_window(case, score)
     options = {**dataclasses.asdict(case.common), **dataclasses.asdict(score), "window": window}
-    return target_statistics(
+    return prediction_statistics(
         case,
         "score",
         options,
         runs=runs,
         seed=seed,
-        enough=lambda found: known_within(found, REMEDY_HALF_WIDTH),
+        enough=lambda found: prediction_known_within(found, REMEDY_HALF_WIDTH),
     ).detection

@@ -23,7 +23,7 @@ RESAMPLES = 1000
 
 
 @dataclass(frozen=True)
-class Estimate:
+class IntervalEstimate:
     """A value with its two-sided 95 % confidence interval."""
 
     value: float
@@ -31,15 +31,15 @@ class Estimate:
     high: float
 
     @classmethod
-    def unknown(cls) -> Estimate:
+    def unknown(cls) -> IntervalEstimate:
         """No value and no interval."""
         return cls(math.nan, math.nan, math.nan)
 
-    def mapped(self, function: Callable[[float], float]) -> Estimate:
+    def mapped(self, function: Callable[[float], float]) -> IntervalEstimate:
         """An increasing function of the value and of the interval's ends."""
-        return Estimate(function(self.value), function(self.low), function(self.high))
+        return IntervalEstimate(function(self.value), function(self.low), function(self.high))
 
-    def __truediv__(self, unit: float) -> Estimate:
+    def __truediv__(self, unit: float) -> IntervalEstimate:
         """The estimate in a unit above 0."""
         return self.mapped(lambda value: value / unit)
 
@@ -52,32 +52,32 @@ class Estimate:
         return "-" if math.isnan(self.value) else f"{self:{spec}}"
 
 
-def error_bars(values: ArrayLike, estimates: Sequence[Estimate]) -> FloatArray:
+def interval_error_bars(values: ArrayLike, estimates: Sequence[IntervalEstimate]) -> FloatArray:
     """Lengths of the error bars below and above values, (2, n); 0 without an interval."""
     low, high = np.array([(estimate.low, estimate.high) for estimate in estimates]).T
     return np.maximum(np.nan_to_num([values - low, high - values]), 0.0)
 
 
-def proportion(successes: int, trials: int) -> Estimate:
+def proportion_interval(successes: int, trials: int) -> IntervalEstimate:
     """Proportion of successes with Wilson's interval."""
     if trials == 0:
-        return Estimate(math.nan, 0.0, 1.0)
+        return IntervalEstimate(math.nan, 0.0, 1.0)
     interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
-    return Estimate(successes / trials, float(interval.low), float(interval.high))
+    return IntervalEstimate(successes / trials, float(interval.low), float(interval.high))
 
 
-def mean(values: ArrayLike, z: float = Z_95) -> Estimate:
+def mean_interval(values: ArrayLike, z: float = Z_95) -> IntervalEstimate:
     """Mean of independent values with the normal interval of z standard errors."""
     array = np.asarray(values, float)
     if len(array) == 0:
-        return Estimate.unknown()
+        return IntervalEstimate.unknown()
     centre = float(array.mean())
     deviation = float(array.std(ddof=1)) if len(array) > 1 else math.nan
     half = z * deviation / math.sqrt(len(array))
-    return Estimate(centre, centre - half, centre + half)
+    return IntervalEstimate(centre, centre - half, centre + half)
 
 
-def mean_count(counts: ArrayLike, tails: tuple[float, float] = TAILS) -> Estimate:
+def mean_count_interval(counts: ArrayLike, tails: tuple[float, float] = TAILS) -> IntervalEstimate:
     """Mean of independent counts with the exact Poisson interval, widened by their dispersion.
 
     Garwood's interval ("Fiducial limits for the Poisson distribution", Biometrika 28, 1936) of the
@@ -86,43 +86,45 @@ def mean_count(counts: ArrayLike, tails: tuple[float, float] = TAILS) -> Estimat
     """
     array = np.asarray(counts, float)
     if len(array) == 0:
-        return Estimate.unknown()
+        return IntervalEstimate.unknown()
     total, r = float(array.sum()), len(array)
     dispersion = 1.0
     if r > 1 and total > 0.0:
         dispersion = max(float(array.var(ddof=1)) * r / total, 1.0)
     events, scale = total / dispersion, dispersion / r
     low = float(gammaincinv(events, tails[0])) if events > 0.0 else 0.0
-    return Estimate(total / r, scale * low, scale * float(gammaincinv(events + 1.0, tails[1])))
+    return IntervalEstimate(
+        total / r, scale * low, scale * float(gammaincinv(events + 1.0, tails[1]))
+    )
 
 
-def root_mean_square(values: ArrayLike) -> Estimate:
+def root_mean_square_interval(values: ArrayLike) -> IntervalEstimate:
     """Root mean square with the root of the mean square's interval, whose ends are at least 0."""
-    square = mean(np.square(np.asarray(values, float)))
+    square = mean_interval(np.square(np.asarray(values, float)))
     return square.mapped(lambda value: math.sqrt(max(value, 0.0)))
 
 
-def rms_ratio(errors: ArrayLike, bounds: ArrayLike) -> Estimate:
+def rms_ratio_interval(errors: ArrayLike, bounds: ArrayLike) -> IntervalEstimate:
     """Ratio of the root mean squares of errors and of their bounds, pair by pair.
 
     Its interval is that of the logarithm, by the delta method.
     """
     e2, b2 = np.square(np.asarray(errors, float)), np.square(np.asarray(bounds, float))
     if len(e2) == 0:
-        return Estimate.unknown()
+        return IntervalEstimate.unknown()
     ratio = math.sqrt(e2.mean() / b2.mean())
     if len(e2) == 1 or not ratio > 0.0:
-        return Estimate(ratio, math.nan, math.nan)
+        return IntervalEstimate(ratio, math.nan, math.nan)
     deviation = np.std(e2 / e2.mean() - b2 / b2.mean(), ddof=1)
     factor = math.exp(0.5 * Z_95 * deviation / math.sqrt(len(e2)))
-    return Estimate(ratio, ratio / factor, ratio * factor)
+    return IntervalEstimate(ratio, ratio / factor, ratio * factor)
 
 
-def quantile(values: ArrayLike, share: float) -> Estimate:
+def quantile_interval(values: ArrayLike, share: float) -> IntervalEstimate:
     """Quantile of independent values with the percentile interval of a bootstrap."""
     array = np.asarray(values, float)
     if len(array) == 0:
-        return Estimate.unknown()
+        return IntervalEstimate.unknown()
     rows = np.random.default_rng(0).integers(0, len(array), (RESAMPLES, len(array)))
     low, high = np.quantile(np.quantile(array[rows], share, axis=1), TAILS)
-    return Estimate(float(np.quantile(array, share)), float(low), float(high))
+    return IntervalEstimate(float(np.quantile(array, share)), float(low), float(high))

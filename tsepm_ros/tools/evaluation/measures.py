@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.evaluation.intervals import (
-    Estimate,
-    mean,
-    mean_count,
-    proportion,
-    quantile,
-    rms_ratio,
-    root_mean_square,
+    IntervalEstimate,
+    mean_count_interval,
+    mean_interval,
+    proportion_interval,
+    quantile_interval,
+    rms_ratio_interval,
+    root_mean_square_interval,
 )
 from tsepm_ros.tools.evaluation.simulated_run import (
     NO_TARGET,
@@ -31,7 +31,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     Judged,
     Outcome,
     SimulatedRun,
-    measurement_sigma,
+    simulated_measurement_sigma,
 )
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tracker import motion
@@ -40,7 +40,7 @@ from tsepm_ros.tracker.sensor import SensorModel
 SECONDS_PER_HOUR = 3600.0
 
 
-def cramer_rao(
+def cramer_rao_measure(
     positions: ArrayLike,
     times: ArrayLike,
     sensor_positions: ArrayLike,
@@ -176,7 +176,7 @@ class ScanSummary:
 
 
 @dataclass(frozen=True)
-class RunSummary:
+class RunMeasures:
     """Summary of one run.
 
     Attributes
@@ -192,14 +192,14 @@ class RunSummary:
     starts: tuple[StartSummary, ...]
     scans: tuple[ScanSummary, ...]
 
-    def first(self, scans: int) -> RunSummary:
+    def first(self, scans: int) -> RunMeasures:
         """Summary of the run up to a number of scans.
 
         The results of a scan do not depend on later scans. (A scenario draws its targets so that
         they stay in their ranges for the whole run.)
         """
         starts = tuple(start for start in self.starts if start.scan < scans)
-        return RunSummary(self.targets, starts, self.scans[:scans])
+        return RunMeasures(self.targets, starts, self.scans[:scans])
 
     def count(self, *outcomes: Outcome) -> int:
         """Number of starts with one of the outcomes."""
@@ -220,7 +220,7 @@ class RunSummary:
         return {"targets": self.targets, "starts": starts, "scans": scans}
 
     @classmethod
-    def from_json(cls, content: dict[str, Any]) -> RunSummary:
+    def from_json(cls, content: dict[str, Any]) -> RunMeasures:
         """The summary from the result of :meth:`as_json`."""
         starts = (
             StartSummary(
@@ -236,7 +236,7 @@ class RunSummary:
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
-def summarise(run: SimulatedRun) -> RunSummary:
+def summarise_measures(run: SimulatedRun) -> RunMeasures:
     """Judge the starts of a run and summarise it; what was before its targets is left out."""
     first = run.scenario.warm_up
     judged, corrected = (
@@ -254,33 +254,33 @@ def summarise(run: SimulatedRun) -> RunSummary:
     ]
     false = [scan for scan, one in judged if one.outcome is Outcome.FALSE]
     near = [(scan, target) for scan, one in judged for target in one.at]
-    return RunSummary(
+    return RunMeasures(
         targets=len(run.simulator.targets),
         starts=tuple(
-            _start_summary(run, one, scan)
+            _measured_start_summary(run, one, scan)
             for scan, one in judged
             if one.outcome is not Outcome.FALSE
         ),
         scans=tuple(
             ScanSummary(
                 false=false.count(scan),
-                held=_targets_held(run, scan),
-                at=_so_far(near, scan),
+                held=_measured_targets_held(run, scan),
+                at=_measured_so_far(near, scan),
                 corrections=[at for at, _ in corrected].count(scan),
-                right=_so_far(true, scan),
+                right=_measured_so_far(true, scan),
             )
             for scan in range(run.scenario.scans)
         ),
     )
 
 
-def _so_far(events: Sequence[tuple[int, int]], scan: int) -> int:
+def _measured_so_far(events: Sequence[tuple[int, int]], scan: int) -> int:
     """Number of targets with an event, a scan and a target, up to a scan."""
     return len({target for at, target in events if at <= scan})
 
 
-def _start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary:
-    bound = start_bound(run, judged)
+def _measured_start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary:
+    bound = measured_start_bound(run, judged)
     return StartSummary(
         scan=scan,
         time=run.scans[run.scenario.warm_up + scan].stamp
@@ -296,7 +296,7 @@ def _start_summary(run: SimulatedRun, judged: Judged, scan: int) -> StartSummary
     )
 
 
-def start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
+def measured_start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
     """Cramer-Rao bound of a start, (4, 4), for hits at the target's true positions.
 
     nan unless all hits are the target's and from two scans or more.
@@ -307,10 +307,10 @@ def start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
         or len({scan for scan, _ in judged.track.hits}) < 2
     ):
         return np.full((4, 4), np.nan)
-    echoes = (_echo(run, scan, row) for scan, row in judged.track.hits)
+    echoes = (_measured_echo(run, scan, row) for scan, row in judged.track.hits)
     times, sensors, velocities = zip(*echoes, strict=True)
     states = np.array([run.simulator.truth(time)[judged.target] for time in times])
-    return cramer_rao(
+    return cramer_rao_measure(
         states[:, 0::2],
         times,
         sensors,
@@ -320,7 +320,9 @@ def start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
     )
 
 
-def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArray, FloatArray]:
+def _measured_echo(
+    run: SimulatedRun, scan_index: int, row: int
+) -> tuple[float, FloatArray, FloatArray]:
     """Time (s) of a detection, and the sensor's position and velocity then, (2,) each."""
     scan = run.scans[scan_index]
     offset = 0.0 if scan.time_offset is None else float(scan.time_offset[row])
@@ -329,7 +331,7 @@ def _echo(run: SimulatedRun, scan_index: int, row: int) -> tuple[float, FloatArr
     return scan.stamp + offset, poses[row, :2], velocities[row]
 
 
-def _targets_held(run: SimulatedRun, scan: int) -> int:
+def _measured_targets_held(run: SimulatedRun, scan: int) -> int:
     """Targets with a confirmed track within 3 sigma; -1 if the starter holds no tracks."""
     index = run.scenario.warm_up + scan
     held, stamp = run.held[index], run.scans[index].stamp
@@ -337,13 +339,15 @@ def _targets_held(run: SimulatedRun, scan: int) -> int:
     if held is None or not len(targets):
         return -1
     sensor = run.scenario.own_ship.pose(stamp)[:2]
-    sigmas = [measurement_sigma(run.scenario.sensor, target - sensor) for target in targets]
+    sigmas = [
+        simulated_measurement_sigma(run.scenario.sensor, target - sensor) for target in targets
+    ]
     offset = held[:, None, :] - targets
     near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.array(sigmas)
     return int(near.any(axis=0).sum())
 
 
-def _shown(heading: str, spec: str) -> dict[str, str]:
+def _shown_measure(heading: str, spec: str) -> dict[str, str]:
     """Metadata of a field: its heading in tables and its number format."""
     return {"heading": heading, "spec": spec}
 
@@ -385,30 +389,58 @@ class Measures:
 
     runs: int
     scans: int
-    detection: Estimate = field(metadata=_shown("P_D", ".4f"))
-    detection_by_position: Estimate = field(metadata=_shown("P_D by position", ".4f"))
-    detection_corrected: Estimate = field(metadata=_shown("P_D with corrections", ".4f"))
-    corrections_per_run: Estimate = field(metadata=_shown("corrections per run", ".2f"))
-    false_per_run: Estimate = field(metadata=_shown("false + misplaced per run", ".2f"))
-    false_density: Estimate = field(metadata=_shown("false + misplaced per scan and km^2", ".3g"))
-    false_per_hour: Estimate = field(metadata=_shown("false + misplaced per hour", ".1f"))
-    redundant_per_run: Estimate = field(metadata=_shown("redundant per run", ".2f"))
-    held: Estimate = field(metadata=_shown("targets held at the end", ".4f"))
-    confirmation_time: Estimate = field(metadata=_shown("time to confirm, mean [s]", ".1f"))
-    confirmation_median: Estimate = field(metadata=_shown("time to confirm, median [s]", ".0f"))
-    confirmation_95: Estimate = field(metadata=_shown("time to confirm, 95 % quantile [s]", ".0f"))
-    position_error: Estimate = field(metadata=_shown("position error, RMS [m]", ".1f"))
-    velocity_error: Estimate = field(metadata=_shown("velocity error, RMS [m/s]", ".2f"))
-    pure_position_error: Estimate = field(
-        metadata=_shown("position error of pure starts, RMS [m]", ".1f")
+    detection: IntervalEstimate = field(metadata=_shown_measure("P_D", ".4f"))
+    detection_by_position: IntervalEstimate = field(
+        metadata=_shown_measure("P_D by position", ".4f")
     )
-    pure_velocity_error: Estimate = field(
-        metadata=_shown("velocity error of pure starts, RMS [m/s]", ".2f")
+    detection_corrected: IntervalEstimate = field(
+        metadata=_shown_measure("P_D with corrections", ".4f")
     )
-    position_to_bound: Estimate = field(metadata=_shown("position error / Cramer-Rao bound", ".3f"))
-    velocity_to_bound: Estimate = field(metadata=_shown("velocity error / Cramer-Rao bound", ".3f"))
-    nees: Estimate = field(metadata=_shown("NEES of true starts (ideal 4)", ".2f"))
-    pure_nees: Estimate = field(metadata=_shown("NEES of pure starts (ideal 4)", ".2f"))
+    corrections_per_run: IntervalEstimate = field(
+        metadata=_shown_measure("corrections per run", ".2f")
+    )
+    false_per_run: IntervalEstimate = field(
+        metadata=_shown_measure("false + misplaced per run", ".2f")
+    )
+    false_density: IntervalEstimate = field(
+        metadata=_shown_measure("false + misplaced per scan and km^2", ".3g")
+    )
+    false_per_hour: IntervalEstimate = field(
+        metadata=_shown_measure("false + misplaced per hour", ".1f")
+    )
+    redundant_per_run: IntervalEstimate = field(metadata=_shown_measure("redundant per run", ".2f"))
+    held: IntervalEstimate = field(metadata=_shown_measure("targets held at the end", ".4f"))
+    confirmation_time: IntervalEstimate = field(
+        metadata=_shown_measure("time to confirm, mean [s]", ".1f")
+    )
+    confirmation_median: IntervalEstimate = field(
+        metadata=_shown_measure("time to confirm, median [s]", ".0f")
+    )
+    confirmation_95: IntervalEstimate = field(
+        metadata=_shown_measure("time to confirm, 95 % quantile [s]", ".0f")
+    )
+    position_error: IntervalEstimate = field(
+        metadata=_shown_measure("position error, RMS [m]", ".1f")
+    )
+    velocity_error: IntervalEstimate = field(
+        metadata=_shown_measure("velocity error, RMS [m/s]", ".2f")
+    )
+    pure_position_error: IntervalEstimate = field(
+        metadata=_shown_measure("position error of pure starts, RMS [m]", ".1f")
+    )
+    pure_velocity_error: IntervalEstimate = field(
+        metadata=_shown_measure("velocity error of pure starts, RMS [m/s]", ".2f")
+    )
+    position_to_bound: IntervalEstimate = field(
+        metadata=_shown_measure("position error / Cramer-Rao bound", ".3f")
+    )
+    velocity_to_bound: IntervalEstimate = field(
+        metadata=_shown_measure("velocity error / Cramer-Rao bound", ".3f")
+    )
+    nees: IntervalEstimate = field(metadata=_shown_measure("NEES of true starts (ideal 4)", ".2f"))
+    pure_nees: IntervalEstimate = field(
+        metadata=_shown_measure("NEES of pure starts (ideal 4)", ".2f")
+    )
 
     def text(self, name: str, *, interval: bool = True) -> str:
         """A measure as text in its format, or a dash without a value."""
@@ -424,7 +456,7 @@ HEADINGS, SPECS = (
 
 
 def measures_of(
-    scenario: Scenario, runs: Iterable[RunSummary], scans: int | None = None
+    scenario: Scenario, runs: Iterable[RunMeasures], scans: int | None = None
 ) -> Measures:
     """Measures of a method over runs.
 
@@ -444,53 +476,63 @@ def measures_of(
     return Measures(
         runs=len(runs),
         scans=scans,
-        **_counts(scenario, runs, scans),
-        confirmation_time=mean(times),
-        confirmation_median=quantile(times, 0.5),
-        confirmation_95=quantile(times, 0.95),
-        **_errors(true, pure),
+        **_measured_counts(scenario, runs, scans),
+        confirmation_time=mean_interval(times),
+        confirmation_median=quantile_interval(times, 0.5),
+        confirmation_95=quantile_interval(times, 0.95),
+        **_measured_errors(true, pure),
     )
 
 
-def _counts(scenario: Scenario, runs: Sequence[RunSummary], scans: int) -> dict[str, Estimate]:
-    false = mean_count([run.wrong for run in runs])
+def _measured_counts(
+    scenario: Scenario, runs: Sequence[RunMeasures], scans: int
+) -> dict[str, IntervalEstimate]:
+    false = mean_count_interval([run.wrong for run in runs])
     targets = sum(run.targets for run in runs)
     held = [run.scans[-1].held for run in runs]
     corrections = [sum(scan.corrections for scan in run.scans) for run in runs]
     return {
-        "detection": proportion(sum(run.count(Outcome.TRUE) for run in runs), targets),
-        "detection_by_position": proportion(sum(run.scans[-1].at for run in runs), targets),
-        "detection_corrected": proportion(sum(run.scans[-1].right for run in runs), targets),
-        "corrections_per_run": mean_count(corrections),
+        "detection": proportion_interval(sum(run.count(Outcome.TRUE) for run in runs), targets),
+        "detection_by_position": proportion_interval(
+            sum(run.scans[-1].at for run in runs), targets
+        ),
+        "detection_corrected": proportion_interval(
+            sum(run.scans[-1].right for run in runs), targets
+        ),
+        "corrections_per_run": mean_count_interval(corrections),
         "false_per_run": false,
         "false_density": false / (scans * scenario.area / 1e6),
         "false_per_hour": false.mapped(lambda v: v * SECONDS_PER_HOUR / (scans * scenario.period)),
-        "redundant_per_run": mean_count([run.count(Outcome.REDUNDANT) for run in runs]),
-        "held": proportion(sum(held), targets) if min(held) >= 0 else Estimate.unknown(),
+        "redundant_per_run": mean_count_interval([run.count(Outcome.REDUNDANT) for run in runs]),
+        "held": proportion_interval(sum(held), targets)
+        if min(held) >= 0
+        else IntervalEstimate.unknown(),
     }
 
 
-def _errors(true: Sequence[StartSummary], pure: Sequence[StartSummary]) -> dict[str, Estimate]:
+def _measured_errors(
+    true: Sequence[StartSummary], pure: Sequence[StartSummary]
+) -> dict[str, IntervalEstimate]:
     bounded = [start for start in pure if not math.isnan(start.position_bound)]
     return {
-        "position_error": root_mean_square([start.position_error for start in true]),
-        "velocity_error": root_mean_square([start.velocity_error for start in true]),
-        "pure_position_error": root_mean_square([start.position_error for start in pure]),
-        "pure_velocity_error": root_mean_square([start.velocity_error for start in pure]),
-        "position_to_bound": rms_ratio(
+        "position_error": root_mean_square_interval([start.position_error for start in true]),
+        "velocity_error": root_mean_square_interval([start.velocity_error for start in true]),
+        "pure_position_error": root_mean_square_interval([start.position_error for start in pure]),
+        "pure_velocity_error": root_mean_square_interval([start.velocity_error for start in pure]),
+        "position_to_bound": rms_ratio_interval(
             [start.position_error for start in bounded],
             [start.position_bound for start in bounded],
         ),
-        "velocity_to_bound": rms_ratio(
+        "velocity_to_bound": rms_ratio_interval(
             [start.velocity_error for start in bounded],
             [start.velocity_bound for start in bounded],
         ),
-        "nees": mean([start.nees for start in true]),
-        "pure_nees": mean([start.nees for start in pure]),
+        "nees": mean_interval([start.nees for start in true]),
+        "pure_nees": mean_interval([start.nees for start in pure]),
     }
 
 
-def closest_approach(relative: FloatArray) -> tuple[FloatArray, FloatArray]:
+def measured_closest_approach(relative: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Time until two targets on straight courses are closest, and their distance then.
 
     ``T_cpa = -r.v / |v|^2``, ``d_cpa = |r + v T_cpa|``.

@@ -17,18 +17,18 @@ from typing import Any, TextIO
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.evaluation.intervals import Estimate
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 from tsepm_ros.tools.evaluation.measures import (
     HEADINGS,
     Measures,
-    RunSummary,
+    RunMeasures,
     measures_of,
-    summarise,
+    summarise_measures,
 )
-from tsepm_ros.tools.evaluation.result_files import RunFile, complete
-from tsepm_ros.tools.evaluation.simulated_run import OperatingPoint, simulate
+from tsepm_ros.tools.evaluation.result_files import ResultRunFile, complete_result_files
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint, simulate_run
 from tsepm_ros.tools.simulation import Scenario
-from tsepm_ros.tools.terminal import Progress, markdown_table, silent
+from tsepm_ros.tools.terminal import Progress, silent_terminal, terminal_markdown_table
 
 MIN_FALSE_STARTS = 0.5
 """Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
@@ -62,7 +62,7 @@ ratio may be below 1 for a method that selects hits by their fit or uses a speed
 
 
 @dataclass(frozen=True)
-class Curve:
+class PerformanceCurve:
     """Best P_D of a method's points against their false starts.
 
     Attributes
@@ -77,7 +77,7 @@ class Curve:
     detection: FloatArray
 
     @classmethod
-    def of(cls, false: FloatArray, detection: FloatArray) -> Curve:
+    def of(cls, false: FloatArray, detection: FloatArray) -> PerformanceCurve:
         """The curve of points, (n,) false starts per run and (n,) P_D."""
         order = np.lexsort((-detection, false))
         best = np.maximum.accumulate(detection[order])
@@ -85,21 +85,21 @@ class Curve:
         return cls(np.log(false[order][kept]), best[kept])
 
 
-Job = tuple[Scenario, list[int], OperatingPoint]
+Job = tuple[Scenario, list[int], SimulatedOperatingPoint]
 """A run: its scenario, its seed, and the operating point of the track starter."""
 
 
-def run(job: Job) -> RunSummary:
+def performance_run(job: Job) -> RunMeasures:
     """Simulate and summarise one run."""
-    return summarise(simulate(*job))
+    return summarise_measures(simulate_run(*job))
 
 
-def _record(job: Job) -> dict[str, Any]:
-    return run(job).as_json()
+def _performance_record(job: Job) -> dict[str, Any]:
+    return performance_run(job).as_json()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class PerformancePlan:
     """Scenarios, operating points and runs of an evaluation.
 
     Attributes
@@ -117,7 +117,7 @@ class Plan:
     """
 
     scenarios: Sequence[Scenario]
-    points: Sequence[OperatingPoint]
+    points: Sequence[SimulatedOperatingPoint]
     runs: int
     seed: int = 1
     horizons: Sequence[int] = ()
@@ -137,7 +137,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class PerformanceEvaluated:
     """Runs and measures of a scenario's points after a number of scans.
 
     Attributes
@@ -153,8 +153,8 @@ class Evaluated:
 
     scenario: Scenario
     scans: int
-    points: Sequence[OperatingPoint]
-    runs: Sequence[Sequence[RunSummary]]
+    points: Sequence[SimulatedOperatingPoint]
+    runs: Sequence[Sequence[RunMeasures]]
     measures: list[Measures]
 
     @classmethod
@@ -162,22 +162,22 @@ class Evaluated:
         cls,
         scenario: Scenario,
         scans: int,
-        points: Sequence[OperatingPoint],
-        runs: Sequence[Sequence[RunSummary]],
-    ) -> Evaluated:
+        points: Sequence[SimulatedOperatingPoint],
+        runs: Sequence[Sequence[RunMeasures]],
+    ) -> PerformanceEvaluated:
         """Measures of each point's runs, as they are after a number of scans."""
         runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
         measures = [measures_of(scenario, summaries, scans) for summaries in runs]
         return cls(scenario, scans, points, runs, measures)
 
 
-def evaluate(
-    plan: Plan,
+def evaluate_performance(
+    plan: PerformancePlan,
     folder: Path,
     processes: int = 1,
-    progress: Progress = silent,
-    report: Callable[[Evaluated], None] = lambda evaluated: None,
-) -> list[Evaluated]:
+    progress: Progress = silent_terminal,
+    report: Callable[[PerformanceEvaluated], None] = lambda evaluated: None,
+) -> list[PerformanceEvaluated]:
     """Do the runs missing in the folder's files, and compute measures.
 
     Parameters
@@ -205,26 +205,32 @@ def evaluate(
     tasks = [(scenario, point) for scenario in plan.scenarios for point in plan.points]
     for scenario, point in tasks:
         point.make(scenario)
-    files = [run_file(folder, *task, plan.seed) for task in tasks]
+    files = [performance_run_file(folder, *task, plan.seed) for task in tasks]
 
     def job_of(task: int, index: int) -> Job:
         scenario, point = tasks[task]
         return scenario, [plan.seed, index], point
 
-    runs: list[list[RunSummary]] = []
-    stored = complete(files, plan.runs, _record, job_of, processes=processes, progress=progress)
+    runs: list[list[RunMeasures]] = []
+    stored = complete_result_files(
+        files, plan.runs, _performance_record, job_of, processes=processes, progress=progress
+    )
     for (scenario, point), records in zip(tasks, stored, strict=True):
-        runs.append([*map(RunSummary.from_json, records)])
-        report(Evaluated.of(scenario, scenario.scans, [point], runs[-1:]))
+        runs.append([*map(RunMeasures.from_json, records)])
+        report(PerformanceEvaluated.of(scenario, scenario.scans, [point], runs[-1:]))
     count = len(plan.points)
     return [
-        Evaluated.of(scenario, scans, plan.points, runs[place * count : (place + 1) * count])
+        PerformanceEvaluated.of(
+            scenario, scans, plan.points, runs[place * count : (place + 1) * count]
+        )
         for place, scenario in enumerate(plan.scenarios)
         for scans in sorted({*plan.horizons, scenario.scans})
     ]
 
 
-def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int) -> RunFile:
+def performance_run_file(
+    folder: Path, scenario: Scenario, point: SimulatedOperatingPoint, seed: int
+) -> ResultRunFile:
     """The file of an operating point's runs on a scenario."""
     header = {
         "version": point.version,
@@ -234,10 +240,12 @@ def run_file(folder: Path, scenario: Scenario, point: OperatingPoint, seed: int)
         "scenario": dataclasses.asdict(scenario),
         "seed": seed,
     }
-    return RunFile(folder, (scenario.name, point.method, point.label), header)
+    return ResultRunFile(folder, (scenario.name, point.method, point.label), header)
 
 
-def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
+def performance_markdown(
+    plan: PerformancePlan, evaluated: Sequence[PerformanceEvaluated], command: str
+) -> str:
     """The whole report.
 
     Parameters
@@ -257,23 +265,25 @@ def markdown(plan: Plan, evaluated: Sequence[Evaluated], command: str) -> str:
             [point.method, point.label, *(measures.text(name) for name in HEADINGS)]
             for point, measures in zip(result.points, result.measures, strict=True)
         ]
-        table = markdown_table(["method", "point", *HEADINGS.values()], rows)
+        table = terminal_markdown_table(["method", "point", *HEADINGS.values()], rows)
         parts.append(f"## {result.scenario.name}, {result.scans} scans\n\n{table}\n")
     return "\n".join(parts)
 
 
-def write_csv(plan: Plan, evaluated: Sequence[Evaluated], file: TextIO) -> None:
+def write_performance_csv(
+    plan: PerformancePlan, evaluated: Sequence[PerformanceEvaluated], file: TextIO
+) -> None:
     """Write a row per scenario, horizon and point, each measure with low and high."""
     writer = csv.writer(file, lineterminator="\n")
     names = [f"{name}{end}" for name in HEADINGS for end in ("", "_low", "_high")]
     writer.writerow(["scenario", "scans", "runs", "seed", "method", "point", "options", *names])
-    for row in measures_rows(evaluated):
+    for row in performance_rows(evaluated):
         which = [row["scenario"], row["scans"], plan.runs, plan.seed, row["method"], row["point"]]
         numbers = ["nan" if end is None else end for name in HEADINGS for end in row[name]]
         writer.writerow([*which, json.dumps(row["options"]), *numbers])
 
 
-def measures_rows(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
+def performance_rows(evaluated: Sequence[PerformanceEvaluated]) -> list[dict[str, Any]]:
     """A row per scenario, horizon and point: each measure as value, low and high; None for nan."""
     return [
         {
@@ -282,21 +292,21 @@ def measures_rows(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
             "method": point.method,
             "point": point.label,
             "options": dict(point.options),
-            **{name: _values(getattr(measures, name)) for name in HEADINGS},
+            **{name: _performance_values(getattr(measures, name)) for name in HEADINGS},
         }
         for result in evaluated
         for point, measures in zip(result.points, result.measures, strict=True)
     ]
 
 
-def _values(estimate: Estimate) -> list[float | None]:
+def _performance_values(estimate: IntervalEstimate) -> list[float | None]:
     """Value, low and high with six digits; None for nan."""
     values = (estimate.value, estimate.low, estimate.high)
     return [None if math.isnan(value) else float(f"{value:.6g}") for value in values]
 
 
-def table_of(
-    evaluated: Sequence[Evaluated], *, interval: bool = True
+def performance_table(
+    evaluated: Sequence[PerformanceEvaluated], *, interval: bool = True
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows of one table with the measures of `SHORT`."""
     header = ["scenario", "pings", "method", *SHORT.values()]

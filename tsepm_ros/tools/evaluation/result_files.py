@@ -29,9 +29,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 import tsepm_ros
-from tsepm_ros.ending_signals import signals_held
-from tsepm_ros.tools.terminal import Progress, silent
-from tsepm_ros.whole_files import write_text, written_whole
+from tsepm_ros.ending_signals import ending_signals_held
+from tsepm_ros.tools.terminal import Progress, silent_terminal
+from tsepm_ros.whole_files import write_whole_text, written_whole
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
@@ -42,7 +42,7 @@ PACKAGE = Path(tsepm_ros.__file__).parent
 GOLDENS = PACKAGE.parent / "test" / "golden"
 
 
-def _attach_to_parent() -> None:
+def _attach_result_worker() -> None:
     """Prepare a worker process, which ends with the process that started it.
 
     An interrupt from the terminal reaches all processes; the starting process ends the others. If
@@ -50,10 +50,10 @@ def _attach_to_parent() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_result_worker, args=(os.getppid(),), daemon=True).start()
 
 
-def _end_with_parent(process: int) -> None:
+def _end_result_worker(process: int) -> None:
     """End this process once its parent, whose id is given, has ended."""
     parent = multiprocessing.parent_process()
     while os.getppid() == process and parent is not None and parent.is_alive():
@@ -61,7 +61,7 @@ def _end_with_parent(process: int) -> None:
     os._exit(1)
 
 
-def mapped(
+def mapped_results(
     function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1
 ) -> Generator[Made, None, None]:
     """Results of a function for each job, in their order; closed early, no more are done.
@@ -77,33 +77,33 @@ def mapped(
     if processes == 1:
         yield from map(function, jobs)
         return
-    pool = ProcessPoolExecutor(processes, initializer=_attach_to_parent)
+    pool = ProcessPoolExecutor(processes, initializer=_attach_result_worker)
     try:
-        with signals_held():  # the first job starts the processes
+        with ending_signals_held():  # the first job starts the processes
             results = pool.map(function, jobs)
         yield from results
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def goldens_digest() -> str:
+def result_goldens_digest() -> str:
     """Digest of the golden outputs, with which figures are measured; empty outside a source tree.
 
     It changes where results change on purpose, not where code is renamed, moved or made faster.
     """
-    return _digest(GOLDENS.glob("*.json")) if GOLDENS.is_dir() else ""
+    return _result_digest(GOLDENS.glob("*.json")) if GOLDENS.is_dir() else ""
 
 
 @functools.cache
-def code_key(*files: Path) -> str:
+def result_code_key(*files: Path) -> str:
     """Digest of the package's modules, and of other files, by which stored runs are found again.
 
     Any change of the code discards an unfinished study: its runs are of one code.
     """
-    return _digest([*PACKAGE.rglob("*.py"), *files])
+    return _result_digest([*PACKAGE.rglob("*.py"), *files])
 
 
-def outside_files(*objects: Any) -> list[Path]:
+def result_outside_files(*objects: Any) -> list[Path]:
     """Files of the user's own code, if one of some functions or classes is not of the package.
 
     These are all modules that are loaded and not installed: a method may be made of several.
@@ -118,14 +118,14 @@ def outside_files(*objects: Any) -> list[Path]:
     ]
 
 
-def _digest(files: Iterable[Path]) -> str:
+def _result_digest(files: Iterable[Path]) -> str:
     content = hashlib.sha256()
     for path in sorted(files):
         content.update(path.name.encode() + path.read_bytes())
     return content.hexdigest()[:8]
 
 
-class RunFile:
+class ResultRunFile:
     """The finished runs of a study.
 
     Parameters
@@ -157,7 +157,7 @@ class RunFile:
         folder.mkdir(parents=True, exist_ok=True)
         lines = self._whole_lines()
         if not lines:
-            write_text(self.path, text + "\n")
+            write_whole_text(self.path, text + "\n")
         elif self._parsed(lines[0]) != json.loads(text):
             raise ValueError(
                 f"{self.path} was made by another version, method, options, scenario or seed"
@@ -200,14 +200,14 @@ class RunFile:
         )
 
 
-def complete(
-    files: Sequence[RunFile],
+def complete_result_files(
+    files: Sequence[ResultRunFile],
     runs: int,
     function: Callable[[Job], Any],
     job_of: Callable[[int, int], Job],
     *,
     processes: int = 1,
-    progress: Progress = silent,
+    progress: Progress = silent_terminal,
 ) -> Iterator[list[Any]]:
     """Do the missing runs of each file, and give all, as JSON, of each file once it is complete.
 
@@ -225,7 +225,7 @@ def complete(
     """
     missing = [[index for index in range(runs) if index not in file.results] for file in files]
     jobs = [job_of(row, index) for row, indices in enumerate(missing) for index in indices]
-    results = iter(progress(mapped(function, jobs, processes), len(jobs)))
+    results = iter(progress(mapped_results(function, jobs, processes), len(jobs)))
     for file, indices in zip(files, missing, strict=True):
         for index in indices:
             file.append(index, next(results))
@@ -247,7 +247,7 @@ class Result:
     version : str
         Release of the package.
     goldens : str
-        Digest of the golden outputs, see `goldens_digest`.
+        Digest of the golden outputs, see `result_goldens_digest`.
     seed, runs : int
     parameters : mapping
         Parameters that differ from the defaults.
@@ -268,12 +268,12 @@ class Result:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     measures: Sequence[Row] = field(default_factory=list)
     version: str = tsepm_ros.__version__
-    goldens: str = field(default_factory=goldens_digest)
+    goldens: str = field(default_factory=result_goldens_digest)
     numpy: str = np.__version__
     python: str = field(default_factory=platform.python_version)
 
 
-def add_result(parser: argparse.ArgumentParser) -> None:
+def add_result_file(parser: argparse.ArgumentParser) -> None:
     """Add the path of the result file."""
     parser.add_argument(
         "--result",
@@ -285,7 +285,7 @@ def add_result(parser: argparse.ArgumentParser) -> None:
 def write_result(path: Path, result: Result) -> None:
     """Write a result file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, json.dumps(asdict(result), indent=1, ensure_ascii=False) + "\n")
+    write_whole_text(path, json.dumps(asdict(result), indent=1, ensure_ascii=False) + "\n")
 
 
 def read_result(path: Path) -> Result:

@@ -18,13 +18,18 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.registry import METHODS, make_initiator, method_class, option_names
+from tsepm_ros.methods.registry import (
+    METHODS,
+    make_initiator,
+    registered_method,
+    registered_option_names,
+)
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.own_ship.pose_history import echo_poses
-from tsepm_ros.tools.evaluation.result_files import code_key, outside_files
+from tsepm_ros.tools.evaluation.result_files import result_code_key, result_outside_files
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import Motion
-from tsepm_ros.tracker.measurement import major_sigma, position_covariance
+from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
@@ -73,21 +78,21 @@ class Judged:
     at: frozenset[int] = frozenset()
 
 
-def measurement_sigma(sensor: SensorModel, offset: FloatArray) -> float:
+def simulated_measurement_sigma(sensor: SensorModel, offset: FloatArray) -> float:
     """Larger axis of the measurement error, m, for a target at `offset` (2,) from the sensor."""
     range_ = float(np.hypot(*offset))
-    covariance = position_covariance(
+    covariance = measurement_covariance(
         range_, np.arctan2(offset[1], offset[0]), sensor.range_variance(range_), sensor.azimuth_std
     )
     return float(major_sigma(covariance))
 
 
-def nees(error: FloatArray, covariance: FloatArray) -> float:
+def simulated_nees(error: FloatArray, covariance: FloatArray) -> float:
     """Normalised estimation error squared, ``e' P^-1 e``."""
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def judge_starts(
+def judge_simulated_starts(
     simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
 ) -> list[Judged]:
     """Judge the confirmed tracks of a run on a simulator's scans.
@@ -112,14 +117,14 @@ def judge_starts(
     judged = []
     for track in tracks:
         sources = np.array([origins[scan][index] for scan, index in track.hits])
-        target = _majority(sources)
+        target = _simulated_majority(sources)
         truths = simulator.truth(track.stamp)
         sensor_position = scenario.own_ship.pose(track.stamp)[:2]
         at = frozenset(
             index
             for index, truth in enumerate(truths)
-            if _distance(track, truth)
-            <= SIGMAS * measurement_sigma(scenario.sensor, truth[0::2] - sensor_position)
+            if _simulated_distance(track, truth)
+            <= SIGMAS * simulated_measurement_sigma(scenario.sensor, truth[0::2] - sensor_position)
         )
         if target == NO_TARGET:
             judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
@@ -135,16 +140,16 @@ def judge_starts(
                 outcome,
                 target,
                 bool((sources == target).all()),
-                _distance(track, truths[target]),
+                _simulated_distance(track, truths[target]),
                 float(np.hypot(error[1], error[3])),
-                nees(error, track.covariance),
+                simulated_nees(error, track.covariance),
                 at,
             )
         )
     return judged
 
 
-def origins_of(
+def simulated_origins_of(
     processed: Sequence[float], stamps: Sequence[float], origins: Sequence[IntArray]
 ) -> list[IntArray]:
     """Origins of the processed scans, to which hits refer; dropped scans have none.
@@ -162,13 +167,13 @@ def origins_of(
     return [origins[index] for index in np.searchsorted(middle, processed)]
 
 
-def _distance(track: ConfirmedTrack, truth: FloatArray) -> float:
+def _simulated_distance(track: ConfirmedTrack, truth: FloatArray) -> float:
     """Distance of a track from a target's state, m."""
     error = track.state - truth
     return float(np.hypot(error[0], error[2]))
 
 
-def _majority(sources: NDArray[np.int64]) -> int:
+def _simulated_majority(sources: NDArray[np.int64]) -> int:
     """The target that gave more than half of the hits, or NO_TARGET."""
     targets, counts = np.unique(sources[sources >= 0], return_counts=True)
     if len(targets) and 2 * counts.max() > len(sources):
@@ -176,7 +181,7 @@ def _majority(sources: NDArray[np.int64]) -> int:
     return NO_TARGET
 
 
-class TrackStarter(Protocol):
+class SimulatedTrackStarter(Protocol):
     """Interface of what is evaluated: an `Tracker`, or an object with the same `process`.
 
     The evaluation reads `stamp`, `state`, `covariance` (nan if unknown) and `hits` of its tracks.
@@ -188,13 +193,13 @@ class TrackStarter(Protocol):
         """Process the next scan and return the tracks newly confirmed by it."""
 
 
-def make_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Tracker:
+def make_simulated_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Tracker:
     """Make one of the package's own methods for a scenario's sensor."""
     return make_initiator(method, sensor=scenario.sensor, **options)
 
 
 @dataclass(frozen=True)
-class OperatingPoint:
+class SimulatedOperatingPoint:
     """A method at one setting.
 
     Attributes
@@ -204,7 +209,7 @@ class OperatingPoint:
     options : mapping
         All options given to the method.
     factory : callable
-        Makes a `TrackStarter` from a scenario, `method` and `options`; importable by its name, so
+        Makes a `SimulatedTrackStarter` from a scenario, `method` and `options`; importable by its name, so
         that other processes can make it too.
     version : str
         Version of an installed package that the results depend on, too.
@@ -213,23 +218,25 @@ class OperatingPoint:
     method: str
     label: str = "default"
     options: Mapping[str, Any] = field(default_factory=dict)
-    factory: Callable[[Scenario, str, Mapping[str, Any]], TrackStarter] = make_method
+    factory: Callable[[Scenario, str, Mapping[str, Any]], SimulatedTrackStarter] = (
+        make_simulated_method
+    )
     version: str = ""
 
-    def make(self, scenario: Scenario) -> TrackStarter:
+    def make(self, scenario: Scenario) -> SimulatedTrackStarter:
         """Make a new track starter for a run."""
         return self.factory(scenario, self.method, self.options)
 
     @property
     def code(self) -> str:
         """Key of the code that makes it: of the package, and of what is not of the package."""
-        classes = map(method_class, METHODS.keys() & {self.method})
-        return code_key(*outside_files(self.factory, *classes))
+        classes = map(registered_method, METHODS.keys() & {self.method})
+        return result_code_key(*result_outside_files(self.factory, *classes))
 
 
-def operating_points(
+def simulated_operating_points(
     methods: Iterable[str], given: Mapping[str, Any] | None = None
-) -> list[OperatingPoint]:
+) -> list[SimulatedOperatingPoint]:
     """Operating points of the methods' sweeps, from few to many false tracks.
 
     Parameters
@@ -247,17 +254,20 @@ def operating_points(
     given = given or {}
     methods = list(methods)
     for name in given:
-        if not any(name in option_names(method) for method in methods):
+        if not any(name in registered_option_names(method) for method in methods):
             raise ValueError(f"{name} is not an option of {' or '.join(methods)}")
-    return [point for method in methods for point in _sweep(method, given)]
+    return [point for method in methods for point in _simulated_sweep(method, given)]
 
 
-def _sweep(method: str, given: Mapping[str, Any]) -> list[OperatingPoint]:
-    own = {name: value for name, value in given.items() if name in option_names(method)}
-    sweep = method_class(method).operating_points
+def _simulated_sweep(method: str, given: Mapping[str, Any]) -> list[SimulatedOperatingPoint]:
+    own = {name: value for name, value in given.items() if name in registered_option_names(method)}
+    sweep = registered_method(method).operating_points
     if any(name in options for options in sweep.values() for name in own):
         sweep = {"as given": {}}
-    return [OperatingPoint(method, label, {**own, **options}) for label, options in sweep.items()]
+    return [
+        SimulatedOperatingPoint(method, label, {**own, **options})
+        for label, options in sweep.items()
+    ]
 
 
 @dataclass
@@ -283,7 +293,7 @@ class SimulatedScene:
         """Simulate the scans of a run."""
         simulator = Simulator(scenario, seed)
         simulated = list(simulator)
-        scans = [with_poses(item.scan, scenario.own_ship) for item in simulated]
+        scans = [with_simulated_poses(item.scan, scenario.own_ship) for item in simulated]
         return cls(simulator, scans, [item.origin for item in simulated])
 
     @property
@@ -292,8 +302,8 @@ class SimulatedScene:
         return self.simulator.scenario
 
     def judge(self, tracks: Sequence[ConfirmedTrack]) -> list[Judged]:
-        """Judge tracks that were started on the scans, see `judge_starts`."""
-        return judge_starts(self.simulator, tracks, self.origins)
+        """Judge tracks that were started on the scans, see `judge_simulated_starts`."""
+        return judge_simulated_starts(self.simulator, tracks, self.origins)
 
 
 @dataclass
@@ -319,18 +329,20 @@ class SimulatedRun(SimulatedScene):
         return self.judge([track for _, track in self.starts])
 
 
-def simulate(scenario: Scenario, seed: list[int], point: OperatingPoint) -> SimulatedRun:
+def simulate_run(
+    scenario: Scenario, seed: list[int], point: SimulatedOperatingPoint
+) -> SimulatedRun:
     """Simulate a run and start tracks on it."""
     run = SimulatedRun.drawn(scenario, seed)
     starter = point.make(scenario)
     for index, scan in enumerate(run.scans):
         run.starts += [(index, track) for track in starter.process(scan)]
         run.corrections += [(index, track) for track in getattr(starter, "revised", ())]
-        run.held.append(_held_positions(starter))
+        run.held.append(_simulated_held_positions(starter))
     return run
 
 
-def with_poses(scan: Scan, own_ship: Motion) -> Scan:
+def with_simulated_poses(scan: Scan, own_ship: Motion) -> Scan:
     """A simulated scan with the sensor poses of its echoes, from the exact own-ship motion."""
 
     def poses_at(times: FloatArray) -> FloatArray:
@@ -340,6 +352,6 @@ def with_poses(scan: Scan, own_ship: Motion) -> Scan:
     return dataclasses.replace(scan, sensor_pose=pose)
 
 
-def _held_positions(starter: TrackStarter) -> FloatArray | None:
+def _simulated_held_positions(starter: SimulatedTrackStarter) -> FloatArray | None:
     held = getattr(starter, "current", None)
     return None if held is None else np.array(held.state)[:, 0::2]

@@ -10,10 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.evaluation.intervals import error_bars
+from tsepm_ros.tools.evaluation.intervals import interval_error_bars
 from tsepm_ros.tools.evaluation.measures import SECONDS_PER_HOUR
-from tsepm_ros.tools.evaluation.performance import MIN_FALSE_STARTS, Curve, Evaluated
-from tsepm_ros.tools.pictures.plan_position import PointLabel, label_points
+from tsepm_ros.tools.evaluation.performance import (
+    MIN_FALSE_STARTS,
+    PerformanceCurve,
+    PerformanceEvaluated,
+)
+from tsepm_ros.tools.pictures.plan_position import PointLabel, label_plan_points
 from tsepm_ros.whole_files import written_whole
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
@@ -22,7 +26,9 @@ MARKERS = "osD^vPX"
 DOTS_PER_INCH = 110
 
 
-def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> Path:
+def draw_operating_curve(
+    evaluated: Sequence[PerformanceEvaluated], folder: Path, caption: str
+) -> Path:
     """Draw the picture of one scenario.
 
     Parameters
@@ -42,25 +48,27 @@ def draw(evaluated: Sequence[Evaluated], folder: Path, caption: str) -> Path:
     figure = Figure(figsize=(1.5 + 6.5 * len(evaluated), 6.5), layout="constrained")
     axes = figure.subplots(1, len(evaluated), squeeze=False, sharey=True)[0]
     for axis, evaluation in zip(axes, evaluated, strict=True):
-        _operating_curve(axis, evaluation)
+        _draw_operating_curve(axis, evaluation)
         axis.set_title(f"after {evaluation.scans} pings", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
     title = f"{name}: targets found against false and misplaced tracks\n{caption}"
     figure.suptitle(title, fontsize=11)
     for axis, evaluation in zip(axes, evaluated, strict=True):  # after all other elements
-        styles = _styles(evaluation)
+        styles = _operating_curve_styles(evaluation)
         labels = [
             PointLabel(point.label, x, y, styles[point.method][0])
-            for point, x, y in zip(evaluation.points, *_coordinates(evaluation), strict=True)
+            for point, x, y in zip(
+                evaluation.points, *_operating_curve_coordinates(evaluation), strict=True
+            )
         ]
-        label_points(axis, labels)
+        label_plan_points(axis, labels)
     path = folder / f"{name}_operating_curve.png"
     with written_whole(path) as temporary:
         figure.savefig(temporary, dpi=DOTS_PER_INCH)
     return path
 
 
-def _styles(evaluation: Evaluated) -> dict[str, tuple[str, str]]:
+def _operating_curve_styles(evaluation: PerformanceEvaluated) -> dict[str, tuple[str, str]]:
     """Colour and marker of each method."""
     methods = dict.fromkeys(point.method for point in evaluation.points)
     cycles = [divmod(index, len(COLOURS)) for index in range(len(methods))]
@@ -70,16 +78,16 @@ def _styles(evaluation: Evaluated) -> dict[str, tuple[str, str]]:
     }
 
 
-def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
+def _draw_operating_curve(axis: Axes, evaluation: PerformanceEvaluated) -> None:
     """A marker with intervals per point, and the operating curve of each method."""
-    x, y = _coordinates(evaluation)
+    x, y = _operating_curve_coordinates(evaluation)
     false = [measures.false_density for measures in evaluation.measures]
     detection = [measures.detection for measures in evaluation.measures]
-    x_bars, y_bars = error_bars(x, false), error_bars(y, detection)
+    x_bars, y_bars = interval_error_bars(x, false), interval_error_bars(y, detection)
     methods = np.array([point.method for point in evaluation.points])
-    for method, (colour, marker) in _styles(evaluation).items():
+    for method, (colour, marker) in _operating_curve_styles(evaluation).items():
         rows = methods == method
-        curve = Curve.of(x[rows], y[rows])
+        curve = PerformanceCurve.of(x[rows], y[rows])
         axis.plot(np.exp(curve.log_false), curve.detection, color=colour, linewidth=1, alpha=0.6)
         axis.errorbar(
             x[rows],
@@ -111,7 +119,7 @@ def _operating_curve(axis: Axes, evaluation: Evaluated) -> None:
     above.set_xlabel("false and misplaced tracks per hour")
 
 
-def _coordinates(evaluation: Evaluated) -> tuple[FloatArray, FloatArray]:
+def _operating_curve_coordinates(evaluation: PerformanceEvaluated) -> tuple[FloatArray, FloatArray]:
     """Coordinates of the points: false starts per scan and km^2, and P_D."""
     unit = evaluation.scans * evaluation.scenario.area / 1e6
     min_false = MIN_FALSE_STARTS / evaluation.measures[0].runs / unit

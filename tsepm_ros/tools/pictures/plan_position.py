@@ -24,7 +24,12 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.pictures.run_scene import RunScene, headline, target_name, velocity_seconds
+from tsepm_ros.tools.pictures.run_scene import (
+    RunScene,
+    scene_headline,
+    scene_target_name,
+    scene_velocity_seconds,
+)
 from tsepm_ros.tracker.tracks import ConfirmedTrack
 from tsepm_ros.whole_files import written_whole
 
@@ -73,7 +78,7 @@ class PointLabel(NamedTuple):
     colour: str
 
 
-def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
+def label_plan_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
     """Write a text beside each point without overlap, with a line to the point.
 
     A text is at the first free candidate inside the frame, otherwise at the last one.
@@ -117,7 +122,7 @@ def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
         occupied.append(box)
 
 
-def draw(scene: RunScene) -> Figure:
+def draw_plan(scene: RunScene) -> Figure:
     """Draw a whole run: detections, truth, starts with their hits, confirmed tracks as trails.
 
     Where the starts are judged by truth, each of the first four targets is enlarged beside the
@@ -131,26 +136,26 @@ def draw(scene: RunScene) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    limits, seconds = plan_limits(scene), velocity_seconds(scene)
+    limits, seconds = plan_limits(scene), scene_velocity_seconds(scene)
     targets = 0 if scene.judged is None else min(len(scene.truth), MAX_PANELS)
-    figure, plan, panels = _layout(targets, limits)
+    figure, plan, panels = _plan_layout(targets, limits)
     style_plan(plan, limits)
-    _draw_run(plan, scene, seconds, detailed=not panels)
+    _draw_plan_run(plan, scene, seconds, detailed=not panels)
     for target, axes in enumerate(panels):
-        _draw_run(axes, scene, seconds, detailed=True)
+        _draw_plan_run(axes, scene, seconds, detailed=True)
         axes.plot(*scene.true_places.T, **TRUE_PLACE)
-        _enlarge(plan, axes, scene, target, MIN_PANEL * float(np.ptp(limits, axis=1).max()))
+        _enlarge_plan(plan, axes, scene, target, MIN_PANEL * float(np.ptp(limits, axis=1).max()))
     way = scene.own_ship if len(scene.own_ship) else np.array([[0.0, 0.0, np.nan]])
     x, y, heading = way[-1].tolist()
-    draw_rings(plan, (x, y), limits)
+    draw_plan_rings(plan, (x, y), limits)
     plan.plot(*way[:, :2].T, color=INK_COLOUR, linewidth=1.2)
     known = math.isfinite(heading)
-    plan.plot(x, y, marker=ship(heading) if known else "o", color=INK_COLOUR, markersize=11)
-    figure.suptitle(headline(scene), x=0.01, ha="left", fontsize=16, fontweight="bold")
+    plan.plot(x, y, marker=plan_ship(heading) if known else "o", color=INK_COLOUR, markersize=11)
+    figure.suptitle(scene_headline(scene), x=0.01, ha="left", fontsize=16, fontweight="bold")
     below = f"{scene.title}; {len(scene.scans)} pings, {len(scene.detections)} detections"
     plan.set_title(below, loc="left", fontsize=10)
     figure.legend(
-        handles=_legend(scene, seconds, bool(panels)),
+        handles=_plan_legend(scene, seconds, bool(panels)),
         loc="outside lower center",
         ncols=4 if panels else 2,
         fontsize=9,
@@ -158,13 +163,13 @@ def draw(scene: RunScene) -> Figure:
     for target, axes in enumerate(panels):  # after all other elements are placed
         if target in scene.true_starts:
             hits = scene.hits[scene.true_starts[target].track.track_id]
-            label_points(axes, [PointLabel(f"{n:.0f}", x, y, INK_COLOUR) for n, x, y in hits])
+            label_plan_points(axes, [PointLabel(f"{n:.0f}", x, y, INK_COLOUR) for n, x, y in hits])
     return figure
 
 
-def save(scene: RunScene, path: Path) -> None:
+def save_plan(scene: RunScene, path: Path) -> None:
     """Draw the picture into a file; the suffix gives the format."""
-    figure = draw(scene)
+    figure = draw_plan(scene)
     path.parent.mkdir(parents=True, exist_ok=True)
     with written_whole(path) as temporary:
         figure.savefig(temporary, dpi=100)
@@ -179,10 +184,10 @@ def plan_limits(scene: RunScene) -> FloatArray:
         return np.array([[-1.0, 1.0], [-1.0, 1.0]])
     extent = np.ptp(everything, axis=0)
     extent = np.maximum(extent, 0.4 * float(extent.max()) or 1.0)
-    return _limits_around(everything, (0.5 + MARGIN) * extent)
+    return _plan_limits_around(everything, (0.5 + MARGIN) * extent)
 
 
-def _panel_limits(scene: RunScene, target: int, least: float) -> FloatArray:
+def _plan_panel_limits(scene: RunScene, target: int, least: float) -> FloatArray:
     """A square around a target's way, its true start with ellipse and hits, and its trail."""
     points = [scene.truth[target][:, 1:]]
     if target in scene.true_starts:
@@ -193,16 +198,16 @@ def _panel_limits(scene: RunScene, target: int, least: float) -> FloatArray:
     everything = np.concatenate(points)
     extent = np.nanmax(everything, axis=0) - np.nanmin(everything, axis=0)
     half = 0.5 * max(least, PANEL_MARGIN * float(extent.max()))
-    return _limits_around(everything, half)
+    return _plan_limits_around(everything, half)
 
 
-def _limits_around(points: FloatArray, half: FloatArray | float) -> FloatArray:
+def _plan_limits_around(points: FloatArray, half: FloatArray | float) -> FloatArray:
     """Limits, (2, 2) m, of the half extent around the middle of points, (n, 2) m or nan."""
     middle = 0.5 * (np.nanmin(points, axis=0) + np.nanmax(points, axis=0))
     return np.stack([middle - half, middle + half], axis=1)
 
 
-def _layout(targets: int, limits: FloatArray) -> tuple[Figure, Axes, list[Axes]]:
+def _plan_layout(targets: int, limits: FloatArray) -> tuple[Figure, Axes, list[Axes]]:
     """A figure, its plan, and beside it the axes of each enlarged target."""
     width, height = (limits[:, 1] - limits[:, 0]).tolist()
     plan_width, columns = 8.6 if targets else 9.5, (targets + 1) // 2
@@ -222,15 +227,15 @@ def style_plan(axes: Axes, limits: FloatArray) -> None:
     axes.grid(color="#e2e8f0", linewidth=0.6)
 
 
-def _enlarge(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float) -> None:
+def _enlarge_plan(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float) -> None:
     """Set limits, grid and title of a target's axes, and mark its part in the plan."""
-    limits = _panel_limits(scene, target, least)
+    limits = _plan_panel_limits(scene, target, least)
     style_plan(axes, limits)
     axes.set_xlabel("east, m", fontsize=8)
     axes.set_ylabel("north, m", fontsize=8)
     axes.tick_params(labelsize=8)
     axes.locator_params(nbins=5)
-    name, start = f"target {target_name(target)}", scene.true_starts.get(target)
+    name, start = f"target {scene_target_name(target)}", scene.true_starts.get(target)
     title = f"{name}: no track"
     if start is not None:
         track, scan = start.track, scene.start_scans[start.track.track_id]
@@ -242,10 +247,10 @@ def _enlarge(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float)
     frame = Rectangle((x, y), width, width, fill=False, color=FAINT_COLOUR, linewidth=0.9)
     plan.add_patch(frame)
     corner = np.array([x + 0.5 * width, top])
-    write_beside(plan, name, corner, np.array([0.0, 1.0]), TRUTH_COLOUR)
+    write_beside_plan_point(plan, name, corner, np.array([0.0, 1.0]), TRUTH_COLOUR)
 
 
-def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> None:
+def _draw_plan_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> None:
     """Draw everything in the fixed frame; `detailed` also the hits of the starts."""
     numbers = np.array([len(view.detections) for view in scene.scans], int)
     ages = np.repeat(np.linspace(0.15, 0.65, len(scene.scans)), numbers)
@@ -254,32 +259,32 @@ def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> No
     axes.scatter(x, y, s=6.0, c=colours, linewidths=0)
     for path in scene.truth:  # a circle where it begins, a square where it ends
         axes.plot(*path[:, 1:].T, color=TRUTH_COLOUR, linewidth=2.4, alpha=0.6)
-        axes.plot(*path[0, 1:], **points(TRUTH_COLOUR, "o", 6.0, hollow=True))
-        axes.plot(*path[-1, 1:], **points(TRUTH_COLOUR, "s", 6.0))
+        axes.plot(*path[0, 1:], **plan_points(TRUTH_COLOUR, "o", 6.0, hollow=True))
+        axes.plot(*path[-1, 1:], **plan_points(TRUTH_COLOUR, "s", 6.0))
     ended = scene.ways()
     for track_id in scene.scans[-1].held.track_id.tolist() if scene.scans else []:
-        draw_trail(axes, ended.pop(track_id))
+        draw_plan_trail(axes, ended.pop(track_id))
     for trail in ended.values():
-        draw_trail(axes, trail, FAINT_COLOUR)
+        draw_plan_trail(axes, trail, FAINT_COLOUR)
     if scene.scans:
         axes.plot(*scene.scans[-1].fixed_echoes.T, **FIXED_ECHOES)
     for track in scene.starts_by(true=False):
-        draw_track(axes, track, seconds, FAINT_COLOUR, 0.7, 0.9)
+        draw_plan_track(axes, track, seconds, FAINT_COLOUR, 0.7, 0.9)
     true_starts = scene.starts_by(true=True)
     if detailed and (scene.judged is not None or len(true_starts) <= HITS_SHOWN):
         for track in true_starts:  # a line joins the hits in order
             _, x, y = scene.hits[track.track_id].T
             axes.plot(x, y, color=INK_COLOUR, linewidth=0.7, alpha=0.5)
-            axes.plot(x, y, **points(INK_COLOUR, "s", 6.5, hollow=True))
+            axes.plot(x, y, **plan_points(INK_COLOUR, "s", 6.5, hollow=True))
     for track in true_starts:
-        draw_track(axes, track, seconds, TRACK_COLOUR, 1.0, 1.6)
+        draw_plan_track(axes, track, seconds, TRACK_COLOUR, 1.0, 1.6)
 
 
-def draw_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray) -> None:
+def draw_plan_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray) -> None:
     """Draw range rings round the sonar, with their ranges, as far as the limits, (2, 2) m."""
     corners = np.array([[x, y] for x in limits[0] for y in limits[1]]) - centre
     reach = 0.75 * float(np.hypot(*corners.T).max())
-    step = _round_step(reach / RINGS)
+    step = _plan_round_step(reach / RINGS)
     for number in range(1, math.ceil(1.4 * reach / step)):
         radius = number * step
         axes.add_patch(
@@ -306,19 +311,19 @@ def draw_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray) -> N
         )
 
 
-def _round_step(wanted: float) -> float:
+def _plan_round_step(wanted: float) -> float:
     """The largest of 1, 2, 5, 10, ... that is at most the wanted step."""
     decade = 10.0 ** math.floor(math.log10(max(wanted, 1e-9)))
     return decade * max(part for part in (1.0, 2.0, 5.0) if part * decade <= wanted * 1.0001)
 
 
-def ship(heading: float) -> MarkerPath:
+def plan_ship(heading: float) -> MarkerPath:
     """Return a marker that points to a heading, rad counter-clockwise from the x axis."""
     sine, cosine = np.sin(heading - np.pi / 2), np.cos(heading - np.pi / 2)
     return MarkerPath(SHIP_OUTLINE @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
+def draw_plan_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
     """Draw the way of a confirmed track, see `RunScene.ways`: dashed where it coasts."""
     for line, left_out in ((COASTING_LINE, False), ("-", way[:, 2] > 0.0)):
         axes.plot(
@@ -330,18 +335,18 @@ def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
         )
 
 
-def points(colour: str, marker: Any, size: float, hollow: bool = False) -> dict[str, Any]:
+def plan_points(colour: str, marker: Any, size: float, hollow: bool = False) -> dict[str, Any]:
     """Style of points without a line."""
     style = {"color": colour, "marker": marker, "markersize": size, "linestyle": ""}
     return {**style, "markerfacecolor": "white" if hollow else colour}
 
 
-FIXED_ECHOES = points(FIXED_COLOUR, "X", 6.0)
-TRUE_PLACE = points(TRUTH_COLOUR, "D", 6.0, hollow=True)
+FIXED_ECHOES = plan_points(FIXED_COLOUR, "X", 6.0)
+TRUE_PLACE = plan_points(TRUTH_COLOUR, "D", 6.0, hollow=True)
 """Style of fixed echoes, and of where a target is at one time."""
 
 
-def draw_track(
+def draw_plan_track(
     axes: Axes,
     track: ConfirmedTrack,
     velocity_seconds: float,
@@ -383,10 +388,10 @@ def draw_track(
     ahead = track.velocity / speed if speed > 0.0 else np.array([0.0, 1.0])
     abeam = np.array([ahead[1], -ahead[0]]) * (1.0 if ahead[1] > 0 else -1.0)
     half = ELLIPSE_FACTOR * float(np.sqrt(abeam @ track.position_covariance @ abeam))
-    write_beside(axes, str(track.track_id), start + half * abeam, abeam, colour, alpha)
+    write_beside_plan_point(axes, str(track.track_id), start + half * abeam, abeam, colour, alpha)
 
 
-def write_beside(
+def write_beside_plan_point(
     axes: Axes, text: str, at: FloatArray, away: FloatArray, colour: str, alpha: float = 1.0
 ) -> None:
     """Write a text beside a point, in the direction of a unit vector from it."""
@@ -411,7 +416,7 @@ entry_of = partial(Line2D, [], [])
 """Makes an entry of a legend."""
 
 
-def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
+def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     last = scene.scans[-1] if scene.scans else None
     held = set() if last is None else set(last.held.track_id.tolist())
     hits = f"hits of a new track in order{', with the number of the ping' if panels else ''}"
@@ -423,11 +428,14 @@ def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     coasting = {"label": "trail where no detection came", "linestyle": COASTING_LINE}
     ink, truth, track, faint = INK_COLOUR, TRUTH_COLOUR, TRACK_COLOUR, FAINT_COLOUR
     entries: list[tuple[Any, Line2D]] = [
-        (True, entry_of(label="detections, fading with age", **points(ink, "o", 3.0))),
-        (True, _legend_sonar(scene.own_ship)),
-        (scene.truth, entry_of(label="true way begins", **points(truth, "o", 6.0, hollow=True))),
-        (scene.truth, entry_of(label="true way ends", **points(truth, "s", 6.0))),
-        (few, entry_of(label=hits, **points(ink, "s", 6.5, hollow=True))),
+        (True, entry_of(label="detections, fading with age", **plan_points(ink, "o", 3.0))),
+        (True, _plan_legend_sonar(scene.own_ship)),
+        (
+            scene.truth,
+            entry_of(label="true way begins", **plan_points(truth, "o", 6.0, hollow=True)),
+        ),
+        (scene.truth, entry_of(label="true way ends", **plan_points(truth, "s", 6.0))),
+        (few, entry_of(label=hits, **plan_points(ink, "s", 6.5, hollow=True))),
         (panels, entry_of(label=place, **TRUE_PLACE)),
         (True, entry_of(label=start, color=track, marker=">", markersize=6, linewidth=1.6)),
         (
@@ -448,10 +456,10 @@ def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     return [entry for shown, entry in entries if shown]
 
 
-def _legend_sonar(path: FloatArray) -> Line2D:
+def _plan_legend_sonar(path: FloatArray) -> Line2D:
     """The entry of the sonar: own ship with its way if it moves, else a place."""
     known = len(path) > 0 and bool(np.isfinite(path[-1, 2]))
-    style = points(INK_COLOUR, ship(np.pi / 2) if known else "o", 10.0)
+    style = plan_points(INK_COLOUR, plan_ship(np.pi / 2) if known else "o", 10.0)
     if len(path) and np.ptp(path[:, :2], axis=0).any():
         return entry_of(label="own ship and its way", **{**style, "linestyle": "-"})
     return entry_of(label="sonar", **style)

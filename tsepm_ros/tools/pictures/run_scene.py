@@ -11,10 +11,15 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult
-from tsepm_ros.tools.evaluation.simulated_run import Judged, Outcome, judge_starts, origins_of
+from tsepm_ros.tools.evaluation.simulated_run import (
+    Judged,
+    Outcome,
+    judge_simulated_starts,
+    simulated_origins_of,
+)
 from tsepm_ros.tools.replay.recording import Recording
 from tsepm_ros.tools.simulation import Simulator
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
@@ -23,7 +28,7 @@ ROUND_SECONDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 30
 
 
 @dataclass(frozen=True)
-class ScanView:
+class SceneScan:
     """One scan in the fixed frame.
 
     Attributes
@@ -54,15 +59,15 @@ class ScanView:
     @classmethod
     def of(
         cls, result: ScanResult, sensor: SensorModel, mounting_yaw: float | None = 0.0
-    ) -> ScanView:
+    ) -> SceneScan:
         """View of a processed scan.
 
-        `mounting_yaw` is that of `vessel_pose`.
+        `mounting_yaw` is that of `scene_vessel_pose`.
         """
         return cls(
             stamp=result.stamp,
-            detections=convert(result.scan, sensor, 0)["position"],
-            sensor=vessel_pose(result.scan, mounting_yaw),
+            detections=convert_measurements(result.scan, sensor, 0)["position"],
+            sensor=scene_vessel_pose(result.scan, mounting_yaw),
             new=result.new,
             held=result.current,
             fixed_echoes=result.fixed_echoes.state[:, 0::2].reshape(-1, 2),
@@ -87,7 +92,7 @@ class RunScene:
     """
 
     title: str
-    scans: list[ScanView] = field(default_factory=list)
+    scans: list[SceneScan] = field(default_factory=list)
     truth: list[FloatArray] = field(default_factory=list)
     judged: list[Judged] | None = None
 
@@ -105,7 +110,9 @@ class RunScene:
         """
         processed = [view.stamp for view in self.scans]
         stamps = [scan.time for scan in recording.scans]
-        self.judged = judge_starts(simulator, self.starts, origins_of(processed, stamps, origins))
+        self.judged = judge_simulated_starts(
+            simulator, self.starts, simulated_origins_of(processed, stamps, origins)
+        )
 
     @property
     def starts(self) -> list[ConfirmedTrack]:
@@ -192,41 +199,41 @@ class RunScene:
         return np.array(path).reshape(-1, 3)
 
 
-def headline(scene: RunScene) -> str:
+def scene_headline(scene: RunScene) -> str:
     """The result of a run in a sentence, such as "4 of 4 targets in 11 pings, no false track"."""
-    pings = _pings(len(scene.scans))
+    pings = _scene_pings(len(scene.scans))
     if scene.judged is None:
         held = f"{len(scene.scans[-1].held) if scene.scans else 0} held at the end"
-        return f"{_tracks(len(scene.starts))} in {pings}, {held}"
+        return f"{_scene_tracks(len(scene.starts))} in {pings}, {held}"
     starts, start_scans = scene.true_starts, scene.start_scans
     if starts:
         last = max(start_scans[judgement.track.track_id] for judgement in starts.values())
-        pings = _pings(last)
+        pings = _scene_pings(last)
     counts = Counter(judgement.outcome for judgement in scene.judged)
     others = [one for one in (Outcome.MISPLACED, Outcome.REDUNDANT) if counts[one]]
     return ", ".join(
         [
             f"{len(starts)} of {len(scene.truth)} targets in {pings}",
-            _tracks(counts[Outcome.FALSE], "false "),
+            _scene_tracks(counts[Outcome.FALSE], "false "),
             *(f"{counts[one]} {one.value}" for one in others),
         ]
     )
 
 
-def _pings(number: int) -> str:
+def _scene_pings(number: int) -> str:
     return f"{number} ping{'' if number == 1 else 's'}"
 
 
-def _tracks(number: int, kind: str = "") -> str:
+def _scene_tracks(number: int, kind: str = "") -> str:
     return f"{number or 'no'} {kind}track{'' if number == 1 or not number else 's'}"
 
 
-def target_name(index: int) -> str:
+def scene_target_name(index: int) -> str:
     """Name of a target in tables and pictures: A to Z, then by number. Tracks have numbers."""
     return chr(ord("A") + index) if index < 26 else f"T{index}"
 
 
-def velocity_seconds(scene: RunScene) -> float:
+def scene_velocity_seconds(scene: RunScene) -> float:
     """Time of the velocity arrows, s, round: a fast track's arrow is a 30th of the scene."""
     everything = np.concatenate([scene.detections, *(path[:, 1:] for path in scene.truth)])
     speeds = [float(np.hypot(*track.velocity)) for track in scene.starts]
@@ -237,7 +244,7 @@ def velocity_seconds(scene: RunScene) -> float:
     return max((second for second in ROUND_SECONDS if second <= wanted), default=ROUND_SECONDS[0])
 
 
-def vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:
+def scene_vessel_pose(scan: Scan, mounting_yaw: float | None) -> FloatArray | None:
     """Position of the sensor at the nearest echo, and the heading of the vessel.
 
     Parameters

@@ -1,6 +1,6 @@
 """The node that plays recorded scans on the topics of a sonar driver: a bag, or a CSV recording.
 
-`PlayingNode` publishes events at their times, for the simulator too. `TopicRecorder` is the node of
+`ScanPlayingNode` publishes events at their times, for the simulator too. `PlayerTopicRecorder` is the node of
 `tsepm record`, which writes a bag to be played.
 """
 
@@ -46,15 +46,15 @@ from msg_adapters import (
 from msg_adapters.detections import installed_class
 from tsepm_ros.nodes.base_node import (
     OVERRIDABLE,
+    BaseNode,
     ParameterError,
-    ParameterisedNode,
-    refusing,
-    run,
+    refusing_node_parameter,
+    run_node,
 )
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
-from tsepm_ros.settings.settings import help_text
+from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
@@ -64,9 +64,9 @@ from tsepm_ros.tools.replay.bag import (
     Bag,
     BagMessage,
     BagWriter,
-    find_topics,
+    find_bag_topics,
 )
-from tsepm_ros.tools.replay.recording import RecordedScan, read_recording, source_of
+from tsepm_ros.tools.replay.recording import RecordedScan, read_recording, recording_source_of
 
 Event = tuple[float, Callable[[], None]]
 """Time in the recording (s) and the function that publishes the message."""
@@ -113,7 +113,7 @@ class Played:
         """Close what is open."""
 
 
-def check_start_offset(start_offset: float, duration: float, played: str) -> None:
+def check_player_start_offset(start_offset: float, duration: float, played: str) -> None:
     """Refuse a start offset beyond the duration, both s.
 
     Raises
@@ -127,7 +127,7 @@ def check_start_offset(start_offset: float, duration: float, played: str) -> Non
         )
 
 
-class PlayingNode(ParameterisedNode):
+class ScanPlayingNode(BaseNode):
     """A node that publishes a sequence of events, paced by the wall clock.
 
     It waits for reliable subscribers: no message is overwritten before it is acknowledged, and all
@@ -150,7 +150,7 @@ class PlayingNode(ParameterisedNode):
     def __init__(
         self,
         name: str,
-        make: Callable[[ParameterisedNode, Mapping[type, Any]], Played],
+        make: Callable[[BaseNode, Mapping[type, Any]], Played],
         **node_options: Any,
     ) -> None:
         super().__init__(name, **node_options)
@@ -331,8 +331,8 @@ class PlayedBag(Played):
             raise ParameterError(
                 "start_stamp: the messages of a bag are published with their recorded stamps"
             )
-        with refusing("recording"):
-            self._bag = Bag(source_of(options.recording)[0])
+        with refusing_node_parameter("recording"):
+            self._bag = Bag(recording_source_of(options.recording)[0])
         for note in self._bag.notes:
             node.get_logger().warning(note)
         given = {
@@ -344,9 +344,9 @@ class PlayedBag(Played):
         }
         with ExitStack() as refused:  # closes the bag
             refused.callback(self.close)
-            with refusing("recording"):
-                topics = find_topics(self._bag.topics, given)
-            check_start_offset(options.start_offset, self._bag.duration, "bag")
+            with refusing_node_parameter("recording"):
+                topics = find_bag_topics(self._bag.topics, given)
+            check_player_start_offset(options.start_offset, self._bag.duration, "bag")
             self._latched = {TF_STATIC, topics.get(LAND, TF_STATIC)}
             self._publishers = {
                 topic: self._publisher(topic, role) for role, topic in topics.items()
@@ -430,12 +430,12 @@ class PlayedRecording(PlayedTopics):
 
     def __init__(self, node: Node, options: PlayerNodeOptions) -> None:
         self._node = node
-        with refusing("recording"):
+        with refusing_node_parameter("recording"):
             self._recording = read_recording(options.recording)
         for note in self._recording.notes:
             node.get_logger().warning(note)
         first, last = self._recording.span
-        check_start_offset(options.start_offset, last - first, "recording")
+        check_player_start_offset(options.start_offset, last - first, "recording")
         self._from = first + options.start_offset
         self._shift = options.start_stamp
         if self._shift < 0:
@@ -478,23 +478,23 @@ class PlayedRecording(PlayedTopics):
         )
 
 
-def _played(node: Node, options: Mapping[type, Any]) -> Played:
+def _player_source(node: Node, options: Mapping[type, Any]) -> Played:
     player: PlayerNodeOptions = options[PlayerNodeOptions]
     if not player.recording:
         raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
-    with refusing("recording"):
-        is_bag = source_of(player.recording)[1]
+    with refusing_node_parameter("recording"):
+        is_bag = recording_source_of(player.recording)[1]
     return (PlayedBag if is_bag else PlayedRecording)(node, player)
 
 
-class ScanPlayer(PlayingNode):
+class ScanPlayer(ScanPlayingNode):
     """Publishes the scans, the own ship and the truth of a CSV recording or a bag."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("scan_player", _played, **node_options)
+        super().__init__("scan_player", _player_source, **node_options)
 
 
-class TopicRecorder(Node):
+class PlayerTopicRecorder(Node):
     """Writes a bag of topics, each from the time on at which it is published.
 
     Parameters
@@ -514,9 +514,9 @@ class TopicRecorder(Node):
         super().__init__("tsepm_record")
         self._missed: dict[str, str] = {}
         self._counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
-        with refusing():
+        with refusing_node_parameter():
             self._bag = BagWriter(path)
-        self._qos = QosWatch(self)
+        self._qos = SubscriptionQos(self)
         self._waiting = set(self._counts)
         self._subscriptions_made: list[OfferedSubscription] = []
         self.create_timer(WAIT_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -566,7 +566,7 @@ class TopicRecorder(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(ScanPlayer, args, help_text("scan_player", __doc__))
+    return run_node(ScanPlayer, args, settings_help("scan_player", __doc__))
 
 
 if __name__ == "__main__":

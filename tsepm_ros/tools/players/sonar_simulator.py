@@ -11,16 +11,16 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from msg_adapters import make_header, message_class, write_detections
-from tsepm_ros.nodes.base_node import refusing, run
+from tsepm_ros.nodes.base_node import refusing_node_parameter, run_node
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import SimulatorNodeOptions
-from tsepm_ros.settings.settings import help_text
-from tsepm_ros.tools.players.scan_player import Event, PlayedTopics, PlayingNode
+from tsepm_ros.settings.settings import settings_help
+from tsepm_ros.tools.players.scan_player import Event, PlayedTopics, ScanPlayingNode
 from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
 from tsepm_ros.tracker.scan import Scan
 
 
-class PlayedScenario(PlayedTopics):
+class SimulatorScenario(PlayedTopics):
     """Publishes the scans, the own ship and the truth of a scenario.
 
     Parameters
@@ -43,10 +43,10 @@ class PlayedScenario(PlayedTopics):
     def __init__(self, node: Node, options: SimulatorNodeOptions) -> None:
         self._node = node
         self._options = options
-        with refusing():
+        with refusing_node_parameter():
             self._scenario = load_scenario(options.scenario)
             Simulator(self._scenario, options.seed)  # raises if targets cannot be drawn
-        with refusing("detections_type"):
+        with refusing_node_parameter("detections_type"):
             self._message(make_header(0, ""), Scan(0.0, np.zeros(0), np.zeros(0)))
             kind = message_class(options.detections_type)
         self._start = (
@@ -97,17 +97,17 @@ class PlayedScenario(PlayedTopics):
         )
 
 
-class SonarSimulator(PlayingNode):
+class SonarSimulator(ScanPlayingNode):
     """Publishes the scans of a scenario as a sonar driver would."""
 
     def __init__(self, **node_options: Any) -> None:
-        make = lambda node, options: PlayedScenario(node, options[SimulatorNodeOptions])  # noqa: E731
+        make = lambda node, options: SimulatorScenario(node, options[SimulatorNodeOptions])  # noqa: E731
         super().__init__("sonar_simulator", make, **node_options)
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(SonarSimulator, args, help_text("sonar_simulator", __doc__))
+    return run_node(SonarSimulator, args, settings_help("sonar_simulator", __doc__))
 
 
 if __name__ == "__main__":

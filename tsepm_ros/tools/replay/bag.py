@@ -17,7 +17,7 @@ from msg_adapters import MessageError, message_class, supported_types
 from msg_adapters.detections import installed_class
 from msg_adapters.image_messages import IMAGES
 from msg_adapters.ping import present_name
-from tsepm_ros.tools.replay.recording import MCAP, SQLITE, bag_files, kind_of
+from tsepm_ros.tools.replay.recording import MCAP, SQLITE, recording_bag_files, recording_kind_of
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
 LAND = "land"
@@ -121,7 +121,7 @@ class Bag(ExitStack):
     def __init__(self, path: Path | str) -> None:
         super().__init__()
         self._path = Path(path)
-        self._files, self.notes = bag_files(self._path)
+        self._files, self.notes = recording_bag_files(self._path)
         with self._reading():
             try:
                 self._storage: _Rosbag2Storage | _RosbagsStorage = _Rosbag2Storage(self._path)
@@ -208,7 +208,9 @@ class Bag(ExitStack):
             raise ValueError(f"{self._path} is a bag, {error}") from None
         except Exception as error:
             first = self._files[0] if self._files else self._path
-            repair = _REPAIRS.get(kind_of(first) if first.is_file() else "", "unpack it by unzstd")
+            repair = _REPAIRS.get(
+                recording_kind_of(first) if first.is_file() else "", "unpack it by unzstd"
+            )
             damaged = (
                 "a file of it is damaged, or its end is missing: copy it again, or save what is "
                 f"whole: {repair}"
@@ -228,7 +230,9 @@ class _Rosbag2Storage:
         self._library = import_module("rosbag2_py")
         self._deserialize = import_module("rclpy.serialization").deserialize_message
         # A folder's metadata name the storage.
-        storage = {MCAP: "mcap", SQLITE: "sqlite3"}[kind_of(path)] if path.is_file() else ""
+        storage = (
+            {MCAP: "mcap", SQLITE: "sqlite3"}[recording_kind_of(path)] if path.is_file() else ""
+        )
         self._options = self._library.StorageOptions(uri=str(path), storage_id=storage)
         information = self._library.Info().read_metadata(str(path), storage)
         self._compressed = bool(information.compression_mode)
@@ -271,9 +275,9 @@ class _RosbagsStorage:
                 "(with Python from apt: docs/python_and_command_line.md)"
             ) from None
         # A topic that nobody reads refuses no bag, whatever its definition is.
-        vars(storage_mcap).update(get_msgdef=_definition, read_string=_text)
+        vars(storage_mcap).update(get_msgdef=_bag_definition, read_string=_bag_text)
         self._readers = [
-            stack.enter_context(Reader(_readable(path, stack, notes))) for path in files
+            stack.enter_context(Reader(_readable_bag(path, stack, notes))) for path in files
         ]
         self._known, self._standard = message_types()
         connections = [
@@ -329,7 +333,7 @@ class _RosbagsStorage:
         return store, type_name
 
 
-def _definition(schema: Any) -> Any:
+def _bag_definition(schema: Any) -> Any:
     """The definition of a schema of an MCAP file, as rosbags has it; none of another encoding."""
     from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
@@ -337,35 +341,35 @@ def _definition(schema: Any) -> Any:
     return MessageDefinition(MessageDefinitionFormat[form or "NONE"], schema.data if form else "")
 
 
-def _text(file: Any) -> str:
+def _bag_text(file: Any) -> str:
     """A text of an MCAP file: its length and the text, which need not be UTF-8."""
     return str(file.read(int.from_bytes(file.read(4), "little")), errors="replace")
 
 
-def _readable(path: Path, stack: ExitStack, notes: list[str]) -> Path:
+def _readable_bag(path: Path, stack: ExitStack, notes: list[str]) -> Path:
     """A file of a bag under a name by which rosbags reads all of it, and as it is.
 
     What a database does not have yet, and other files have, is put into a copy, as SQLite does; so
     are definitions left out that rosbags does not know.
     """
-    kind = kind_of(path) if path.is_file() else ""
+    kind = recording_kind_of(path) if path.is_file() else ""
     if kind not in (MCAP, SQLITE):  # the folder of a compressed bag
         return path
     place = Path(stack.enter_context(TemporaryDirectory()), f"bag{kind}")
     beside = [Path(f"{path}{end}") for end in ("-wal", "-journal") if kind == SQLITE]
     beside = [file for file in beside if file.is_file() and file.stat().st_size]
     address = f"{path.resolve().as_uri()}?immutable=1"
-    if kind == MCAP or not (beside or _answers(address, f"SELECT 1 {_UNKNOWN}")):
+    if kind == MCAP or not (beside or _bag_answers(address, f"SELECT 1 {_UNKNOWN}")):
         place.symlink_to(path.resolve())
         return place
     for file in (path, *beside):
         shutil.copyfile(file, f"{place}{file.name.removeprefix(path.name)}")
-    _answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
+    _bag_answers(place.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
     notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
     return place
 
 
-def _answers(address: str, commands: str) -> list[Any]:
+def _bag_answers(address: str, commands: str) -> list[Any]:
     """What a database answers, up to a command about a table that it does not have."""
     answers: list[Any] = []
     base = sqlite3.connect(address, uri=True, isolation_level=None)
@@ -413,7 +417,7 @@ class BagWriter:
                 options = self._ros.StorageOptions(uri=str(path), storage_id="mcap")
                 self._writer.open(options, self._ros.ConverterOptions("", ""))
             else:
-                self._writer = mcap_writer(path)
+                self._writer = mcap_bag_writer(path)
                 self._writer.open()
         except ImportError:
             raise ValueError(
@@ -446,14 +450,14 @@ class BagWriter:
         self._writer.close()
 
 
-def mcap_writer(path: Path) -> Any:
+def mcap_bag_writer(path: Path) -> Any:
     """A writer of the library rosbags for an MCAP bag in a new folder; ImportError without it."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     return Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
 
 
-def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+def find_bag_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
     """Find the topics of a bag that a run needs.
 
     Parameters
@@ -476,24 +480,24 @@ def find_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str
         If a given topic is missing or has another type, if a role has several candidates, or if
         the detections have none; the message names them.
     """
-    by_role = {role: _find(topics, role, given.get(role, "")) for role in ROLES}
+    by_role = {role: _find_bag_topic(topics, role, given.get(role, "")) for role in ROLES}
     if not by_role[DETECTIONS]:
         available = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
         raise ValueError(f"the bag has no topic of detections; it has {available or 'no topics'}")
     return {role: topic for role, topic in by_role.items() if topic}
 
 
-def moving_frames(topics: Mapping[str, str]) -> str:
+def bag_moving_frames(topics: Mapping[str, str]) -> str:
     """The topic of a bag with transforms that may move, by its type; empty if there is none."""
     moving = (
         topic
         for topic, kind in sorted(topics.items())
-        if kind == TRANSFORMS and not _is_called(topic, "tf_static")
+        if kind == TRANSFORMS and not _is_bag_topic_called(topic, "tf_static")
     )
     return next(moving, "")
 
 
-def _find(topics: Mapping[str, str], role: str, given: str) -> str:
+def _find_bag_topic(topics: Mapping[str, str], role: str, given: str) -> str:
     others = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,), LAND: (GRID,)}
     types = others.get(role, (POINTS,))
     if given:
@@ -507,23 +511,25 @@ def _find(topics: Mapping[str, str], role: str, given: str) -> str:
                 f"{' or '.join(types)}"
             )
         return topic
-    named = _candidates(topics, role, types)
+    named = _bag_topic_candidates(topics, role, types)
     # First detections: images may be a camera's.
-    named = named or _candidates(topics, role, IMAGES if role == DETECTIONS else ())
+    named = named or _bag_topic_candidates(topics, role, IMAGES if role == DETECTIONS else ())
     if len(named) > 1:
         raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
     return named[0] if named else ""
 
 
-def _candidates(topics: Mapping[str, str], role: str, types: Collection[str]) -> list[str]:
+def _bag_topic_candidates(
+    topics: Mapping[str, str], role: str, types: Collection[str]
+) -> list[str]:
     """Topics of some types with the role's name; of detections and own ship else all inputs."""
     candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
-    named = [topic for topic in candidates if _is_called(topic, role)]
+    named = [topic for topic in candidates if _is_bag_topic_called(topic, role)]
     inputs = candidates if role in (DETECTIONS, OWN_SHIP) else []
     return named or [
-        topic for topic in inputs if not any(_is_called(topic, name) for name in _OUTPUTS)
+        topic for topic in inputs if not any(_is_bag_topic_called(topic, name) for name in _OUTPUTS)
     ]
 
 
-def _is_called(topic: str, name: str) -> bool:
+def _is_bag_topic_called(topic: str, name: str) -> bool:
     return f"/{topic}".endswith(f"/{name}")

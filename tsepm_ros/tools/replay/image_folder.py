@@ -24,21 +24,21 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from msg_adapters.image_messages import by_beam, grey, in_words, located
+from msg_adapters.image_messages import grey_image, image_by_beam, image_in_words, located_image
 from msg_adapters.sonar_images import FirstLook
 from tsepm_ros.detector.bright_lines import LOOKS
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import Parameter, shown
+from tsepm_ros.parameters import Parameter, shown_parameter
 from tsepm_ros.settings.node_options import ImageLayout
-from tsepm_ros.settings.parameter_files import load_yaml
+from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
-from tsepm_ros.tools.replay.recording import DETECTIONS_FILE, check_times
-from tsepm_ros.tools.terminal import with_progress
+from tsepm_ros.tools.replay.recording import DETECTIONS_FILE, check_recording_times
+from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import Coverage
-from tsepm_ros.whole_files import opened_whole, spare
+from tsepm_ros.whole_files import opened_whole, spare_files
 
 GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
 IMAGE_COLUMNS = (
@@ -54,7 +54,7 @@ AXES = (
 """What the numbers of its lists must be."""
 
 
-def read_images(
+def read_image_folder(
     folder: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
 ) -> tuple[Detector, FloatArray, Iterator[SonarImage]]:
     """The detector of a folder, the times of its images, s, and the images one by one.
@@ -75,7 +75,7 @@ def read_images(
         If a file is missing or malformed; the message names it.
     """
     try:
-        values, axes = _geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
+        values, axes = _image_folder_geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
         groups = make_groups(FOLDER, {**values, **options})
         notes.extend(f"{GEOMETRY}: {one}: {NO_LONGER[one]}" for one in NO_LONGER if one in values)
         with (folder / TIMES).open(newline="", encoding="utf-8-sig") as file:
@@ -83,23 +83,25 @@ def read_images(
         times = np.array([float(row.get("time_s") or "nan") for row in rows])
         if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
-        check_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
+        check_recording_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
     except (OSError, ValueError, RecursionError, csv.Error, yaml.YAMLError) as error:
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
     arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
     files = [folder / (row.get("file") or "") for row in rows]
-    stored = np.atleast_1d(_stored(arrays[0])) if arrays else files
+    stored = np.atleast_1d(_image_folder_stored(arrays[0])) if arrays else files
     if len(stored) != len(times):
         raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
-    spare([*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs)
+    spare_files([*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs)
     layout: ImageLayout = groups[ImageLayout]
     look = FirstLook(min(LOOKS, len(times)))
 
     def images() -> Iterator[SonarImage]:
         for time, one in zip(times.tolist(), stored, strict=True):
-            picture = grey(np.asarray(_stored(one) if isinstance(one, Path) else one))
-            image = SonarImage(time, *_placed(picture, layout, axes))
-            words = in_words(picture, layout, image.range, image.azimuth)
+            picture = grey_image(
+                np.asarray(_image_folder_stored(one) if isinstance(one, Path) else one)
+            )
+            image = SonarImage(time, *_image_folder_placed(picture, layout, axes))
+            words = image_in_words(picture, layout, image.range, image.azimuth)
             notes.extend([words] * (words not in notes))
             notes.extend(look.add(image, layout.rows))
             yield image
@@ -107,11 +109,11 @@ def read_images(
     return Detector(groups[DetectorOptions], groups[Coverage]), times, images()
 
 
-def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
+def _image_folder_geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
     """Parameters of a geometry, and its ranges and azimuths: first and last, or all."""
-    content = load_yaml(text)
+    content = load_parameter_file_text(text)
     if not isinstance(content, dict):
-        raise ValueError(f"expected names and values, got {shown(content)}")
+        raise ValueError(f"expected names and values, got {shown_parameter(content)}")
     values = {"rows": "beams"} | {str(name): value for name, value in content.items()}
     values["rows"] = "beams" if values["rows"] in ("auto", "bearings") else values["rows"]
     ends, axes = [values.get("near_range"), values.get("far_range")], list[FloatArray]()
@@ -121,7 +123,7 @@ def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
         given = values.pop(row.name, default)
         if not isinstance(given, list) or not given:
             raise ValueError(
-                f"{row.name} must be a list, of first and last or all; got {shown(given)}"
+                f"{row.name} must be a list, of first and last or all; got {shown_parameter(given)}"
             )
         turned = row.name == "azimuth" and values.get("clockwise") is True
         axis = np.array([row.check(one) for one in given]) * (-1.0 if turned else 1.0)
@@ -132,15 +134,15 @@ def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
     return values, axes
 
 
-def _placed(
+def _image_folder_placed(
     picture: NDArray[Any], layout: ImageLayout, axes: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
     """Ranges above 0, azimuths and intensities (b, m) of a picture."""
     if layout.rows == "fan":
         ends, sector = ((float(one[0]), float(one[-1])) for one in axes)
-        distance, azimuth, table = located(picture, layout, ends, sector)
+        distance, azimuth, table = located_image(picture, layout, ends, sector)
     else:
-        table = by_beam(picture, layout)
+        table = image_by_beam(picture, layout)
         distance, azimuth = (
             np.linspace(one[0], one[-1], cells) if len(one) == 2 else one
             for one, cells in zip(axes, table.T.shape, strict=True)
@@ -150,17 +152,17 @@ def _placed(
     return distance[first:], azimuth, table[:, first:]
 
 
-def write_detections(
+def write_image_folder_detections(
     folder: Path, path: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
 ) -> Iterator[tuple[Detector, SonarImage, Scan]]:
     """Write the detections of a folder's images as a recording, and give them one by one.
 
-    Other arguments are those of `read_images`.
+    Other arguments are those of `read_image_folder`.
     """
-    detector, times, images = read_images(folder, notes, outputs, **options)
+    detector, times, images = read_image_folder(folder, notes, outputs, **options)
     with opened_whole(path) as file:
         file.write(IMAGE_COLUMNS + "\n")
-        for number, image in enumerate(with_progress(images, len(times), "detection", "image")):
+        for number, image in enumerate(terminal_progress(images, len(times), "detection", "image")):
             scan = detector.process(image)
             notes.extend(one for one in detector.notes if one not in notes)
             columns = (
@@ -172,7 +174,7 @@ def write_detections(
             yield detector, image, scan
 
 
-def detected(
+def image_folder_detected(
     folder: Path, into: Path, notes: list[str], outputs: Sequence[Path]
 ) -> tuple[Path, dict[str, float]]:
     """Write the detections of a folder of images into a recording, with its own ship and truth.
@@ -183,7 +185,7 @@ def detected(
     into : Path
         Folder of the recording.
     notes : list of str
-        As for `read_images`, as are the outputs.
+        As for `read_image_folder`, as are the outputs.
     outputs : sequence of Path
 
     Returns
@@ -196,12 +198,14 @@ def detected(
     coverage: dict[str, float] = {}
     for path in filter(Path.is_file, folder.glob("*.csv")):
         shutil.copy(path, into)
-    for detector, image, _ in write_detections(folder, into / DETECTIONS_FILE, notes, outputs):
+    for detector, image, _ in write_image_folder_detections(
+        folder, into / DETECTIONS_FILE, notes, outputs
+    ):
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     return into / DETECTIONS_FILE, {f"sensor.{name}": value for name, value in coverage.items()}
 
 
-def _stored(path: Path) -> Any:
+def _image_folder_stored(path: Path) -> Any:
     """The array of a file; Pillow reads pictures."""
     try:
         if path.suffix in (".npy", ".npz"):

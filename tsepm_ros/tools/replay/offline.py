@@ -17,7 +17,7 @@ from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
-from tsepm_ros.own_ship.registration import SensorScan, stated_axes, usable_echoes
+from tsepm_ros.own_ship.registration import UnregisteredScan, registration_axes, registration_echoes
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUTH, Bag
@@ -48,11 +48,11 @@ def process_recording(
         Drops by reason.
     """
     session = Session(settings)
-    results = list(recording_results(recording, session, bearing_reference, sound_speed))
+    results = list(offline_recording_results(recording, session, bearing_reference, sound_speed))
     return results, session.dropped
 
 
-def recording_results(
+def offline_recording_results(
     recording: Recording, session: Session, bearing_reference: str, sound_speed: float = 0.0
 ) -> Iterator[ScanResult]:
     """Process the scans of a recording one by one, see `process_recording`."""
@@ -62,7 +62,7 @@ def recording_results(
         ping = detections_of_fields(seconds_to_ns(recorded.time), FRAME, recorded.fields, options)
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
-        until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
+        until = recorded.time + _offline_longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
         last = session.own_ship.poses.last_stamp
         while poses and (last is None or last < until):
             last = poses[0].stamp
@@ -73,7 +73,7 @@ def recording_results(
     yield from session.process(last=True)
 
 
-def bag_results(
+def offline_bag_results(
     bag: Bag,
     topics: Mapping[str, str],
     session: Session,
@@ -112,7 +112,7 @@ def bag_results(
         role = roles[message.topic]
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
-                _follow(session, images.coverage)
+                _offline_follow(session, images.coverage)
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
@@ -128,7 +128,7 @@ def bag_results(
     yield from session.process(last=True)
 
 
-def _follow(session: Session, coverage: ImageCoverage | None) -> None:
+def _offline_follow(session: Session, coverage: ImageCoverage | None) -> None:
     """Give the tracker the coverage of the images, as the node `sonar_detector` does."""
     sensor = session.settings.sensor
     if coverage is None or coverage.agrees([getattr(sensor, name) for name in COVERAGE]):
@@ -139,7 +139,7 @@ def _follow(session: Session, coverage: ImageCoverage | None) -> None:
         session.drop("bad_image", f"the coverage of an image is not used: {error}")
 
 
-def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
+def offline_bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
     """Time (s), x and y (m) of the targets of a bag's ground truth, (m, 3) each."""
     paths: dict[int, list[tuple[float, float, float]]] = {}
     for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
@@ -151,14 +151,18 @@ def bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
             continue  # only pictures use the truth
         for point in points:
             x, y = float(point["state_x"]), float(point["state_y"])
-            row = (stamp, y, x) if stated_axes(cloud.header.frame_id) == "down" else (stamp, x, y)
+            row = (
+                (stamp, y, x)
+                if registration_axes(cloud.header.frame_id) == "down"
+                else (stamp, x, y)
+            )
             paths.setdefault(int(point["track_id"]), []).append(row)
     return [np.array(path) for path in paths.values()]
 
 
-def _longest_echo(sensor_scan: SensorScan) -> float:
+def _offline_longest_echo(sensor_scan: UnregisteredScan) -> float:
     """Time from the transmit to the arrival of the last usable echo, s."""
     time_offset = sensor_scan.scan.time_offset
     if time_offset is None:
         return 0.0
-    return 2.0 * float(time_offset[usable_echoes(sensor_scan)].max(initial=0.0))
+    return 2.0 * float(time_offset[registration_echoes(sensor_scan)].max(initial=0.0))

@@ -32,8 +32,8 @@ import yaml
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseSample, known_rates
-from tsepm_ros.parameters import shown
+from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
+from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.tools.simulation.simulator import Simulator
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
@@ -115,7 +115,7 @@ OWN_SHIP_PERIOD = 1.0
 """Time between own-ship poses, s, as in the node `sonar_simulator`."""
 
 
-def kind_of(path: Path) -> str:
+def recording_kind_of(path: Path) -> str:
     """Kind of a file by its first bytes, else by its name, as a suffix in lower case; or a word.
 
     A file with the name of a bag's may be empty, or another file.
@@ -128,7 +128,7 @@ def kind_of(path: Path) -> str:
     return next((kind for first, kind in _STARTS if start.startswith(first)), named)
 
 
-def source_of(path: Path | str) -> tuple[Path, bool]:
+def recording_source_of(path: Path | str) -> tuple[Path, bool]:
     """Find what a path names.
 
     Parameters
@@ -151,27 +151,27 @@ def source_of(path: Path | str) -> tuple[Path, bool]:
     if path.name == METADATA:
         path = path.parent
     try:
-        return _in_folder(path) if path.is_dir() else _file(path)
+        return _recording_in_folder(path) if path.is_dir() else _recording_file(path)
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {error.strerror}; {EXPECTED}") from None
 
 
-def _file(path: Path, *others: str) -> tuple[Path, bool]:
+def _recording_file(path: Path, *others: str) -> tuple[Path, bool]:
     """A file, and whether it is a bag's; refused if it is none of a recording, or of `others`."""
-    kind = kind_of(path)
+    kind = recording_kind_of(path)
     if kind in (CSV, MCAP, SQLITE, *others):
         return path, kind != CSV
     remedy = _REMEDIES.get(kind, f"is no recording; {EXPECTED}")
     raise ValueError(f"{path} {remedy.format(path=path, tool=f'{_TOOLS.get(kind)} {path}')}")
 
 
-def bag_files(source: Path) -> tuple[list[Path], list[str]]:
+def recording_bag_files(source: Path) -> tuple[list[Path], list[str]]:
     """Find the files of a bag.
 
     Parameters
     ----------
     source : Path
-        As `source_of` returns it.
+        As `recording_source_of` returns it.
 
     Returns
     -------
@@ -186,13 +186,15 @@ def bag_files(source: Path) -> tuple[list[Path], list[str]]:
         If a file is missing or cannot be a bag's; the message has the remedy.
     """
     try:
-        return ([_file(source)[0]], []) if source.is_file() else _files_of(source)
+        return (
+            ([_recording_file(source)[0]], []) if source.is_file() else _recording_files_of(source)
+        )
     except OSError as error:
         raise ValueError(f"{error.filename or source} cannot be read: {error.strerror}") from None
 
 
-def _files_of(folder: Path) -> tuple[list[Path], list[str]]:
-    metadata, _ = _file(folder / METADATA, ".yaml")
+def _recording_files_of(folder: Path) -> tuple[list[Path], list[str]]:
+    metadata, _ = _recording_file(folder / METADATA, ".yaml")
     try:
         stated = yaml.safe_load(metadata.read_bytes())["rosbag2_bagfile_information"]
         named = [PurePath(name).name for name in stated["relative_file_paths"]]
@@ -212,22 +214,24 @@ def _files_of(folder: Path) -> tuple[list[Path], list[str]]:
             f"{metadata} names {missing}, and there is no such file beside it: copy it there"
             + f", or, if it was renamed, give it its name again, or name {others}" * bool(others)
         )
-    packed = [_file(path, ".zst")[0].suffix not in (MCAP, SQLITE) for path in files]
+    packed = [_recording_file(path, ".zst")[0].suffix not in (MCAP, SQLITE) for path in files]
     by_message = str(stated.get("compression_mode")).lower() == "message"
     notes = [f"{METADATA} does not name {others} beside it: not read"] if others else []
     return ([folder] if any(packed) or by_message else files), notes
 
 
-def _in_folder(folder: Path) -> tuple[Path, bool]:
+def _recording_in_folder(folder: Path) -> tuple[Path, bool]:
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
     if len(whole) == 1:
-        return (folder, True) if whole == [METADATA] else _file(folder / DETECTIONS_FILE)
-    kinds = {path: kind_of(path) for path in map(folder.joinpath, names) if path.is_file()}
+        return (folder, True) if whole == [METADATA] else _recording_file(folder / DETECTIONS_FILE)
+    kinds = {
+        path: recording_kind_of(path) for path in map(folder.joinpath, names) if path.is_file()
+    }
     recorded = {CSV, MCAP, SQLITE, ".bag", *_TOOLS}
     candidates = [path for path in kinds if {kinds[path], path.suffix.lower()} & recorded]
     if len(candidates) == 1 and CSV not in kinds.values():
-        return _file(candidates[0])
+        return _recording_file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
     remedy = "name one of its files" if kinds else "name a folder or a file in it"
     if not whole and {MCAP, SQLITE} & set(kinds.values()):
@@ -300,22 +304,22 @@ def read_recording(path: Path | str) -> Recording:
     ValueError
         If a file is missing or malformed; the message names the file and the column or the line.
     """
-    file, is_bag = source_of(path)
+    file, is_bag = recording_source_of(path)
     if is_bag:
         raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
-    own_ship = _table(file.parent / "own_ship.csv", MOTION, FINITE_MOTION)
-    targets = _table(file.parent / "target.csv", MOTION, FINITE_MOTION)
+    own_ship = _recording_table(file.parent / "own_ship.csv", MOTION, FINITE_MOTION)
+    targets = _recording_table(file.parent / "target.csv", MOTION, FINITE_MOTION)
     # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
-    detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"))
+    detections = _recording_table(file, ("time_s", "range_m"), ("time_s", "scan"))
     notes: list[str] = []
     if file.name != DETECTIONS_FILE and own_ship:
         notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
     if not len(detections["time_s"]):
         notes.append(f"{file.name} has no detections")
     return Recording(
-        scans=_scans(file.name, detections, own_ship, notes),
-        own_ship=_poses(own_ship) if own_ship else [],
-        targets=_targets(targets) if targets else {},
+        scans=_recording_scans(file.name, detections, own_ship, notes),
+        own_ship=_recording_poses(own_ship) if own_ship else [],
+        targets=_recording_targets(targets) if targets else {},
         notes=notes,
     )
 
@@ -323,12 +327,12 @@ def read_recording(path: Path | str) -> Recording:
 Table = dict[str, FloatArray]
 
 
-def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
+def _recording_table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
     """Columns of a file by name; none if there is no such file."""
     if not path.exists():
         return {}
     try:
-        _file(path)
+        _recording_file(path)
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             filled = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
@@ -337,7 +341,9 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
     names = [name.strip() for name in filled[0][1]] if filled else []
     missing = [name for name in required if name not in names]
     if missing:
-        raise ValueError(f"{path.name} has no column {missing[0]!r}; it has {shown(names)}")
+        raise ValueError(
+            f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
+        )
     lines = [line for line, _ in filled[1:]]
     values: list[list[float]] = []
     for line, row in filled[1:]:
@@ -346,18 +352,18 @@ def _table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Ta
         except ValueError:
             date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
             raise ValueError(
-                f"{path.name}, line {line}: expected {len(names)} numbers, got {shown(row)}{date}"
+                f"{path.name}, line {line}: expected {len(names)} numbers, got {shown_parameter(row)}{date}"
             ) from None
     table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
     for name in finite:
         bad = np.flatnonzero(~np.isfinite(table.get(name, ())))
         if len(bad):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
-    check_times(path.name, table, lines)
+    check_recording_times(path.name, table, lines)
     return table
 
 
-def check_times(file: str, table: Table, lines: list[int]) -> None:
+def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
     """Refuse times that are no seconds, or that step back by more than one scan."""
     time = table["time_s"]
     beyond = np.flatnonzero(np.abs(time) >= MAX_TIME)
@@ -370,7 +376,7 @@ def check_times(file: str, table: Table, lines: list[int]) -> None:
         )
     target = table.get("target", np.zeros_like(time))
     for rows in (np.flatnonzero(target == value) for value in np.unique(target)):
-        starts = _changes(table.get("scan", time)[rows])
+        starts = _recording_changes(table.get("scan", time)[rows])
         first = np.minimum.reduceat(time[rows], starts)
         place = np.unique(first, return_inverse=True)[1]
         late = np.flatnonzero(np.maximum.accumulate(place) - place > 1)
@@ -383,24 +389,26 @@ def check_times(file: str, table: Table, lines: list[int]) -> None:
             )
 
 
-def _changes(number: FloatArray) -> NDArray[np.intp]:
+def _recording_changes(number: FloatArray) -> NDArray[np.intp]:
     """Indices at which a value differs from the one before it, the first included."""
     return np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]])[: len(number)])
 
 
-def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> list[RecordedScan]:
+def _recording_scans(
+    file: str, detections: Table, own_ship: Table, notes: list[str]
+) -> list[RecordedScan]:
     if ("azimuth_rad" in detections) == ("bearing_rad" in detections):
         raise ValueError(f"{file} must have one of the columns azimuth_rad and bearing_rad")
     columns = {
         field: detections[name] for name, field in DETECTION_COLUMNS.items() if name in detections
     }
     time = detections["time_s"]
-    pings = _runs(detections)
+    pings = _recording_runs(detections)
     starts = np.array([time[rows[0]] for rows in pings])
     if "scan" in detections:
         numbers = [float(detections["scan"][rows[0]]) for rows in pings]
         spans = np.array([np.ptp(time[rows]) for rows in pings])
-        _check_scans(file, numbers, starts, spans, notes)
+        _check_recording_scans(file, numbers, starts, spans, notes)
         if spans.any():
             after = np.empty_like(time)
             for start, rows in zip(starts, pings, strict=True):
@@ -412,7 +420,7 @@ def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> l
                 f"the rows of a scan have times up to {spans.max():g} s apart: each detection is "
                 "taken to be valid at its own time"
             )
-    _ask_about_times(time, starts, "scan" in detections, notes)
+    _ask_about_recording_times(time, starts, "scan" in detections, notes)
     scans = [
         RecordedScan(float(start), {field: column[rows] for field, column in columns.items()})
         for start, rows in zip(starts, pings, strict=True)
@@ -420,19 +428,19 @@ def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> l
     if "scan" in own_ship and "scan" in detections:
         scans += [
             RecordedScan(start, dict.fromkeys(columns, np.zeros(0)))
-            for start in _empty_scans(own_ship, numbers, starts)
+            for start in _recording_empty_scans(own_ship, numbers, starts)
         ]
     return sorted(scans, key=lambda scan: scan.time)
 
 
-def _runs(table: Table) -> list[NDArray[np.intp]]:
+def _recording_runs(table: Table) -> list[NDArray[np.intp]]:
     """Rows of each scan in the order of time: those in a row with one number, or at one time."""
     number = table.get("scan", table["time_s"])
     order = np.lexsort((number, table["time_s"]))
-    return np.split(order, _changes(number[order])[1:]) if len(order) else []
+    return np.split(order, _recording_changes(number[order])[1:]) if len(order) else []
 
 
-def _check_scans(
+def _check_recording_scans(
     file: str, numbers: list[float], starts: FloatArray, spans: FloatArray, notes: list[str]
 ) -> None:
     """Refuse scan numbers that do not stand for one ping each, and note a counter's restart."""
@@ -470,7 +478,7 @@ def _check_scans(
         notes.append(f"{sentence}; these are dropped")
 
 
-def _ask_about_times(
+def _ask_about_recording_times(
     time: FloatArray, starts: FloatArray, numbered: bool, notes: list[str]
 ) -> None:
     """Note intervals of pings that may come from another unit, or from a coarse clock."""
@@ -487,9 +495,11 @@ def _ask_about_times(
             )
 
 
-def _empty_scans(own_ship: Table, numbers: list[float], starts: FloatArray) -> list[float]:
+def _recording_empty_scans(
+    own_ship: Table, numbers: list[float], starts: FloatArray
+) -> list[float]:
     """Times of the own ship's scans that have no detections, by number and nearest time."""
-    runs = _runs(own_ship)
+    runs = _recording_runs(own_ship)
     times = [float(own_ship["time_s"][rows[0]]) for rows in runs]
     by_number: dict[float, list[int]] = {}
     for place, rows in enumerate(runs):
@@ -502,29 +512,31 @@ def _empty_scans(own_ship: Table, numbers: list[float], starts: FloatArray) -> l
     return [time for place, time in enumerate(times) if place not in found]
 
 
-def _columns(table: Table, names: tuple[str, ...]) -> FloatArray:
+def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     """Columns of a table, (n, k), 0 where it has none, in the order of time."""
     zero = np.zeros_like(table["time_s"])
     columns = np.stack([table.get(name, zero) for name in names], axis=1)
     return columns[np.argsort(table["time_s"], kind="stable")]
 
 
-def _poses(table: Table) -> list[PoseSample]:
+def _recording_poses(table: Table) -> list[PoseSample]:
     known = "heading_rad" in table
     covariance = None if known else np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
-    rows = _columns(table, (*MOTION, "heading_rad", "east_mps", "north_mps", *ATTITUDE)).tolist()
+    rows = _recording_columns(
+        table, (*MOTION, "heading_rad", "east_mps", "north_mps", *ATTITUDE)
+    ).tolist()
     return [
         PoseSample(
             *(time, x, y, math.pi / 2 - heading if known else 0.0, covariance),
-            *(known_rates(vx, vy, 0.0), roll, pitch),
+            *(known_pose_rates(vx, vy, 0.0), roll, pitch),
         )
         for time, x, y, heading, vx, vy, roll, pitch in rows
     ]
 
 
-def _targets(table: Table) -> dict[int, FloatArray]:
+def _recording_targets(table: Table) -> dict[int, FloatArray]:
     names = ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps")
-    rows = _columns(table, names)
+    rows = _recording_columns(table, names)
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
@@ -560,7 +572,7 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[n
         for target in range(len(simulator.targets))
     }
     number = math.ceil((simulated[-1].complete - start) / OWN_SHIP_PERIOD) + 1
-    pose, rest = simulator.scenario.own_ship.pose, known_rates(0.0, 0.0, 0.0)
+    pose, rest = simulator.scenario.own_ship.pose, known_pose_rates(0.0, 0.0, 0.0)
     own_ship = [
         PoseSample(start + time, x, y, yaw, rates=rest)
         for time in (OWN_SHIP_PERIOD * np.arange(number)).tolist()

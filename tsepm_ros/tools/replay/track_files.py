@@ -17,13 +17,13 @@ import numpy as np
 from msg_adapters.point_cloud import point_fields
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, check_seconds
 from msg_adapters.track_messages import COVARIANCE_FIELDS, STATE_FIELDS, track_points
-from tsepm_ros.own_ship.registration import east_north_up
+from tsepm_ros.own_ship.registration import registration_east_north_up
 from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.replay.bag import POINTS, mcap_writer, message_types
-from tsepm_ros.tools.terminal import write_line
+from tsepm_ros.tools.replay.bag import POINTS, mcap_bag_writer, message_types
+from tsepm_ros.tools.terminal import write_terminal_line
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
-from tsepm_ros.whole_files import move_whole, naming, remove, temporary_beside
+from tsepm_ros.whole_files import move_whole, naming_file, remove_whole_file, temporary_beside_file
 
 COLUMNS = (
     *("stamp", "track_id"),
@@ -42,7 +42,9 @@ DIGITS = 7
 """Decimals of a degree: 1 cm."""
 
 
-def track_table(file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None) -> TrackWriter:
+def track_table_file(
+    file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None
+) -> TrackWriter:
     """A writer of CSV: a row per confirmed track with its reason, or the confirmed tracks.
 
     A correction is a row of its own, with the same id and the next revision.
@@ -59,16 +61,16 @@ def track_table(file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = N
 
     def write(result: ScanResult) -> None:
         if reason is None:
-            writer.writerows(map(_row, result.current))
+            writer.writerows(map(_track_file_row, result.current))
             return
         for track in result.starts:
             corrected = "corrected: " if track.revision else ""
-            writer.writerow([*_row(track), corrected + reason(track)])
+            writer.writerow([*_track_file_row(track), corrected + reason(track)])
 
     return write
 
 
-def _row(track: ConfirmedTrack) -> list[object]:
+def _track_file_row(track: ConfirmedTrack) -> list[object]:
     """The values of COLUMNS."""
     return [
         repr(track.stamp),
@@ -87,7 +89,7 @@ def _row(track: ConfirmedTrack) -> list[object]:
 
 
 @contextmanager
-def track_bag(path: Path) -> Iterator[TrackWriter]:
+def track_bag_file(path: Path) -> Iterator[TrackWriter]:
     """A writer of the messages of `tracks`, `tracks/current` and `fixed_echoes` as an MCAP file.
 
     The log time of a message is its scan's stamp, which must fit a ROS message, else it is a
@@ -103,11 +105,11 @@ def track_bag(path: Path) -> Iterator[TrackWriter]:
     ImportError
         If the library rosbags is not installed.
     """
-    temporary = temporary_beside(path)
+    temporary = temporary_beside_file(path)
     bag = temporary / path.stem  # the file names itself in its metadata
     store, _ = message_types()
     try:
-        with naming(path), mcap_writer(bag) as writer:
+        with naming_file(path), mcap_bag_writer(bag) as writer:
             topics = [
                 writer.add_connection(topic, POINTS, typestore=store)
                 for topic in ("/tracks", "/tracks/current", "/fixed_echoes")
@@ -116,17 +118,19 @@ def track_bag(path: Path) -> Iterator[TrackWriter]:
             def write(result: ScanResult) -> None:
                 contents = (result.starts, result.current, result.fixed_echoes)
                 for topic, tracks in zip(topics, contents, strict=True):
-                    message = _cloud(store.types, result.stamp_ns, result.frame_id, tracks)
+                    message = _track_file_cloud(
+                        store.types, result.stamp_ns, result.frame_id, tracks
+                    )
                     data = store.serialize_cdr(message, POINTS)
                     writer.write(topic, max(result.stamp_ns, 0), data)
 
             yield write
         move_whole(bag / f"{path.stem}.mcap", path)
     finally:
-        remove(temporary)
+        remove_whole_file(temporary)
 
 
-def _cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
+def _track_file_cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
     """The message of tracks, of the classes of rosbags."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
     check_seconds(seconds)
@@ -146,7 +150,7 @@ def _cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any
     )
 
 
-def track_listing(
+def track_listing_file(
     file: TextIO, reason: Callable[[ConfirmedTrack], str], *, north: bool
 ) -> TrackWriter:
     """A writer of confirmed tracks as aligned lines, at once.
@@ -164,12 +168,14 @@ def track_listing(
     """
     direction = "course [deg]" if north else "direction [deg]"
     names = ("time [s]", "id", "x [m]", "y [m]", "speed [m/s]", direction, "reason")
-    write_line(_LINE.format(*names), file)
+    write_terminal_line(_LINE.format(*names), file)
 
     def write(result: ScanResult) -> None:
         for track in result.new:
             x, vx, y, vy = track.state.tolist()
-            to_east, to_north = (east_north_up(result.frame_id)[:2, :2] @ (vx, vy)).tolist()
+            to_east, to_north = (
+                registration_east_north_up(result.frame_id)[:2, :2] @ (vx, vy)
+            ).tolist()
             angle = math.atan2(to_east, to_north) if north else math.atan2(vy, vx)
             values = (
                 f"{track.stamp:.3f}",
@@ -180,13 +186,13 @@ def track_listing(
                 f"{math.degrees(angle) % 360.0:.0f}",
                 reason(track),
             )
-            write_line(_LINE.format(*values), file)
+            write_terminal_line(_LINE.format(*values), file)
 
     return write
 
 
 @contextmanager
-def track_lines(file: TextIO, reference: GeographicReference) -> Iterator[TrackWriter]:
+def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[TrackWriter]:
     """A writer of confirmed tracks as GeoJSON (RFC 7946), a line each, at the end of `with`.
 
     Parameters
@@ -221,14 +227,14 @@ def track_lines(file: TextIO, reference: GeographicReference) -> Iterator[TrackW
 
     yield write
     features = [
-        {"type": "Feature", "geometry": _geometry(line), "properties": properties}
+        {"type": "Feature", "geometry": _track_file_geometry(line), "properties": properties}
         for line, properties in tracks.values()
     ]
     json.dump({"type": "FeatureCollection", "features": features}, file)
     file.write("\n")
 
 
-def _geometry(line: list[list[float]]) -> dict[str, Any]:
+def _track_file_geometry(line: list[list[float]]) -> dict[str, Any]:
     """A point, a line, or lines that are cut at 180 degrees of longitude."""
     if len(line) == 1:
         return {"type": "Point", "coordinates": line[0]}

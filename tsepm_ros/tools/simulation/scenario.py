@@ -25,7 +25,7 @@ import yaml
 from scipy.special import gammaincinv, ndtr
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import shown
+from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.settings import parameter_files
 from tsepm_ros.tracker.scan import ECHO_FEATURES
 from tsepm_ros.tracker.sensor import SensorModel
@@ -46,7 +46,7 @@ MAY_BE_NULL = ("strength", "clutter_strength")
 
 
 @dataclass(frozen=True)
-class OwnShipMotion:
+class ScenarioOwnShipMotion:
     """A platform at constant speed and turn rate.
 
     Attributes
@@ -86,7 +86,7 @@ class OwnShipMotion:
 
 
 @dataclass(frozen=True)
-class WaypointMotion:
+class ScenarioWaypointMotion:
     """A platform that moves from waypoint to waypoint at constant speed.
 
     It starts at the first waypoint and cuts every corner on the arc of its turn.
@@ -135,7 +135,7 @@ class WaypointMotion:
         leg, since = self._at(time)
         return leg.rates(since)
 
-    def _at(self, time: float) -> tuple[OwnShipMotion, float]:
+    def _at(self, time: float) -> tuple[ScenarioOwnShipMotion, float]:
         """The current leg at a time, and the time since its beginning, s."""
         legs, durations = self._legs
         ends = np.cumsum(durations)
@@ -154,7 +154,7 @@ class WaypointMotion:
         return np.array([*self.waypoints, *first_straight], float)
 
     @cached_property
-    def _legs(self) -> tuple[list[OwnShipMotion], FloatArray]:
+    def _legs(self) -> tuple[list[ScenarioOwnShipMotion], FloatArray]:
         """Motion and duration (s) of each straight and each arc."""
         course = self._course
         straights = np.diff(course, axis=0)
@@ -169,17 +169,17 @@ class WaypointMotion:
         for k, yaw in enumerate(yaws.tolist()):
             x, y = course[k] + straights[k] * at_begin[k] / lengths[k]
             length = float(lengths[k] - at_begin[k] - at_end[k])
-            legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed))
+            legs.append(ScenarioOwnShipMotion(float(x), float(y), yaw, self.speed))
             durations.append(length / self.speed if self.speed else math.inf)
             if k < len(turns):
                 x, y = course[k + 1] - straights[k] * at_end[k] / lengths[k]
                 rate = math.copysign(self.turn_rate, turns[k])
-                legs.append(OwnShipMotion(float(x), float(y), yaw, self.speed, rate))
+                legs.append(ScenarioOwnShipMotion(float(x), float(y), yaw, self.speed, rate))
                 durations.append(abs(float(turns[k])) / self.turn_rate)
         return legs, np.array(durations)
 
 
-Motion = OwnShipMotion | WaypointMotion
+Motion = ScenarioOwnShipMotion | ScenarioWaypointMotion
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class ClutterStrength:
             )
 
 
-class Strengths:
+class ScenarioStrengths:
     """Draws the strengths of a run.
 
     Parameters
@@ -341,7 +341,7 @@ class ClutterPatch:
 
 
 @dataclass(frozen=True)
-class TargetArea:
+class ScenarioTargetArea:
     """Random targets in an area, with a given speed.
 
     Initial positions are uniform in area, headings uniform. Each target is drawn again until it
@@ -449,8 +449,8 @@ class Scenario:
     sensor: SensorModel = field(default_factory=SensorModel)
     sound_speed: float = 0.0
     targets: tuple[FloatArray, ...] = ()
-    areas: tuple[TargetArea, ...] = ()
-    own_ship: Motion = field(default_factory=OwnShipMotion)
+    areas: tuple[ScenarioTargetArea, ...] = ()
+    own_ship: Motion = field(default_factory=ScenarioOwnShipMotion)
     clutter_box: tuple[float, float, float, float] | None = None
     clutter_patches: tuple[ClutterPatch, ...] = ()
     target_features: tuple[Features, ...] = ()
@@ -518,20 +518,20 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
         known = ", ".join(shipped_scenarios())
         raise ValueError(f"scenario must be a .yaml file or one of {known}; got {name!r}")
     try:
-        content = parameter_files.load_yaml(text)
+        content = parameter_files.load_parameter_file_text(text)
     except (yaml.YAMLError, RecursionError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"scenario {name!r} is not valid YAML: {problem}") from None
-    return scenario_from(_changed(content, changes or {}, name), name)
+    return scenario_from(_changed_scenario(content, changes or {}, name), name)
 
 
-def _changed(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, Any]:
+def _changed_scenario(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The content of a file with some values changed."""
-    content = dict(_mapping(content, f"scenario {name!r}"))
+    content = dict(_scenario_mapping(content, f"scenario {name!r}"))
     for full_name, value in changes.items():
         section, separator, key = full_name.partition(".")
         if separator and key:
-            value = {**_mapping(content.get(section, {}), section), key: value}
+            value = {**_scenario_mapping(content.get(section, {}), section), key: value}
         content[section] = value
     return content
 
@@ -544,19 +544,19 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     ValueError
         If a key is unknown or a value is not allowed; the message names it.
     """
-    values = {"name": Path(name).stem, **_mapping(content, f"scenario {name!r}")}
+    values = {"name": Path(name).stem, **_scenario_mapping(content, f"scenario {name!r}")}
     targets, areas = [], []
-    for where, entry in _entries(values.pop("targets", []), "targets"):
-        if "state" in _mapping(entry, where):
-            targets.append(_read(entry, where, TARGET))
+    for where, entry in _scenario_entries(values.pop("targets", []), "targets"):
+        if "state" in _scenario_mapping(entry, where):
+            targets.append(_scenario_values(entry, where, TARGET))
         else:
-            areas.append(_section(TargetArea, {"count": 1, **entry}, where))
+            areas.append(_scenario_section(ScenarioTargetArea, {"count": 1, **entry}, where))
     strengths = tuple(target.get("strength") for target in targets)
     for key in sorted(set(values) & set(OF_TARGETS)):
         raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
-    known = {key: kind for key, kind in _kinds(Scenario).items() if key not in OF_TARGETS}
+    known = {key: kind for key, kind in _scenario_kinds(Scenario).items() if key not in OF_TARGETS}
     scenario = Scenario(
-        **_read(values, "scenario", known),
+        **_scenario_values(values, "scenario", known),
         targets=tuple(target["state"] for target in targets),
         areas=tuple(areas),
         target_features=tuple(target.get("features", {}) for target in targets),
@@ -567,7 +567,7 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     if not isinstance(scenario.name, str) or not FILE_NAME.fullmatch(scenario.name):
         raise ValueError(
             "scenario.name must be a text without / and control characters, since files are named "
-            f"after it; got {shown(scenario.name)}"
+            f"after it; got {shown_parameter(scenario.name)}"
         )
     for key, least in (("scans", 1), ("warm_up", 0)):
         if not least <= getattr(scenario, key) <= MAX_SCANS:
@@ -579,27 +579,29 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     return scenario
 
 
-def _mapping(content: Any, where: str) -> dict[str, Any]:
+def _scenario_mapping(content: Any, where: str) -> dict[str, Any]:
     if not isinstance(content, dict):
-        raise ValueError(f"{where} must be a mapping of keys to values; got {shown(content)}")
+        raise ValueError(
+            f"{where} must be a mapping of keys to values; got {shown_parameter(content)}"
+        )
     return content
 
 
-def _entries(content: Any, where: str) -> list[tuple[str, Any]]:
+def _scenario_entries(content: Any, where: str) -> list[tuple[str, Any]]:
     """The entries of a list, each with its name."""
     if not isinstance(content, list):
-        raise ValueError(f"{where} must be a list; got {shown(content)}")
+        raise ValueError(f"{where} must be a list; got {shown_parameter(content)}")
     return [(f"{where}[{index}]", entry) for index, entry in enumerate(content)]
 
 
-def _kinds(kind: type[Any]) -> dict[str, str]:
+def _scenario_kinds(kind: type[Any]) -> dict[str, str]:
     """Types of a dataclass's fields, as written."""
     return {field.name: str(field.type) for field in dataclasses.fields(kind)}
 
 
-def _section(kind: type[Any], content: Any, where: str) -> Any:
+def _scenario_section(kind: type[Any], content: Any, where: str) -> Any:
     """Make a dataclass from a mapping."""
-    values = _read(content, where, _kinds(kind))
+    values = _scenario_values(content, where, _scenario_kinds(kind))
     for one in dataclasses.fields(kind):
         has_default = one.default_factory is not dataclasses.MISSING
         if one.default is dataclasses.MISSING and not has_default and one.name not in values:
@@ -610,9 +612,9 @@ def _section(kind: type[Any], content: Any, where: str) -> Any:
         raise ValueError(f"{where}: {error}") from None
 
 
-def _read(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
+def _scenario_values(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
     """Values of a mapping with known keys: numbers checked, others read by `READERS`."""
-    values = _radians(content, where)
+    values = _scenario_radians(content, where)
     unknown = sorted(str(key) for key in values if key not in kinds)
     if unknown:
         raise ValueError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(kinds)}")
@@ -622,89 +624,103 @@ def _read(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
         if key in READERS:
             values[key] = READERS[key](value, f"{where}.{key}")
         elif kinds[key] in ("int", "float"):
-            values[key] = _number(value, kinds[key], f"{where}.{key}")
+            values[key] = _scenario_number(value, kinds[key], f"{where}.{key}")
     return values
 
 
-def _number(value: Any, kind: str, where: str) -> float | int:
+def _scenario_number(value: Any, kind: str, where: str) -> float | int:
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300:
         return value if kind == "int" else float(value)
     if kind == "float" and isinstance(value, float) and math.isfinite(value):
         return value
     expected = "a finite number (YAML needs the point: 1.0e-6)" if kind == "float" else "an integer"
-    raise ValueError(f"{where} must be {expected}; got {shown(value)}")
+    raise ValueError(f"{where} must be {expected}; got {shown_parameter(value)}")
 
 
-def _own_ship(content: Any, where: str) -> Motion:
+def _scenario_own_ship(content: Any, where: str) -> Motion:
     """A platform, along waypoints if they are given."""
-    kind = WaypointMotion if "waypoints" in _mapping(content, where) else OwnShipMotion
-    motion: Motion = _section(kind, content, where)
+    kind = (
+        ScenarioWaypointMotion
+        if "waypoints" in _scenario_mapping(content, where)
+        else ScenarioOwnShipMotion
+    )
+    motion: Motion = _scenario_section(kind, content, where)
     return motion
 
 
-def _waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(_numbers(2, one, place).tolist()) for place, one in _entries(content, where))
+def _scenario_waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
+    return tuple(
+        tuple(_scenario_numbers(2, one, place).tolist())
+        for place, one in _scenario_entries(content, where)
+    )
 
 
-def _features(content: Any, where: str) -> dict[str, tuple[float, float]]:
+def _scenario_features(content: Any, where: str) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of each feature."""
-    values: dict[str, Any] = _read(content, where, dict.fromkeys(ECHO_FEATURES, ""))
+    values: dict[str, Any] = _scenario_values(content, where, dict.fromkeys(ECHO_FEATURES, ""))
     features = {}
     for name, value in values.items():
-        mean, deviation = _numbers(2, value, f"{where}.{name}").tolist()
+        mean, deviation = _scenario_numbers(2, value, f"{where}.{name}").tolist()
         if deviation < 0.0:
             raise ValueError(f"{where}.{name}: standard deviation must be at least 0")
         features[name] = (mean, deviation)
     return features
 
 
-def _patches(content: Any, where: str) -> tuple[ClutterPatch, ...]:
-    return tuple(_section(ClutterPatch, one, place) for place, one in _entries(content, where))
+def _scenario_patches(content: Any, where: str) -> tuple[ClutterPatch, ...]:
+    return tuple(
+        _scenario_section(ClutterPatch, one, place)
+        for place, one in _scenario_entries(content, where)
+    )
 
 
-def _radians(content: Any, where: str) -> dict[str, Any]:
+def _scenario_radians(content: Any, where: str) -> dict[str, Any]:
     """Convert the values whose key ends in `_deg`."""
-    converted = dict(_mapping(content, where))
+    converted = dict(_scenario_mapping(content, where))
     for key in [key for key in converted if isinstance(key, str) and key.endswith("_deg")]:
         value = converted.pop(key)
         try:
             converted[key.removesuffix("_deg")] = np.deg2rad(np.asarray(value, float)).tolist()
         except (TypeError, ValueError):
-            raise ValueError(f"{where}.{key} must be in degrees; got {shown(value)}") from None
+            raise ValueError(
+                f"{where}.{key} must be in degrees; got {shown_parameter(value)}"
+            ) from None
     return converted
 
 
-def _intervals(count: int, value: Any, where: str) -> tuple[float, ...]:
+def _scenario_intervals(count: int, value: Any, where: str) -> tuple[float, ...]:
     """Bounds of intervals, low and high of each."""
-    numbers = _numbers(2 * count, value, where).tolist()
+    numbers = _scenario_numbers(2 * count, value, where).tolist()
     if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
-        raise ValueError(f"{where} must go from low to high; got {shown(value)}")
+        raise ValueError(f"{where} must go from low to high; got {shown_parameter(value)}")
     return tuple(numbers)
 
 
-def _numbers(count: int, value: Any, where: str) -> FloatArray:
+def _scenario_numbers(count: int, value: Any, where: str) -> FloatArray:
     try:
         array = np.array(value, float)
     except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if array.shape != (count,) or not np.isfinite(array).all():
-        raise ValueError(f"{where} must be a list of {count} finite numbers; got {shown(value)}")
+        raise ValueError(
+            f"{where} must be a list of {count} finite numbers; got {shown_parameter(value)}"
+        )
     return array
 
 
 READERS: dict[str, Callable[[Any, str], Any]] = {
-    "sensor": partial(_section, SensorModel),
-    "own_ship": _own_ship,
-    "waypoints": _waypoints,
-    "state": partial(_numbers, 4),
-    "ranges": partial(_intervals, 1),
-    "azimuths": partial(_intervals, 1),
-    "box": partial(_intervals, 2),
-    "clutter_box": partial(_intervals, 2),
-    "features": _features,
-    "clutter_features": _features,
-    "strength": partial(_section, TargetStrength),
-    "clutter_strength": partial(_section, ClutterStrength),
-    "clutter_patches": _patches,
+    "sensor": partial(_scenario_section, SensorModel),
+    "own_ship": _scenario_own_ship,
+    "waypoints": _scenario_waypoints,
+    "state": partial(_scenario_numbers, 4),
+    "ranges": partial(_scenario_intervals, 1),
+    "azimuths": partial(_scenario_intervals, 1),
+    "box": partial(_scenario_intervals, 2),
+    "clutter_box": partial(_scenario_intervals, 2),
+    "features": _scenario_features,
+    "clutter_features": _scenario_features,
+    "strength": partial(_scenario_section, TargetStrength),
+    "clutter_strength": partial(_scenario_section, ClutterStrength),
+    "clutter_patches": _scenario_patches,
 }
 """Readers of values that are no plain numbers, by key."""

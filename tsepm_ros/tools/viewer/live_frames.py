@@ -23,13 +23,13 @@ from msg_adapters import (
 from msg_adapters.track_messages import track_arrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import exchanged, stated_axes
+from tsepm_ros.own_ship.registration import exchanged_after_registration, registration_axes
 from tsepm_ros.tools.viewer.page_content import (
     Frame,
-    make_frame,
-    own_ship_history,
-    own_ship_velocity,
-    track_facts,
+    make_page_frame,
+    page_own_ship_history,
+    page_own_ship_velocity,
+    page_track_facts,
 )
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -104,7 +104,7 @@ class LiveFrames:
         self._number = 0
         self._fixed: tuple[str, TrackArrays] = "", NO_TRACKS
         self._own_ship: PoseSample | None = None
-        self._poses = own_ship_history()
+        self._poses = page_own_ship_history()
         self._known: set[int] = set()
 
     def take(self, topic: str, cloud: Any) -> None:
@@ -152,7 +152,7 @@ class LiveFrames:
         facts = self._new_facts(scan, TRACKS in scan.clouds)
         scan.clouds.clear()
         fixed_frame, fixed = self._fixed
-        frame = make_frame(
+        frame = make_page_frame(
             scan.stamp,
             scan.frame_id,
             number=scan.number,
@@ -170,17 +170,17 @@ class LiveFrames:
         filled = cloud.width * cloud.height > 0
         if filled and topic == DETECTIONS:
             names = ("position_x", "position_y")[
-                :: -1 if stated_axes(scan.frame_id) == "down" else 1
+                :: -1 if registration_axes(scan.frame_id) == "down" else 1
             ]
             position = read_fields(cloud, names)
             scan.detections = np.stack([position[name] for name in names], axis=1)
             return
         tracks = track_arrays(read_track_cloud(cloud), scan.stamp) if filled else NO_TRACKS
-        tracks = exchanged(tracks, scan.frame_id)
+        tracks = exchanged_after_registration(tracks, scan.frame_id)
         if topic == FIXED:
             self._fixed = scan.frame_id, tracks
         elif filled:
-            scan.tracks[topic] = _hypotheses(tracks) if topic == POTENTIAL else tracks
+            scan.tracks[topic] = _live_hypotheses(tracks) if topic == POTENTIAL else tracks
 
     def _new_facts(self, scan: ScanMessages, complete: bool) -> dict[str, Frame]:
         """Facts of the tracks that are confirmed by a scan or seen for the first time.
@@ -190,8 +190,8 @@ class LiveFrames:
         new, held = scan.tracks[NEW], scan.tracks[TRACKS]
         new_ids, ids = new.track_id.tolist(), held.track_id.tolist()
         first_seen = [row for row, key in enumerate(ids) if key not in self._known]
-        facts = track_facts(held.where(np.array(first_seen, int)), None)
-        facts.update(track_facts(new, scan.stamp))
+        facts = page_track_facts(held.where(np.array(first_seen, int)), None)
+        facts.update(page_track_facts(new, scan.stamp))
         self._known = {*ids, *new_ids} if complete else self._known.union(new_ids)
         return facts
 
@@ -203,12 +203,12 @@ class LiveFrames:
         known = pose.covariance is None or pose.covariance[2, 2] < MAX_HEADING_VARIANCE
         elapsed = scan.stamp - pose.stamp
         fresh = elapsed <= MAX_OWN_SHIP_AGE
-        vx, vy = own_ship_velocity(self._poses, scan.stamp) if fresh else (math.nan, math.nan)
+        vx, vy = page_own_ship_velocity(self._poses, scan.stamp) if fresh else (math.nan, math.nan)
         moved = np.nan_to_num(elapsed * np.array([vx, vy]))
         return [pose.x + moved[0], pose.y + moved[1], pose.yaw if known else math.nan, vx, vy]
 
 
-def _hypotheses(tracks: TrackArrays) -> TrackArrays:
+def _live_hypotheses(tracks: TrackArrays) -> TrackArrays:
     """Potential tracks of a message, which has no hits, with their newest one.
 
     Hypotheses in the same place, to the accuracy of their positions, are taken for those of one

@@ -22,7 +22,7 @@ field         meaning
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
-`track_facts`; or once, in the info of the source: see `geographic_terms` and `RecordedScene`.
+`page_track_facts`; or once, in the info of the source: see `page_geographic_terms` and `PageRecordedScene`.
 
 Health has the levels, tasks and sentences of the diagnostics.
 """
@@ -46,23 +46,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.track_messages import drawn_candidates, ellipses
+from msg_adapters.track_messages import drawn_candidates, track_ellipses
 from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, Level
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
-from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, reason_of
+from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, drop_reason_of
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.pictures.run_scene import vessel_pose
+from tsepm_ros.tools.pictures.run_scene import scene_vessel_pose
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
-from tsepm_ros.tracker.measurement import convert
+from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
-from tsepm_ros.whole_files import write_text
+from tsepm_ros.whole_files import write_whole_text
 
 if TYPE_CHECKING:
     from tsepm_ros.tools.viewer.page_server import PageServer
@@ -102,7 +102,7 @@ MAX_BYTES = 4_000_000
 """Size of the frames that are kept, bytes; the newest frame is always kept."""
 
 
-def make_frame(
+def make_page_frame(
     stamp: float,
     frame_id: str,
     *,
@@ -141,58 +141,58 @@ def make_frame(
         "number": number,
         "stamp": stamp,
         "frame_id": frame_id,
-        "own_ship": _pose(own_ship),
-        "detections": _positions(detections),
-        "potential": potential_rows(potential),
-        "tracks": track_rows(tracks),
-        "fixed": track_rows(fixed),
+        "own_ship": _page_pose(own_ship),
+        "detections": _page_positions(detections),
+        "potential": page_potential_rows(potential),
+        "tracks": page_track_rows(tracks),
+        "fixed": page_track_rows(fixed),
         **({"restart": True} if restart else {}),
     }
 
 
-def track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
+def page_track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
     """Rows of confirmed tracks, see the module's table.
 
     An ellipse of a covariance that is not finite has semi-axes of 0.
     """
-    arrays = _finite(tracks)
+    arrays = _page_finite(tracks)
     numbers = np.hstack(
         [
             arrays.track_id[:, None],
-            _integers(arrays.state[:, 0::2], CENTIMETERS),
-            _integers(arrays.state[:, 1::2], MILLIMETERS),
-            _integers(ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
-            _integers(
-                speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
+            _page_integers(arrays.state[:, 0::2], CENTIMETERS),
+            _page_integers(arrays.state[:, 1::2], MILLIMETERS),
+            _page_integers(track_ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
+            _page_integers(
+                page_speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
             ),
-            _integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
+            _page_integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
         ]
     )
     return list(numbers.tolist())
 
 
-def potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
+def page_potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | None]]:
     """Rows of potential tracks, the least likely first, so that the likely ones are drawn on top.
 
     The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
     `msg_adapters.track_messages.drawn_candidates`.
     """
-    arrays = _finite(tracks)
+    arrays = _page_finite(tracks)
     scored = bool(np.isfinite(arrays.score).any())
     rows, evidence = drawn_candidates(arrays)
     order = np.argsort(evidence, kind="stable")[-MAX_POTENTIAL:]
     state = arrays.state[rows[order]]
     numbers = np.hstack(
         [
-            _integers(state[:, 0::2], CENTIMETERS),
-            _integers(state[:, 1::2], MILLIMETERS),
-            _integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
+            _page_integers(state[:, 0::2], CENTIMETERS),
+            _page_integers(state[:, 1::2], MILLIMETERS),
+            _page_integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
         ]
     ).tolist()
     return list(numbers) if scored else [[*row[:4], None] for row in numbers]
 
 
-def track_facts(
+def page_track_facts(
     tracks: Sequence[ConfirmedTrack],
     confirmed: float | None,
     *,
@@ -225,14 +225,14 @@ def track_facts(
             "hits": list(hits[row]) if hits is not None else [],
             "reason": reasons[row]
             if reasons is not None
-            else start_reason(track, int(arrays.hit_count[row])),
+            else page_start_reason(track, int(arrays.hit_count[row])),
             "revision": track.revision,
         }
         for row, track in enumerate(arrays)
     }
 
 
-def start_reason(track: ConfirmedTrack, hit_count: int) -> str:
+def page_start_reason(track: ConfirmedTrack, hit_count: int) -> str:
     """Why a track of a message was confirmed, by its counts and figures; empty without hits."""
     if not hit_count:
         return ""
@@ -245,12 +245,12 @@ def start_reason(track: ConfirmedTrack, hit_count: int) -> str:
     return reason
 
 
-def encode(content: object) -> str:
+def encode_page_content(content: object) -> str:
     """Encode as JSON; a number that is not finite is a ValueError."""
     return json.dumps(content, separators=(",", ":"), allow_nan=False)
 
 
-def speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
+def page_speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
     """Standard deviations of speeds.
 
     Parameters
@@ -273,50 +273,50 @@ def speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(variance)[:, None], float)
 
 
-def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
+def _page_integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
     return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
 
 
-def _finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
+def _page_finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
     arrays = TrackArrays.from_tracks(tracks)
     return arrays.where(np.flatnonzero(np.isfinite(arrays.state).all(axis=1)))
 
 
-def _positions(positions: FloatArray | None) -> list[int]:
+def _page_positions(positions: FloatArray | None) -> list[int]:
     if positions is None:
         return []
     finite = positions[np.isfinite(positions).all(axis=1)]
-    return list(_integers(finite, CENTIMETERS).ravel().tolist())
+    return list(_page_integers(finite, CENTIMETERS).ravel().tolist())
 
 
-def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
+def _page_pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
     if pose is None or not all(math.isfinite(value) for value in pose[:2]):
         return None
-    place, heading = _integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
+    place, heading = _page_integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
     known = math.isfinite(heading)
     speeds = np.array(pose[3:])
     return [
         *place,
         round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None,
         *(
-            _integers(speeds, MILLIMETERS).tolist()
+            _page_integers(speeds, MILLIMETERS).tolist()
             if np.isfinite(speeds).all()
             else [None] * len(speeds)
         ),
     ]
 
 
-def own_ship_history() -> PoseHistory:
+def page_own_ship_history() -> PoseHistory:
     """Poses of own ship from which its velocity is known, where its source does not say it."""
     return PoseHistory(min_samples=OWN_SHIP_SAMPLES, min_span=0.0)
 
 
-def own_ship_velocity(poses: PoseHistory, stamp: float) -> list[float]:
+def page_own_ship_velocity(poses: PoseHistory, stamp: float) -> list[float]:
     """Velocity at a stamp, m/s: as the source says, or by differences of poses; or nan."""
     return list(poses.rates(np.array([stamp]), stamp)[0, :2].tolist())
 
 
-def geographic_terms(origin: str) -> Frame:
+def page_geographic_terms(origin: str) -> Frame:
     """Latitude and longitude as polynomials in x and y, for the page, from geodesics.
 
     Parameters
@@ -360,7 +360,7 @@ def geographic_terms(origin: str) -> Frame:
     return {"north": True, "geographic": {"origin": place, "reach": reach, "terms": terms}}
 
 
-def health_of_message(message: Any) -> Frame | None:
+def page_health_of_message(message: Any) -> Frame | None:
     """Read a message of ``/diagnostics``.
 
     Parameters
@@ -379,17 +379,17 @@ def health_of_message(message: Any) -> Frame | None:
         if task in ENTRIES:
             level = status.level
             entries.append(
-                _entry(
+                _page_health_entry(
                     task,
                     Level(level[0] if isinstance(level, bytes) else int(level)),
                     status.message,
                     ((value.key, value.value) for value in status.values),
                 )
             )
-    return _health(entries) if entries else None
+    return _page_health(entries) if entries else None
 
 
-def topics_of_message(message: Any) -> dict[str, dict[str, str]]:
+def page_topics_of_message(message: Any) -> dict[str, dict[str, str]]:
     """Topics that the track initiators of a message of ``/diagnostics`` use, by node and name."""
     return {
         status.hardware_id: {
@@ -402,7 +402,7 @@ def topics_of_message(message: Any) -> dict[str, dict[str, str]]:
     }
 
 
-def health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) -> Frame:
+def page_health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) -> Frame:
     """Health of a finished run offline: what was dropped and noticed.
 
     Parameters
@@ -414,36 +414,38 @@ def health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) 
     notes : iterable of str
         Other notices.
     """
-    entries = [_entry(INITIATION, Level.OK, f"{scans} scans processed")]
+    entries = [_page_health_entry(INITIATION, Level.OK, f"{scans} scans processed")]
     if not scans:
-        entries = [_entry(INITIATION, Level.WARN, "no scan was processed")]
+        entries = [_page_health_entry(INITIATION, Level.WARN, "no scan was processed")]
     for name, number in sorted(dropped.items()):
-        reason = reason_of(name)
+        reason = drop_reason_of(name)
         lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
         remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
-        entries.append(_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}"))
-    entries += [_entry(DETECTIONS, Level.OK, note) for note in notes]
-    return _health(entries)
+        entries.append(
+            _page_health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
+        )
+    entries += [_page_health_entry(DETECTIONS, Level.OK, note) for note in notes]
+    return _page_health(entries)
 
 
-def _entry(
+def _page_health_entry(
     task: str, level: int, message: str, values: Iterable[tuple[str, str]] = ()
 ) -> dict[str, Any]:
     pairs = [[key, value] for key, value in values if value]
     return {"task": task, "level": int(level), "message": message, "values": pairs}
 
 
-def _health(entries: list[dict[str, Any]]) -> Frame:
+def _page_health(entries: list[dict[str, Any]]) -> Frame:
     worst = max((entry["level"] for entry in entries), key=ORDER.index)
     return {"level": worst, "entries": entries}
 
 
-def image_frame(stamp: float, cell: float, levels: bytes) -> Frame:
+def page_image_frame(stamp: float, cell: float, levels: bytes) -> Frame:
     """A sonar image in the plane of the sensor, see `msg_adapters.image_messages.Plan`."""
     return {"stamp": stamp, "cell": cell, "levels": base64.b64encode(levels).decode()}
 
 
-class RecordedScene:
+class PageRecordedScene:
     """Collects the results of a run.
 
     Parameters
@@ -458,7 +460,7 @@ class RecordedScene:
     sensor : SensorModel, optional
         Whose sector is drawn.
     origin : str, optional
-        As for `geographic_terms`, which may raise ValueError.
+        As for `page_geographic_terms`, which may raise ValueError.
     """
 
     def __init__(
@@ -472,13 +474,13 @@ class RecordedScene:
     ) -> None:
         self.title = title
         self._info: Frame = {"kind": "recording", "title": title, "north": north}
-        self._info |= geographic_terms(origin)
+        self._info |= page_geographic_terms(origin)
         if sensor is not None:  # ranges, m, and the start and end of the azimuth from the bow
             yaw = mounting_yaw or 0.0
             azimuths = [sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]
             self._info["sector"] = [sensor.min_range, sensor.max_range, *azimuths]
             self._info["mounting_yaw"] = yaw
-        self._poses = own_ship_history()
+        self._poses = page_own_ship_history()
         self._truth = [np.round(path, 2).tolist() for path in truth]
         self._mounting_yaw = mounting_yaw
         self._frames: list[Frame] = []
@@ -491,12 +493,12 @@ class RecordedScene:
 
     def add(self, result: ScanResult, initiator: Tracker) -> None:
         """Take the result of a scan, before its initiator processes the next one."""
-        detections = convert(result.scan, initiator.sensor, 0)["position"]
+        detections = convert_measurements(result.scan, initiator.sensor, 0)["position"]
         index = initiator.scan_index
         if index <= max(self._scans, default=-1):  # the initiator has started over
             self._scans = {}
         self._scans[index] = result.stamp, detections
-        frame = make_frame(
+        frame = make_page_frame(
             result.stamp,
             result.frame_id,
             number=len(self._frames) + 1,
@@ -513,11 +515,11 @@ class RecordedScene:
             for row, key in enumerate(result.current.track_id.tolist())
             if str(key) not in self._facts
         ]
-        self._facts.update(track_facts(result.current.where(np.array(fresh, int)), None))
+        self._facts.update(page_track_facts(result.current.where(np.array(fresh, int)), None))
         for track_id, end in result.ended.items():
             self._facts.get(str(track_id), {})["ended"] = [result.stamp, ENDS[end]]
         self._facts.update(
-            track_facts(
+            page_track_facts(
                 result.new,
                 result.stamp,
                 reasons=[initiator.reason(track) for track in result.new],
@@ -526,13 +528,13 @@ class RecordedScene:
         )
 
     def _own_ship(self, result: ScanResult) -> list[float] | None:
-        pose = vessel_pose(result.scan, self._mounting_yaw)
+        pose = scene_vessel_pose(result.scan, self._mounting_yaw)
         if result.arrival is Arrival.RESTART:
             self._poses.clear()
         if pose is None:
             return None
         self._poses.add(PoseSample(result.stamp, float(pose[0]), float(pose[1]), 0.0))
-        return [*pose.tolist(), *own_ship_velocity(self._poses, result.stamp)]
+        return [*pose.tolist(), *page_own_ship_velocity(self._poses, result.stamp)]
 
     def document(
         self, dropped: Mapping[str, int], notes: Iterable[str] = (), images: Iterable[Frame] = ()
@@ -546,14 +548,14 @@ class RecordedScene:
         notes : iterable of str, optional
             Other notices of the run.
         images : iterable of dict, optional
-            Sonar images, see `image_frame`.
+            Sonar images, see `page_image_frame`.
         """
-        return encode(
+        return encode_page_content(
             {
                 "all": True,
                 "info": self._info,
                 "truth": self._truth,
-                "health": health_of_run(len(self._frames), dropped, notes),
+                "health": page_health_of_run(len(self._frames), dropped, notes),
                 "facts": self._facts,
                 "frames": self._frames,
                 "images": list(images),
@@ -575,7 +577,7 @@ def page_file(name: str) -> str:
     return (resources.files("tsepm_ros.tools.viewer") / "page" / name).read_text(encoding="utf-8")
 
 
-def content_type(name: str) -> str:
+def page_content_type(name: str) -> str:
     """Content type of a file of the page, of the page itself, or of a recording."""
     return f"{_TYPES[Path(name).suffix or name]}; charset=utf-8"
 
@@ -590,7 +592,7 @@ def served_page(source: str, title: str) -> str:
     """
     head = f'<link rel="stylesheet" href="{STYLE}">'
     scripts = "\n".join(f'<script src="{name}"></script>' for name in SCRIPTS)
-    return _filled(source, title, head, scripts)
+    return _page_filled(source, title, head, scripts)
 
 
 def self_contained_page(title: str, recording: str) -> str:
@@ -607,8 +609,8 @@ def self_contained_page(title: str, recording: str) -> str:
     style = page_file(STYLE)
     scripts = [page_file(name) for name in SCRIPTS]
     policy = (
-        f"default-src 'none'; style-src '{_digest(style)}'; "
-        f"script-src {' '.join(repr(_digest(script)) for script in scripts)}; "
+        f"default-src 'none'; style-src '{_page_digest(style)}'; "
+        f"script-src {' '.join(repr(_page_digest(script)) for script in scripts)}; "
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{style}</style>'
@@ -616,17 +618,17 @@ def self_contained_page(title: str, recording: str) -> str:
     data = base64.b64encode(gzip.compress(recording.encode(), 9, mtime=0)).decode()
     parts = [f'<script type="text/plain" id="recording">{data}</script>']
     parts += [f"<script>{script}</script>" for script in scripts]
-    return _filled(EMBEDDED, title, head, "\n".join(parts))
+    return _page_filled(EMBEDDED, title, head, "\n".join(parts))
 
 
 def write_page(path: Path, title: str, recording: str) -> None:
     """Write a self-contained page, see `self_contained_page`; its folder is made."""
     page = self_contained_page(title, recording)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, page)
+    write_whole_text(path, page)
 
 
-def _filled(source: str, title: str, head: str, scripts: str) -> str:
+def _page_filled(source: str, title: str, head: str, scripts: str) -> str:
     page = page_file(SHELL)
     for mark, text in (
         ("<!--title-->", html.escape(title)),
@@ -638,7 +640,7 @@ def _filled(source: str, title: str, head: str, scripts: str) -> str:
     return page
 
 
-def _digest(text: str) -> str:
+def _page_digest(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
@@ -685,7 +687,7 @@ class PageState:
     changed : callable
         Called after each change, in the thread of the change.
     image : str
-        The newest sonar image, JSON, see `image_frame`; browsers ask for it.
+        The newest sonar image, JSON, see `page_image_frame`; browsers ask for it.
     image_asked : float
         When a browser last asked for it, s of the monotonic clock.
     """
@@ -699,7 +701,7 @@ class PageState:
         self._max_frames, self._max_bytes = max_frames, max_bytes
         self._version = 1
         self._info = dict(info)
-        self._parts = {"info": (encode(self._info), 1)}  # JSON and version, by key
+        self._parts = {"info": (encode_page_content(self._info), 1)}  # JSON and version, by key
         self._frames: deque[KeptFrame] = deque()
         self._facts: dict[str, tuple[str, int]] = {}
 
@@ -709,8 +711,10 @@ class PageState:
         A frame with the number of the newest one replaces it.
         """
         ids = frozenset(str(row[0]) for row in frame["tracks"])
-        text = encode(frame)
-        encoded_facts = {track_id: encode(fact) for track_id, fact in (facts or {}).items()}
+        text = encode_page_content(frame)
+        encoded_facts = {
+            track_id: encode_page_content(fact) for track_id, fact in (facts or {}).items()
+        }
         with self._lock:
             self._version += 1
             frames = self._frames
@@ -728,7 +732,7 @@ class PageState:
         self.changed()
 
     def put_health(self, health: Mapping[str, Any]) -> None:
-        """Take the health, see `health_of_message`."""
+        """Take the health, see `page_health_of_message`."""
         self._put_part("health", health)
 
     def put_info(self, **info: Any) -> None:
@@ -745,7 +749,7 @@ class PageState:
     def _put_part(self, key: str, content: Mapping[str, Any]) -> None:
         with self._lock:
             self._version += 1
-            self._parts[key] = encode(content), self._version
+            self._parts[key] = encode_page_content(content), self._version
         self.changed()
 
     def since(self, version: int = 0) -> tuple[str, int]:
@@ -760,11 +764,11 @@ class PageState:
             The version that a browser has with it.
         """
         with self._lock:
-            facts = _changed(self._facts, version)
+            facts = _page_changed(self._facts, version)
             frames = list(self._frames)[0 if version == 0 else -1 :]
             texts = [frame.text for frame in frames if frame.version > version]
             parts = ['"all":true'] if version == 0 else []
-            parts += _changed(self._parts, version)
+            parts += _page_changed(self._parts, version)
             if facts:
                 parts.append(f'"facts":{{{",".join(facts)}}}')
             if texts:
@@ -772,12 +776,12 @@ class PageState:
             return "{" + ",".join(parts) + "}", self._version
 
 
-def _changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:
+def _page_changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:
     """Members of a JSON object that changed after a version."""
     return [f'"{key}":{text}' for key, (text, changed) in texts.items() if changed > version]
 
 
-def make_server(
+def make_page_server(
     options: ViewerNodeOptions,
     title: str,
     state: PageState | None = None,

@@ -33,7 +33,7 @@ from tsepm_ros.tools.viewer.page_content import (
     SCRIPTS,
     STYLE,
     PageState,
-    content_type,
+    page_content_type,
     page_file,
     served_page,
 )
@@ -67,7 +67,7 @@ HEADERS = {
 }
 
 
-def token_for(addresses: Iterable[str], given: str) -> str:
+def page_server_token(addresses: Iterable[str], given: str) -> str:
     """Token that a server on some addresses demands; empty if it needs none.
 
     Parameters
@@ -83,7 +83,7 @@ def token_for(addresses: Iterable[str], given: str) -> str:
 
 
 @dataclass(frozen=True)
-class Access:
+class PageServerAccess:
     """The checks of a request.
 
     Attributes
@@ -100,7 +100,7 @@ class Access:
     names: frozenset[str]
 
     @classmethod
-    def to(cls, host: str, token: str) -> Access:
+    def to(cls, host: str, token: str) -> PageServerAccess:
         """Access to a server that was told to listen on `host`."""
         name = socket.gethostname().lower()
         own = {name, f"{name}.local", socket.getfqdn().lower()} if token else set()
@@ -160,22 +160,22 @@ class PageServer:
     def __init__(
         self, options: ViewerNodeOptions, title: str, state: PageState | None = None
     ) -> None:
-        self._sockets = _bound(options.host, options.port)
+        self._sockets = _bound_page_server(options.host, options.port)
         addresses = [bound.getsockname()[0] for bound in self._sockets]
         port = self._sockets[0].getsockname()[1]
-        token = token_for(addresses, options.token)
-        self.url = _url(options.host, port, token)
+        token = page_server_token(addresses, options.token)
+        self.url = _page_server_url(options.host, port, token)
         self._title = title
         self._state = state
-        self.browsers: set[_Updates] = set()
+        self.browsers: set[_UpdatesOfPageServer] = set()
         self._settings: dict[str, Any] = {
-            "access": Access.to(options.host, token),
+            "access": PageServerAccess.to(options.host, token),
             "cookie": f"tsepm_token_{port}",
             "websocket_ping_interval": PING_INTERVAL,
             "websocket_ping_timeout": PING_TIMEOUT,
             "websocket_max_message_size": MAX_REQUEST,
             "compress_response": True,
-            "default_handler_class": _Nothing,
+            "default_handler_class": _NothingOfPageServer,
             "log_function": lambda handler: None,
         }
         self.loop = asyncio.new_event_loop()
@@ -190,14 +190,21 @@ class PageServer:
         if self._state is None:
             texts["recording"] = recording
         routes: list[Any] = [
-            (f"/{name}", _Text, {"text": text.encode, "content_type": content_type(name)})
+            (
+                f"/{name}",
+                _TextOfPageServer,
+                {"text": text.encode, "content_type": page_content_type(name)},
+            )
             for name, text in texts.items()
         ]
         if self._state is not None:
             source = {"state": self._state, "browsers": self.browsers}
-            routes.append(("/updates", _Updates, source))
-            image = {"text": self._state.asked_image, "content_type": content_type("recording")}
-            routes.append(("/image", _Text, image))
+            routes.append(("/updates", _UpdatesOfPageServer, source))
+            image = {
+                "text": self._state.asked_image,
+                "content_type": page_content_type("recording"),
+            }
+            routes.append(("/image", _TextOfPageServer, image))
             self._state.changed = lambda: self._call(self._wake)
         self._application = tornado.web.Application(routes, **self._settings)
         self._started = True
@@ -237,7 +244,7 @@ class PageServer:
     async def _serve(self) -> None:
         if self._stopped.is_set():
             return  # the sockets may be closed
-        self._server = _Server(
+        self._server = _PageHttpServer(
             self._application,
             max_body_size=MAX_REQUEST,
             idle_connection_timeout=REQUEST_TIMEOUT,
@@ -257,8 +264,8 @@ class PageServer:
             await asyncio.wait_for(self._server.close_all_connections(), CLOSE_TIMEOUT)
 
 
-class _Server(HTTPServer):
-    """A server with few connections at a time; websockets are counted apart, see `_Updates`."""
+class _PageHttpServer(HTTPServer):
+    """A server with few connections at a time; websockets are counted apart, see `_UpdatesOfPageServer`."""
 
     def initialize(self, *given: Any, **options: Any) -> None:
         super().initialize(*given, **options)
@@ -287,8 +294,8 @@ class _Server(HTTPServer):
         super().on_close(server_conn)
 
 
-class _Guarded(tornado.web.RequestHandler):
-    """A handler behind the checks of `Access`."""
+class _GuardedPageServer(tornado.web.RequestHandler):
+    """A handler behind the checks of `PageServerAccess`."""
 
     def set_default_headers(self) -> None:
         for name, value in HEADERS.items():
@@ -296,7 +303,7 @@ class _Guarded(tornado.web.RequestHandler):
         self.clear_header("Server")
 
     def prepare(self) -> None:
-        access: Access = self.settings["access"]
+        access: PageServerAccess = self.settings["access"]
         host = self.request.headers.get("Host", "")
         if not access.allows_host(host):
             self.answer(
@@ -326,14 +333,14 @@ class _Guarded(tornado.web.RequestHandler):
         self.finish(f"{sentence}\n")
 
 
-class _Nothing(_Guarded):
+class _NothingOfPageServer(_GuardedPageServer):
     """Every other path."""
 
     def get(self) -> None:
         raise tornado.web.HTTPError(404)
 
 
-class _Text(_Guarded):
+class _TextOfPageServer(_GuardedPageServer):
     """The page, one of its files, the recording, or the newest sonar image."""
 
     def initialize(self, text: Callable[[], str | bytes], content_type: str) -> None:
@@ -353,10 +360,10 @@ class _Text(_Guarded):
         self.write(self._text())
 
 
-class _Updates(_Guarded, WebSocketHandler):
+class _UpdatesOfPageServer(_GuardedPageServer, WebSocketHandler):
     """The websocket of a browser: what changed, as fast as the browser takes it."""
 
-    def initialize(self, state: PageState, browsers: set[_Updates]) -> None:
+    def initialize(self, state: PageState, browsers: set[_UpdatesOfPageServer]) -> None:
         self._state = state
         self._browsers = browsers
         self._sender: asyncio.Task[None] | None = None
@@ -397,7 +404,7 @@ class _Updates(_Guarded, WebSocketHandler):
                     version = newest
 
 
-class _Listening(socket.socket):
+class _ListeningPageServer(socket.socket):
     """A bound socket that makes room for a connection for which no file is free, or waits.
 
     tornado logs the error and tries again at once, as fast as it can.
@@ -416,7 +423,7 @@ class _Listening(socket.socket):
             raise BlockingIOError from None
 
 
-def _bound(host: str, port: int) -> list[_Listening]:
+def _bound_page_server(host: str, port: int) -> list[_ListeningPageServer]:
     try:
         bound = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
@@ -425,9 +432,9 @@ def _bound(host: str, port: int) -> list[_Listening]:
         raise ValueError(
             f"the page cannot be served on {host}, port {port}: {error}{remedy}"
         ) from None
-    return [_Listening(fileno=one.detach()) for one in bound]
+    return [_ListeningPageServer(fileno=one.detach()) for one in bound]
 
 
-def _url(host: str, port: int, token: str) -> str:
+def _page_server_url(host: str, port: int, token: str) -> str:
     name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"?{urlencode({'token': token})}" if token else "")

@@ -19,20 +19,20 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.nodes.base_node import ParameterisedNode, refusing, run
-from tsepm_ros.nodes.subscriptions import OfferedSubscription, QosWatch
-from tsepm_ros.session.drop_reasons import shortened
+from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
+from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
+from tsepm_ros.session.drop_reasons import shortened_reason
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.settings.settings import help_text
+from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tools.viewer.live_frames import CLOUDS, FIXED, OWN_SHIP, TRACKS, LiveFrames
 from tsepm_ros.tools.viewer.page_content import (
     PageState,
-    encode,
-    geographic_terms,
-    health_of_message,
-    image_frame,
-    make_server,
-    topics_of_message,
+    encode_page_content,
+    make_page_server,
+    page_geographic_terms,
+    page_health_of_message,
+    page_image_frame,
+    page_topics_of_message,
 )
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 
@@ -53,7 +53,7 @@ SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
 
 
-class TrackViewer(ParameterisedNode):
+class TrackViewer(BaseNode):
     """Subscribes to what the track initiator publishes, and serves a page of it.
 
     Messages are read in the server's thread: the node's only takes them.
@@ -79,7 +79,7 @@ class TrackViewer(ParameterisedNode):
         self._topics = self._given
         self._stated: dict[str, dict[str, str]] = {}  # topics by node
         self._shown, self._image = "", None  # type: tuple[str, Any]
-        self._qos = QosWatch(self)
+        self._qos = SubscriptionQos(self)
         self._subscribe_topics()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
         # A node without a timer might never notice that the context was shut down by a signal.
@@ -87,10 +87,10 @@ class TrackViewer(ParameterisedNode):
         self.refuse_unused_overrides()
         topic = self._given[TRACKS]
         info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic}
-        with refusing():
-            info |= geographic_terms(options.origin)
+        with refusing_node_parameter():
+            info |= page_geographic_terms(options.origin)
             self._state = PageState(info, options.kept_scans)
-            self._server = make_server(options, info["title"], self._state)
+            self._server = make_page_server(options, info["title"], self._state)
         self._server.loop.set_exception_handler(  # no executor sees those of the server's thread
             lambda _, context: self.fail(
                 context.get("exception") or RuntimeError(context["message"])
@@ -181,7 +181,7 @@ class TrackViewer(ParameterisedNode):
 
     def _hear(self, message: DiagnosticArray) -> None:
         """Take a message of diagnostics, unless it is of another node than the one shown."""
-        stated = topics_of_message(message)
+        stated = page_topics_of_message(message)
         for node, topics in stated.items():
             with suppress(KeyError, InvalidTopicNameException):
                 all(map(validate_full_topic_name, (topics[TRACKS], *topics.values())))
@@ -221,7 +221,9 @@ class TrackViewer(ParameterisedNode):
         except MessageError as error:
             self._report(IMAGE, error)
         else:
-            self._state.image = encode(image_frame(stamp, info.resolution, bytes(grid.data)))
+            self._state.image = encode_page_content(
+                page_image_frame(stamp, info.resolution, bytes(grid.data))
+            )
 
     def _show(self) -> None:
         """Read what has arrived, in the server's thread."""
@@ -233,7 +235,7 @@ class TrackViewer(ParameterisedNode):
                     self._frames.take(topic, message)
                 except MessageError as error:
                     self._report(topic, error)
-            elif (health := health_of_message(message)) is not None:
+            elif (health := page_health_of_message(message)) is not None:
                 self._state.put_health(health)
         odometry, self._odometry = self._odometry, None
         if odometry is not None:
@@ -246,9 +248,9 @@ class TrackViewer(ParameterisedNode):
 
     def _report(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""
-        self.drop(topic, shortened(f"a message on {topic} cannot be shown: {error}"))
+        self.drop(topic, shortened_reason(f"a message on {topic} cannot be shown: {error}"))
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run(TrackViewer, args, help_text("track_viewer", __doc__))
+    return run_node(TrackViewer, args, settings_help("track_viewer", __doc__))

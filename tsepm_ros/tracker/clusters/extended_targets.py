@@ -42,10 +42,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.discs import pairs_between, squared_distances
-from tsepm_ros.numerics.gaussian import is_significant
+from tsepm_ros.numerics.discs import pairs_within_disc, squared_distances_of_discs
+from tsepm_ros.numerics.gaussian import is_gaussian_significant
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.grouping import ClusterErrors, ClusterExtent, Clusters
+from tsepm_ros.tracker.clusters.grouping import ClusterErrors, Clusters, GroupingExtent
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.confirmation import MAX_UNRESOLVED_HITS
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
@@ -54,7 +54,7 @@ from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.merging import agrees_with_older
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
-from tsepm_ros.tracker.scan import Scan, chosen, in_sensor_frame, placed, wrap
+from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, scan_positions, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
 
@@ -113,7 +113,7 @@ RECENT = 8
 """Pings whose detections between two tracks count."""
 
 
-def track_record(sizes: int) -> np.dtype[np.void]:
+def extended_target_record(sizes: int) -> np.dtype[np.void]:
     """What lay beside the detections of a track: its record, for a number e of sizes of boxes.
 
     track_id; looks: pings with a detection; pings (e,): those with others beside it; offset
@@ -128,14 +128,18 @@ def track_record(sizes: int) -> np.dtype[np.void]:
     )
 
 
-def unit_of(sensor: SensorModel) -> float:
+def extended_target_unit(sensor: SensorModel) -> float:
     """Factor on the lengths of this module for a sensor, at most 1."""
     return min(sensor.max_range / SHORT_RANGE, 1.0)
 
 
-def extents_of(sensor: SensorModel) -> FloatArray:
-    """The fields of `ClusterExtent` of each box, (4, e, 1), with the resolution of a sensor."""
-    unit, cell, beam = unit_of(sensor), sensor.range_resolution, sensor.azimuth_resolution
+def extended_target_boxes(sensor: SensorModel) -> FloatArray:
+    """The fields of `GroupingExtent` of each box, (4, e, 1), with the resolution of a sensor."""
+    unit, cell, beam = (
+        extended_target_unit(sensor),
+        sensor.range_resolution,
+        sensor.azimuth_resolution,
+    )
     beams = ((beam, math.inf),) if beam else tuple((size, unit * EXTENTS[-1]) for size in BEAMS)
     boxes = [(unit * size + cell, unit * size, *width) for size in EXTENTS for width in beams]
     return np.transpose(boxes)[..., None]
@@ -162,12 +166,12 @@ class Beside:
 
     def __init__(self, scan: Scan, centre: IntArray, extents: FloatArray) -> None:
         range_, azimuth, k = scan.range[centre], scan.azimuth[centre], len(centre)
-        self.across = ClusterExtent(*extents).across_at(range_)
+        self.across = GroupingExtent(*extents).across_at(range_)
         self.along = np.broadcast_to(extents[0], self.across.shape)
         # A distance is at most that along and that across.
         reach = 3.0 * (self.along.max(initial=0.0) + self.across.max(initial=0.0))
-        places = in_sensor_frame(scan.range, scan.azimuth)
-        row, other = pairs_between(places[centre], places, reach)
+        places = scan_in_sensor_frame(scan.range, scan.azimuth)
+        row, other = pairs_within_disc(places[centre], places, reach)
         far = scan.range[other] - range_[row]
         aside = range_[row] * wrap(scan.azimuth[other] - azimuth[row])
         near = (
@@ -184,7 +188,7 @@ class Beside:
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
         parts = np.stack([inside, beside, behind, inside * far, inside * aside])
-        sums = _sums(np.asarray(parts, float), row, k)
+        sums = _extended_target_sums(np.asarray(parts, float), row, k)
         self.number, self.strips = sums[0], sums[1:3]
         self.offset = sums[3:] / np.maximum(self.number, 1.0)
         self.area = np.where(
@@ -192,7 +196,7 @@ class Beside:
         )
 
 
-def log_ratio(
+def extended_target_log_ratio(
     counted: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
 ) -> FloatArray:
     """L of counts, (e,), for an excess of at most a largest ratio."""
@@ -201,12 +205,12 @@ def log_ratio(
     return np.asarray(counted * np.log(excess) - mean * (excess - 1.0))
 
 
-def beyond_one(number: FloatArray) -> FloatArray:
+def extended_target_parts(number: FloatArray) -> FloatArray:
     """Detections of a group beyond two, each member's part, from the number beside each."""
     return np.maximum(number - 1.0, 0.0) / (number + 1.0)
 
 
-class MultiDetectionTest:
+class ExtendedTargetTest:
     """Counts the detections beside others, and beside those of confirmed tracks.
 
     Parameters
@@ -217,28 +221,30 @@ class MultiDetectionTest:
 
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
-        self._extents = extents_of(sensor)
+        self._extents = extended_target_boxes(sensor)
         sizes = self._extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = self._before = self._groups = Excess(np.zeros(sizes), np.zeros((3, sizes)))
-        self._tracks = np.zeros(0, track_record(sizes))
+        self._tracks = np.zeros(0, extended_target_record(sizes))
 
     @property
     def log_ratio(self) -> float:
         """The largest L."""
-        return _largest(self._more)
+        return _largest_extended_target_ratio(self._more)
 
     @property
     def crowded(self) -> bool:
         """Whether groups are suspicious whatever tracks they are beside."""
-        return _largest(self._groups) >= SUSPICION
+        return _largest_extended_target_ratio(self._groups) >= SUSPICION
 
     @property
-    def extent(self) -> ClusterExtent:
+    def extent(self) -> GroupingExtent:
         """Extent of a cluster by the box for which most speaks, by the areas alone."""
-        ratios = log_ratio(self._pairs.counted, self._pairs.expected + LEAST, LARGEST)
-        return ClusterExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
+        ratios = extended_target_log_ratio(
+            self._pairs.counted, self._pairs.expected + LEAST, LARGEST
+        )
+        return GroupingExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
 
     def waits(self, track_id: IntArray) -> BoolArray:
         """Whether second starts beside each track wait, (h,)."""
@@ -260,7 +266,7 @@ class MultiDetectionTest:
         group = (beside.area > 0.0) & (beside.number[-1] > 1.0)
         expected = 0.5 * density * (group * beside.area).sum(axis=1)
         self._pairs = self._pairs.faded(KEPT, (group * some).sum(axis=1), expected)
-        self._before, groups = self._more, _beyond_two(beside, density)
+        self._before, groups = self._more, _extended_target_detections(beside, density)
         self._more = self._before.faded(KEPT, groups.counted, groups.expected)
         self._groups = self._groups.faded(KEPT, groups.counted, groups.expected)
 
@@ -286,7 +292,7 @@ class MultiDetectionTest:
         if not len(own):
             return
         beside = Beside(scan, own, self._extents)
-        variance = 2.0 * error_variances(scan, self._sensor)[:, own]
+        variance = 2.0 * extended_target_variances(scan, self._sensor)[:, own]
         least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1]).T
         tracks = np.zeros(len(own), self._tracks.dtype)
         _, row, known = np.intersect1d(track_id, self._tracks["track_id"], return_indices=True)
@@ -303,13 +309,13 @@ class MultiDetectionTest:
         extra = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
         looks = tracks["looks"][:, None]
         chance = LEAST - np.expm1(-density * beside.area.T)
-        by_chance = log_ratio(pings, looks * chance) < SUSPICION
+        by_chance = extended_target_log_ratio(pings, looks * chance) < SUSPICION
         often = (pings > 0.5 * looks) & ~one_side & ~by_chance
         tracks["decided"] = ~(often & (MOST_LOOKS * least >= RESOLVED)).any(axis=1)
         self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
-        rest = chosen(scan, np.flatnonzero(~beside.near))
-        groups = _beyond_two(self._beside_each_other(rest), density)
+        rest = scan_of_rows(scan, np.flatnonzero(~beside.near))
+        groups = _extended_target_detections(self._beside_each_other(rest), density)
         self._more = self._before.faded(
             KEPT,
             (used * extra.T).sum(axis=1) + groups.counted,
@@ -324,22 +330,22 @@ class MultiDetectionTest:
         return Beside(scan, centre[first : first + MOST_CENTRES], self._extents)
 
 
-def _largest(more: Excess) -> float:
+def _largest_extended_target_ratio(more: Excess) -> float:
     """The largest L of counts, by size of box."""
     prior = np.array([[0.0], [PRIOR], [PRIOR]])
-    return float(log_ratio(more.counted, (more.expected + prior).max(axis=0)).max())
+    return float(extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0)).max())
 
 
-def _beyond_two(beside: Beside, density: float) -> Excess:
+def _extended_target_detections(beside: Beside, density: float) -> Excess:
     """Detections of groups beyond two, by size of box, and those that clutter explains."""
     used, mean = beside.area > 0.0, beside.area * density
     more = (mean + np.expm1(-mean)) / 3.0
-    strips = (used * beyond_one(beside.strips)).sum(axis=2)
-    counted = (used * beyond_one(beside.number)).sum(axis=1)
+    strips = (used * extended_target_parts(beside.strips)).sum(axis=2)
+    counted = (used * extended_target_parts(beside.number)).sum(axis=1)
     return Excess(counted, np.stack([more.sum(axis=1), *strips]))
 
 
-def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
+def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
     """Variances of a scan's detections along and across the line of sight, (2, n), m^2."""
     range_std, angle = scan.range_std, scan.azimuth_std
     along = sensor.range_variance(scan.range) if range_std is None else range_std**2
@@ -347,7 +353,7 @@ def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
     return np.stack([along, (angle * scan.range) ** 2])
 
 
-def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
+def _extended_target_sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Sums of values (..., n) over the rows of each group (n,), ascending, (..., count)."""
     first = np.searchsorted(group, np.arange(count + 1))
     # The sum of an empty group is its first value here.
@@ -357,7 +363,7 @@ def _sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class ClusterDispersion:
+class ExtendedTargetDispersion:
     """What the clusters seen show of the scatter of their detections.
 
     Attributes
@@ -370,7 +376,7 @@ class ClusterDispersion:
 
     sums: FloatArray = field(default_factory=lambda: np.zeros((6, 2)))
 
-    def after(self, scan: Scan, label: IntArray, sensor: SensorModel) -> ClusterDispersion:
+    def after(self, scan: Scan, label: IntArray, sensor: SensorModel) -> ExtendedTargetDispersion:
         """With the clusters of one more ping: detections and the group of each, (n,)."""
         _, first, group = np.unique(label, return_index=True, return_inverse=True)
         size = np.asarray(np.bincount(group), float)
@@ -382,10 +388,12 @@ class ClusterDispersion:
         along = scan.range - mean(scan.range)[group]
         across = scan.range * (turn - mean(turn)[group])
         squares = [np.bincount(group, apart**2) for apart in (along, across)]
-        errors = [(size - 1.0) * mean(variance) for variance in error_variances(scan, sensor)]
+        errors = [
+            (size - 1.0) * mean(variance) for variance in extended_target_variances(scan, sensor)
+        ]
         clusters = np.stack([size - 1.0, np.ones(len(size)), *squares, *errors])
         kinds = np.stack([size == 2.0, size > 2.0], axis=1)
-        return ClusterDispersion((1.0 - 1.0 / MEMORY) * self.sums + clusters @ kinds)
+        return ExtendedTargetDispersion((1.0 - 1.0 / MEMORY) * self.sums + clusters @ kinds)
 
     @property
     def _counted(self) -> FloatArray:
@@ -398,7 +406,7 @@ class ClusterDispersion:
         freedom, clusters, *_ = self._counted
         return 1.0 + float(freedom / max(clusters, 1e-9))
 
-    def errors(self, extent: ClusterExtent) -> ClusterErrors:
+    def errors(self, extent: GroupingExtent) -> ClusterErrors:
         """The errors of targets of an extent: f and v that solve both means, if f is possible."""
         freedom, start = self._counted[0] + SCATTER_PRIOR, extent.along**2 / 12.0
         scatter = (self._counted[2:4] + SCATTER_PRIOR * start) / freedom
@@ -440,8 +448,8 @@ class ExtendedTargets:
     def reset(self) -> None:
         """Forget what was seen."""
         self.seen, self.since = False, 0.0
-        self.scatter = ClusterDispersion()
-        self.test = MultiDetectionTest(self.sensor)
+        self.scatter = ExtendedTargetDispersion()
+        self.test = ExtendedTargetTest(self.sensor)
         self._part, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
         self._counts = np.zeros(0, bool)
         self._recent: list[tuple[float, FloatArray, float]] = []
@@ -450,7 +458,9 @@ class ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
         other = copy.copy(self)
         other.sensor, other.common = sensor, common
-        if _concerning(sensor, common) != _concerning(self.sensor, self.common):
+        if _extended_target_options(sensor, common) != _extended_target_options(
+            self.sensor, self.common
+        ):
             other.reset()
         else:
             other.test = copy.deepcopy(self.test)
@@ -467,12 +477,12 @@ class ExtendedTargets:
         return self.common.plots != "off" and not self.common.target_extent
 
     @property
-    def extent(self) -> ClusterExtent:
+    def extent(self) -> GroupingExtent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
         if given or not self.seen:
             cell, beam = sensor.range_resolution, sensor.azimuth_resolution
-            return ClusterExtent(given + cell, given, beam)
+            return GroupingExtent(given + cell, given, beam)
         return self.test.extent
 
     def clusters_of(self, scan: Scan, density: float, stays: BoolArray) -> Clusters | None:
@@ -490,21 +500,26 @@ class ExtendedTargets:
         number = len(scan)
         self._row, self._counts = np.arange(number), ~stays
         if self._learns and number:
-            self._part = part = chosen(scan, np.flatnonzero(self._counts))
+            self._part = part = scan_of_rows(scan, np.flatnonzero(self._counts))
             self.test.update(part, density)
-            self._recent = [*self._recent[1 - RECENT :], (scan.stamp, placed(part), density)]
+            self._recent = [
+                *self._recent[1 - RECENT :],
+                (scan.stamp, scan_positions(part), density),
+            ]
             self._judge(scan.stamp)
         if not self.active or not number:
             return None
         extent = self.extent
-        label = grouping.grouped(scan.range, scan.azimuth, extent)
+        label = grouping.group_detections(scan.range, scan.azimuth, extent)
         self.scatter = self.scatter.after(scan, label, self.sensor)
-        clusters = grouping.clusters_of(scan, label, self.scatter.errors(extent), self.sensor)
+        clusters = grouping.clusters_of_groups(
+            scan, label, self.scatter.errors(extent), self.sensor
+        )
         self._row = clusters.strongest
         return clusters
 
     def learn(self, own: OwnDetections, confirmed: ConfirmedTracks, density: float) -> None:
-        """Learn from what lies beside confirmed tracks' detections in the scan of `clusters_of`.
+        """Learn from what lies beside confirmed tracks' detections in the scan of `clusters_of_groups`.
 
         Parameters
         ----------
@@ -545,15 +560,19 @@ class ExtendedTargets:
         filled = self._fill(both, number, SUSPICION)
         if self.seen:
             before = new.stamp - new.age < self.since
-            return filled | (before & may_repeat_older(both, self.extent, origin)[number:])
-        reach = BESIDE * unit_of(self.sensor)
-        near = squared_distances(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
+            return filled | (
+                before & may_be_older_extended_target(both, self.extent, origin)[number:]
+            )
+        reach = BESIDE * extended_target_unit(self.sensor)
+        near = (
+            squared_distances_of_discs(both.state[number:, 0::2], both.state[:, 0::2]) <= reach**2
+        )
         near &= np.tri(len(new), number + len(new), number - 1, dtype=bool)
         waits = self.test.waits(confirmed.track_id)
         if self.test.crowded:
             # Echoes in a row that stand still, a quay, look for some hits like a target along it.
             still = confirmed.stationary_probability > PROBABLE
-            moves = is_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
+            moves = is_gaussian_significant(new.state[:, 1::2], new.covariance[:, 1::2, 1::2])
             moves &= new.hit_count >= MAX_UNRESOLVED_HITS
             near[:, :number] &= waits | (still & ~moves[:, None])
         else:
@@ -578,13 +597,15 @@ class ExtendedTargets:
             apart[row] = np.inf
             older = int(np.argmin(apart))
             shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
-            if older < row and shorter < apart[older] <= LONGEST_WAY * unit_of(self.sensor):
+            if older < row and shorter < apart[older] <= LONGEST_WAY * extended_target_unit(
+                self.sensor
+            ):
                 way = position[older] - position[row]
                 seen = [at @ (1.0, 1j) + velocity[older] * (now - t) for t, at, _ in self._recent]
                 off = (np.concatenate(seen) - position[row]) / way - 0.5
                 inside = np.maximum(np.abs(off.real), np.abs(off.imag)) <= 1.0 / 6.0
                 expected = PRIOR + sum(rate for *_, rate in self._recent) * abs(way) ** 2 / 9.0
-                filled[row] = log_ratio(float(inside.sum()), expected) >= least
+                filled[row] = extended_target_log_ratio(float(inside.sum()), expected) >= least
         return filled[first:]
 
     def runs_of(self, scan: Scan) -> Clusters | None:
@@ -592,8 +613,8 @@ class ExtendedTargets:
         if scan.group is None or self.common.plots == "off":
             return None
         longest = self.common.target_extent or LONGEST_RUN
-        label = grouping.runs(scan, ClusterExtent(longest, longest))
-        return grouping.clusters_of(scan, label, ClusterErrors(), self.sensor)
+        label = grouping.group_runs(scan, GroupingExtent(longest, longest))
+        return grouping.clusters_of_groups(scan, label, ClusterErrors(), self.sensor)
 
     @property
     def sentence(self) -> str:
@@ -609,10 +630,10 @@ class ExtendedTargets:
         )
 
 
-def further_clusters(
+def extended_target_density(
     confirmed: ConfirmedTracks,
     positions: FloatArray,
-    extent: ClusterExtent,
+    extent: GroupingExtent,
     sensor_position: FloatArray,
 ) -> FloatArray:
     """Density of clusters that targets of an extent may have beside their own.
@@ -639,7 +660,7 @@ def further_clusters(
     across = extent.across_at(range_)
     area = 4.0 * np.maximum(extent.along, 1e-9) * np.maximum(across, 1e-9)
     reach = math.hypot(extent.along, across.max(initial=0.0))
-    track, row = pairs_between(centre, positions - sensor_position, reach)
+    track, row = pairs_within_disc(centre, positions - sensor_position, reach)
     # Along the line of sight, and i times across.
     apart = (positions[row] - sensor_position - centre[track]) @ (1.0, 1j) * sight[track]
     inside = (np.abs(apart.real) <= extent.along) & (np.abs(apart.imag) <= across[track])
@@ -647,7 +668,7 @@ def further_clusters(
     return np.asarray(np.bincount(row, density, minlength=len(positions)), float)
 
 
-def _concerning(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...]:
+def _extended_target_options(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...]:
     """Options that a change of starts over for."""
     return (
         *(sensor.min_range, sensor.max_range, sensor.azimuth_min, sensor.azimuth_max),
@@ -656,8 +677,8 @@ def _concerning(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...
     )
 
 
-def may_repeat_older(
-    tracks: TrackArrays, extent: ClusterExtent, sensor_position: FloatArray
+def may_be_older_extended_target(
+    tracks: TrackArrays, extent: GroupingExtent, sensor_position: FloatArray
 ) -> BoolArray:
     """Which tracks may be of an older one's target, whose detections differed by an extent.
 

@@ -28,23 +28,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, complete_linkage, largest_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    array_largest_of_groups,
+    complete_linkage,
+)
 from tsepm_ros.tracker.scan import (
     MAX_MAGNITUDE,
     MIN_MAGNITUDE,
     Scan,
-    chosen,
-    in_sensor_frame,
+    scan_in_sensor_frame,
+    scan_of_rows,
     wrap,
 )
 from tsepm_ros.tracker.sensor import SensorModel
 
 MAX_PAIRS = 500_000
-"""Pairs of detections that are looked at, at most; see `grouped`."""
+"""Pairs of detections that are looked at, at most; see `group_detections`."""
 
 
 @dataclass(frozen=True)
-class ClusterExtent:
+class GroupingExtent:
     """How far apart two detections of one target and ping may be.
 
     Attributes
@@ -112,8 +118,8 @@ class Clusters:
         )
 
 
-def pairs_within(
-    range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
+def grouping_pairs(
+    range: FloatArray, azimuth: FloatArray, extent: GroupingExtent
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of detections within an extent of each other.
 
@@ -130,70 +136,72 @@ def pairs_within(
     distance : (p,) ndarray
         ``max(|dr| / along, r |da| / across(r))`` with the pair's mean range r, at most 1.
     """
-    places, reach = _places(range, azimuth, extent)
+    places, reach = _grouping_positions(range, azimuth, extent)
     first, second = cKDTree(places).query_pairs(reach, output_type="ndarray").T
     middle = 0.5 * (range[first] + range[second])
     turn = np.abs(wrap(azimuth[first] - azimuth[second]))
     distance = np.maximum(
-        _ratio(np.abs(range[first] - range[second]), extent.along),
-        _ratio(middle * turn, extent.across_at(middle)),
+        _grouping_distance_ratio(np.abs(range[first] - range[second]), extent.along),
+        _grouping_distance_ratio(middle * turn, extent.across_at(middle)),
     )
     near = distance <= 1.0
     return first[near], second[near], distance[near]
 
 
-def _places(
-    range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
+def _grouping_positions(
+    range: FloatArray, azimuth: FloatArray, extent: GroupingExtent
 ) -> tuple[FloatArray, float]:
     """The detections' positions, and how far apart a pair may be at the most, m."""
     return (
-        in_sensor_frame(range, azimuth),
+        scan_in_sensor_frame(range, azimuth),
         math.hypot(extent.along, float(extent.across_at(range.max(initial=0.0)))) * (1.0 + 1e-9),
     )
 
 
-def _ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
+def _grouping_distance_ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
     """Distance over its limit; a limit of 0 is kept by a distance of 0 only."""
     return np.asarray(distance / np.maximum(limit, 1e-9))
 
 
-def crowded(range: FloatArray, azimuth: FloatArray, extent: ClusterExtent, most: int) -> bool:
+def grouping_is_crowded(
+    range: FloatArray, azimuth: FloatArray, extent: GroupingExtent, most: int
+) -> bool:
     """Whether more than a number of pairs of detections (n,) may be within an extent."""
     n = len(range)
     if n * n <= 2 * most:
         return False
-    places, reach = _places(range, azimuth, extent)
+    places, reach = _grouping_positions(range, azimuth, extent)
     tree = cKDTree(places)
     return bool(tree.count_neighbors(tree, reach) - n > 2 * most)
 
 
-def grouped(range: FloatArray, azimuth: FloatArray, extent: ClusterExtent) -> IntArray:
+def group_detections(range: FloatArray, azimuth: FloatArray, extent: GroupingExtent) -> IntArray:
     """The group of each detection, (n,): the first detection of it; see `complete_linkage`.
 
     Where there are more than `MAX_PAIRS` pairs, those in one cell of a grid are a group.
     """
-    if crowded(range, azimuth, extent, MAX_PAIRS):
-        return cells(np.zeros(len(range), np.int64), range, azimuth, extent)
+    if grouping_is_crowded(range, azimuth, extent, MAX_PAIRS):
+        return group_cells(np.zeros(len(range), np.int64), range, azimuth, extent)
     # Detections of one place are joined first, whatever lies beside them.
     _, first, index = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
     if len(first) == len(range):
-        return complete_linkage(len(first), *pairs_within(range, azimuth, extent))
+        return complete_linkage(len(first), *grouping_pairs(range, azimuth, extent))
     order = np.argsort(first)
     first, rank = first[order], np.argsort(order)
-    label = complete_linkage(len(first), *pairs_within(range[first], azimuth[first], extent))
+    label = complete_linkage(len(first), *grouping_pairs(range[first], azimuth[first], extent))
     return np.asarray(first[label][rank[index]], np.int64)
 
 
-def runs(scan: Scan, extent: ClusterExtent) -> IntArray:
-    """The groups that a scan comes with, cut in pieces no longer than an extent; see `cells`."""
+def group_runs(scan: Scan, extent: GroupingExtent) -> IntArray:
+    """The groups that a scan comes with, cut in pieces no longer than an extent; see `group_cells`."""
     n = len(scan)
     group = np.arange(n) if scan.group is None else scan.group
     alone = group.max(initial=0) + 1 + np.arange(n)
-    return cells(np.where(group < 0, alone, group), scan.range, scan.azimuth, extent)
+    return group_cells(np.where(group < 0, alone, group), scan.range, scan.azimuth, extent)
 
 
-def cells(
-    group: IntArray, range: FloatArray, azimuth: FloatArray, extent: ClusterExtent
+def group_cells(
+    group: IntArray, range: FloatArray, azimuth: FloatArray, extent: GroupingExtent
 ) -> IntArray:
     """Groups cut in pieces no longer than an extent, by a grid from their nearest, rightmost place.
 
@@ -212,17 +220,17 @@ def cells(
     """
     _, first, group = np.unique(group, return_index=True, return_inverse=True)
     turn = wrap(azimuth - azimuth[first][group])
-    turn = turn + largest_of(-turn, group, len(first))[group]
-    along = range + largest_of(-range, group, len(first))[group]
-    row = np.floor(_ratio(along, extent.along))
+    turn = turn + array_largest_of_groups(-turn, group, len(first))[group]
+    along = range + array_largest_of_groups(-range, group, len(first))[group]
+    row = np.floor(_grouping_distance_ratio(along, extent.along))
     far = range - along + (row + 1.0) * extent.along
-    column = np.floor(_ratio(far * turn, extent.across_at(far)))
+    column = np.floor(_grouping_distance_ratio(far * turn, extent.across_at(far)))
     pieces = np.stack([group, column, row], axis=1)
     _, first, piece = np.unique(pieces, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[piece.ravel()], np.int64)
 
 
-def clusters_of(
+def clusters_of_groups(
     scan: Scan,
     label: IntArray,
     errors: ClusterErrors,
@@ -254,7 +262,7 @@ def clusters_of(
     group, first = order[group], np.sort(first)
     n = len(first)
     size = np.bincount(group, minlength=n)
-    weight, by_amplitude = _weights(scan, group, n)
+    weight, by_amplitude = _group_weights(scan, group, n)
     turn = wrap(scan.azimuth - scan.azimuth[first][group])
 
     def mean(values: FloatArray) -> FloatArray:
@@ -273,11 +281,11 @@ def clusters_of(
     spread = np.where(size > 1, share, 1.0) * errors.extent_variance
     own_errors = (size > 1) | (spread > 0.0)
     return Clusters(
-        scan=chosen(scan, best).replaced(
+        scan=scan_of_rows(scan, best).replaced(
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
-            range_std=_std("range_std", np.where(own_errors, own * factor + spread, own)),
-            azimuth_std=_std("azimuth_std", angle * factor + spread / range_**2),
+            range_std=_group_std("range_std", np.where(own_errors, own * factor + spread, own)),
+            azimuth_std=_group_std("azimuth_std", angle * factor + spread / range_**2),
             group=None,
         ),
         strongest=best,
@@ -285,17 +293,17 @@ def clusters_of(
     )
 
 
-def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
+def _group_weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
     """Weight of each detection in its group, adding up to 1; which groups go by amplitude."""
     amplitude = scan.features.get("intensity", np.full(len(scan), np.nan))
     with np.errstate(invalid="ignore"):
         usable = (amplitude > 0.0) & (amplitude < 1e100)
     by_amplitude = np.bincount(group, ~usable, minlength=n) == 0
     weight = np.where(by_amplitude[group], amplitude, 1.0)
-    weight = weight / largest_of(weight, group, n)[group]
+    weight = weight / array_largest_of_groups(weight, group, n)[group]
     return weight / np.bincount(group, weight, minlength=n)[group], by_amplitude
 
 
-def _std(name: str, variance: FloatArray) -> FloatArray:
+def _group_std(name: str, variance: FloatArray) -> FloatArray:
     """Standard deviations within the bounds of a scan: an echo at the sensor has any azimuth."""
     return np.clip(np.sqrt(variance), MIN_MAGNITUDE[name], MAX_MAGNITUDE[name])

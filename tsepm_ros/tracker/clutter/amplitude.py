@@ -2,7 +2,7 @@
 
 The normalised amplitude of a detection is u = -ln P(clutter is at least as strong), see
 `amplitude_law`: it is free of the unit. Amplitudes are compared after taking away the level of
-their ping and of their place (`ping_level`, `PlaceLevels`); what the levels leave in common to
+their ping and of their place (`amplitude_level_of_ping`, `AmplitudeLevels`); what the levels leave in common to
 neighbours, a texture, counts as a doubt about the law. Detections of targets are weighed down by
 the evidence of their positions alone: weighed by their amplitude, clutter would lose its tail.
 
@@ -29,9 +29,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended_arrays
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
-from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, BlockSums, Cells
+from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, Cells, PolarBlockSums
 
 MAX_PINGS = 64
 """Pings in the reference, at most ..."""
@@ -42,7 +42,7 @@ INDEX_BITS = 32
 
 REFERENCE = np.dtype(
     [
-        ("key", np.int64),  # of its scan and index there, see `keys_of`
+        ("key", np.int64),  # of its scan and index there, see `amplitude_keys`
         ("ping", np.int64),  # number of its ping
         ("level", np.float64),  # of the ping
         ("at", np.int64),  # place in the levels of places
@@ -95,18 +95,18 @@ SATURATED = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
 
 
-def keys_of(scan: IntArray | int, index: IntArray) -> IntArray:
+def amplitude_keys(scan: IntArray | int, index: IntArray) -> IntArray:
     """Keys of detections (n,), which ascend with the scan and with the index in it."""
     return np.asarray((np.asarray(scan, np.int64) << INDEX_BITS) + index)
 
 
-def last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
+def amplitudes_of_last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
     """References (n,) of the last pings; changes of them are kept."""
     ping = references["ping"]
     return references[np.searchsorted(ping, ping.max(initial=0) - pings, side="right") :]
 
 
-class Texture:
+class AmplitudeTexture:
     """Learns the rank correlation of neighbouring clutter."""
 
     def __init__(self) -> None:
@@ -146,7 +146,7 @@ class Texture:
             Distance within which two detections may be one target's, in pings so far apart, m.
         """
         keep = 1.0 - 1.0 / MEMORY
-        rows = last_pings(references, LAGS + 1)
+        rows = amplitudes_of_last_pings(references, LAGS + 1)
         lag, position = rows["ping"][-1] - rows["ping"], rows["position"]
         own = np.count_nonzero(lag)
         least = np.where(lag > 0, reach[lag] ** 2, 0.0)
@@ -163,7 +163,7 @@ class Texture:
         self._count = keep * self._count + float(pairs.sum())
 
 
-def ping_level(
+def amplitude_level_of_ping(
     level: float,
     values: FloatArray,
     sizes: Sequence[int],
@@ -189,11 +189,13 @@ def ping_level(
     """
     for window in windows:
         if window <= len(sizes):
-            level = window_level(level, values[len(values) - sum(sizes[-window:]) :], window)
+            level = amplitude_level_of_window(
+                level, values[len(values) - sum(sizes[-window:]) :], window
+            )
     return level
 
 
-def window_level(level: float, values: FloatArray, pings: int) -> float:
+def amplitude_level_of_window(level: float, values: FloatArray, pings: int) -> float:
     """The level of a window of pings with values (n,): `level` if they do not contradict."""
     n = len(values)
     target = min(pings + 2.0, MAX_TARGET_COUNT)
@@ -208,7 +210,7 @@ def window_level(level: float, values: FloatArray, pings: int) -> float:
     return level
 
 
-def level_by_range(
+def amplitude_level_by_range(
     count: FloatArray, total: FloatArray, top: float, deviation: float
 ) -> FloatArray:
     """Level of each ring, (r,): changes with range, each beyond doubt, the clearest first.
@@ -253,7 +255,7 @@ def level_by_range(
 
 
 @dataclass
-class PlaceLevels:
+class AmplitudeLevels:
     """Levels over the cells of a clutter map, and by range over the rings of these.
 
     Parameters
@@ -277,7 +279,7 @@ class PlaceLevels:
         self._deviation = self._top = self._centre = 0.0
         self._by_range = np.zeros(rings)
         # Of weights, and of what the levels by range leave.
-        self._sums = [BlockSums(np.zeros(self.shape), self.wraps)] * 2
+        self._sums = [PolarBlockSums(np.zeros(self.shape), self.wraps)] * 2
         # Sides of windows, cells: each half as wide as the one before, down to two.
         side = max(self.shape)
         self._sides = np.array([side >> k for k in range(side.bit_length() - 1)], np.int64)[:, None]
@@ -361,10 +363,10 @@ class PlaceLevels:
         count, total = left.sum(axis=2)
         self._centre = float(total.sum() / max(count.sum(), 1e-9))
         total -= self._centre * count
-        self._by_range = level_by_range(count, total, self._top, self._deviation)
+        self._by_range = amplitude_level_by_range(count, total, self._top, self._deviation)
         left[1] -= (self._centre + self._by_range)[:, None] * left[0]
         left = left.reshape(2, -1, CELLS_TOGETHER * RINGS, self.shape[1]).sum(axis=2)
-        self._sums = [BlockSums(values, self.wraps) for values in left]
+        self._sums = [PolarBlockSums(values, self.wraps) for values in left]
 
     def by_range(self, places: IntArray) -> FloatArray:
         """Level by range at places (n,), as of the last `renew`."""
@@ -395,14 +397,14 @@ class ClutterAmplitudes:
 
     def _forget(self) -> None:
         self._references = np.zeros(0, REFERENCE)
-        self._places = PlaceLevels(self._shape, self._wraps)
+        self._places = AmplitudeLevels(self._shape, self._wraps)
         self._law: AmplitudeLaw | None = None
         self._top = math.inf, 1.0
         self._bounds = 0.0, 0.0, 0.0
         self._new = 0.0
         self._level = 0.0
         self._decibels = False
-        self.texture = Texture()
+        self.texture = AmplitudeTexture()
         self._next: tuple[NDArray[np.void], IntArray] | None = None
 
     def judge(
@@ -444,7 +446,7 @@ class ClutterAmplitudes:
             self._decibels = True
         raw = amplitude[row] if self._decibels else np.log(np.maximum(amplitude[row], 1e-30))
         reference = np.empty(len(row), REFERENCE)
-        reference["key"] = keys_of(scan, detections["index"][row])
+        reference["key"] = amplitude_keys(scan, detections["index"][row])
         cells = rings()
         reference["at"] = self._places.places_of(cells.row[row], cells.column[row])
         place_level = self._places.at(reference["at"])
@@ -485,11 +487,11 @@ class ClutterAmplitudes:
         if not len(self._references):
             self._level = float(np.median(raw))
             return self._level
-        rows = last_pings(self._references, PING_WINDOWS[0] - 1)
+        rows = amplitudes_of_last_pings(self._references, PING_WINDOWS[0] - 1)
         likely = rows["weight"] > 0.5
         sizes = np.bincount(rows["ping"] - rows["ping"][0], likely).astype(int).tolist()
         raws = np.concatenate([rows["raw"][likely], raw])
-        return ping_level(self._level, raws, [*sizes, len(raw)])
+        return amplitude_level_of_ping(self._level, raws, [*sizes, len(raw)])
 
     def update(self, weight: FloatArray, near: float, reach: FloatArray) -> None:
         """Learn from the scan that was judged last.
@@ -517,9 +519,9 @@ class ClutterAmplitudes:
             self._places.update(ping["at"], ping["place"], ping["weight"], highest, spread)
         else:
             ping["place"] = np.nan
-        before = last_pings(self._references, MAX_PINGS - 1)
+        before = amplitudes_of_last_pings(self._references, MAX_PINGS - 1)
         ping["ping"] = before["ping"][-1] + 1 if len(before) else 0
-        self._references = appended(before, ping)
+        self._references = appended_arrays(before, ping)
         if law is not None:
             self.texture.update(law, self._references, near, reach)
         self._new += float(ping["weight"].sum())
@@ -539,7 +541,7 @@ class ClutterAmplitudes:
         rows = self._references
         if not len(rows) or not len(scan):
             return
-        key = keys_of(scan, index)
+        key = amplitude_keys(scan, index)
         index_of = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
         known = np.flatnonzero(rows["key"][index_of] == key)
         index_of = index_of[known]
@@ -570,19 +572,19 @@ class ClutterAmplitudes:
         rows["by_range"] = by_range
         # The level as a rule; the pings that have it go with it.
         likely = rows["raw"][rows["weight"] > 0.5]
-        self._level = window_level(before, likely, int(np.ptp(rows["ping"])) + 1)
+        self._level = amplitude_level_of_window(before, likely, int(np.ptp(rows["ping"])) + 1)
         if self._level != before:
             usual = rows["level"] == before
             rows["level"][usual] = self._level
             rows["value"][usual] = rows["raw"][usual] - self._level
-        self._top = _top(rows["amplitude"], rows["weight"])
+        self._top = _top_of_amplitude(rows["amplitude"], rows["weight"])
         law = self._law = AmplitudeLaw.from_values(rows["value"], rows["weight"])
         self._new = 0.0
         lowest, highest = map(law.quantile, WINSORISED)
         self._bounds = lowest, highest, float(np.clip(law.values, lowest, highest).std())
 
 
-def _top(amplitude: FloatArray, weight: FloatArray) -> tuple[float, float]:
+def _top_of_amplitude(amplitude: FloatArray, weight: FloatArray) -> tuple[float, float]:
     """The end of the scale, and the share of the reference there; infinite if it is not seen."""
     at_top = amplitude == amplitude.max()
     if at_top.sum() < SATURATED:

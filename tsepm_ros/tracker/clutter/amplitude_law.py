@@ -132,7 +132,7 @@ class AmplitudeLaw:
         curvature = CURVATURES * tail / total
         # Strong ones of nearly no weight, as of targets, may be far beyond the others.
         bounded = np.minimum(excess, MAX_GROWTH / curvature[-1])
-        sums = _hazard_sums(curvature[:, None], bounded) @ weight
+        sums = _amplitude_law_hazard_sums(curvature[:, None], bounded) @ weight
         log_share = curvature * total - tail * np.log(sums)
         share = np.exp(log_share - log_share.max())
         return cls(values, at_least, begin, curvature, sums, share / share.sum(), float(tail))
@@ -192,18 +192,18 @@ class AmplitudeLaw:
     def _normalised_tails(self, values: FloatArray) -> FloatArray:
         """Normalised amplitude above the tail's begin of values (m,), for each b, (b, m)."""
         excess = np.minimum(values - self.begin, MAX_GROWTH / abs(self.curvature[-1]))
-        grown = _hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
+        grown = _amplitude_law_hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
         return np.asarray(self.tail_count * np.log1p(grown))
 
 
-def _hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
+def _amplitude_law_hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
     """E_b(y), by b (b, 1) and y (n,)."""
     flat = curvature == 0.0
     some = np.where(flat, 1.0, curvature)
     return np.asarray(np.where(flat, excess, np.expm1(some * excess) / some))
 
 
-def ratio_prior() -> tuple[FloatArray, FloatArray]:
+def amplitude_law_prior() -> tuple[FloatArray, FloatArray]:
     """Ratios r_k, linear, and their prior probabilities w_k; the first is 0."""
     ratios = np.append(0.0, 10.0 ** (RATIOS_DB / 10.0))
     weights = np.full(len(ratios), (1.0 - SAYS_NOTHING) / len(RATIOS_DB))
@@ -211,12 +211,12 @@ def ratio_prior() -> tuple[FloatArray, FloatArray]:
     return ratios, weights
 
 
-def scaled(normalised: FloatArray, count: float) -> FloatArray:
+def scaled_by_amplitude_law(normalised: FloatArray, count: float) -> FloatArray:
     """The v of each u, (n,): the amplitude in units of a scale that N samples determine."""
     return np.asarray(count * np.expm1(np.minimum(normalised / count, 50.0)))
 
 
-def log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
+def amplitude_law_log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
     """``ln w_k`` + log-likelihood ratio of each ratio r_k, (k, ...).
 
     Parameters
@@ -226,20 +226,20 @@ def log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
     count : float
         N.
     """
-    ratios, weights = ratio_prior()
+    ratios, weights = amplitude_law_prior()
     shape = (-1, *[1] * np.ndim(total))
     one_more, log_weights = 1.0 + ratios.reshape(shape), np.log(weights).reshape(shape)
     power = np.log1p(total / count) - np.log1p(total / (count * one_more))
     return np.asarray(log_weights - hits * np.log(one_more) + (count + hits) * power)
 
 
-def log_ratio(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
-    """``ln L(n, V)``, (...); see `log_terms`."""
-    return np.asarray(np.logaddexp.reduce(log_terms(hits, total, count), axis=0))
+def amplitude_law_log_ratio(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
+    """``ln L(n, V)``, (...); see `amplitude_law_log_terms`."""
+    return np.asarray(np.logaddexp.reduce(amplitude_law_log_terms(hits, total, count), axis=0))
 
 
 @dataclass(frozen=True, eq=False)
-class PathRatio:
+class AmplitudeLawTable:
     """``ln L(n, V)`` as a table over V, for the many paths of a scan.
 
     Attributes
@@ -254,10 +254,10 @@ class PathRatio:
     table: FloatArray
 
     @classmethod
-    def for_count(cls, count: float, most_hits: int) -> PathRatio:
+    def for_count(cls, count: float, most_hits: int) -> AmplitudeLawTable:
         """The table for N, in steps of `COUNT_STEP`, and up to a number of hits."""
         step = math.floor(math.log(max(count, 0.1)) / COUNT_STEP)
-        return _path_ratio(step, most_hits)
+        return _amplitude_law_table(step, most_hits)
 
     def at(self, hits: IntArray, total: FloatArray) -> FloatArray:
         """``ln L(n, V)`` of paths, (p,) or of any shape: exactly 0 without a hit.
@@ -278,13 +278,15 @@ class PathRatio:
 
 
 @lru_cache(maxsize=64)
-def _path_ratio(step: int, most_hits: int) -> PathRatio:
+def _amplitude_law_table(step: int, most_hits: int) -> AmplitudeLawTable:
     count = math.exp(COUNT_STEP * step)
     grid = np.expm1(np.linspace(0.0, math.log1p(GRID_END), GRID_POINTS))
     hits = np.arange(most_hits + 1.0)[:, None]
-    table = log_ratio(np.broadcast_to(hits, (most_hits + 1, GRID_POINTS)), grid[None, :], count)
+    table = amplitude_law_log_ratio(
+        np.broadcast_to(hits, (most_hits + 1, GRID_POINTS)), grid[None, :], count
+    )
     table[0, 0] = 0.0
-    return PathRatio(count, table)
+    return AmplitudeLawTable(count, table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +304,7 @@ class ScanAmplitudes:
 
     told: BoolArray
     scaled: FloatArray
-    ratio: PathRatio
+    ratio: AmplitudeLawTable
 
     @classmethod
     def from_normalised(
@@ -318,12 +320,14 @@ class ScanAmplitudes:
         most_hits : int
             Hits that a path may have.
         """
-        ratio = PathRatio.for_count(count, most_hits)
+        ratio = AmplitudeLawTable.for_count(count, most_hits)
         told = np.isfinite(normalised)
-        return cls(told, scaled(np.where(told, normalised, 0.0), ratio.count), ratio)
+        return cls(
+            told, scaled_by_amplitude_law(np.where(told, normalised, 0.0), ratio.count), ratio
+        )
 
 
-def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
+def amplitude_law_ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
     """Posterior mean of the signal-to-clutter ratio of targets, (n,), dB; nan without hits.
 
     Parameters

@@ -35,9 +35,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, Excess, poisson_bound
-from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, BlockSums, Cells, PolarGrid
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, in_sensor_frame, wrap
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, Excess, excess_poisson_bound
+from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, Cells, PolarBlockSums, PolarGrid
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, scan_in_sensor_frame, wrap
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import PROBABLE
 
@@ -60,7 +60,7 @@ LEAST_RISE = 1.2
 
 
 @dataclass(frozen=True)
-class Extent:
+class ClutterExtent:
     """Ranges and a sector.
 
     Attributes
@@ -77,7 +77,7 @@ class Extent:
     azimuth_max: float
 
     @classmethod
-    def of_sensor(cls, sensor: SensorModel) -> Extent:
+    def of_sensor(cls, sensor: SensorModel) -> ClutterExtent:
         """A sensor's coverage as given."""
         begin, width = sensor.azimuth_min, sensor.sector_width
         return cls(sensor.min_range, sensor.max_range, begin, begin + width)
@@ -94,11 +94,11 @@ class Extent:
         return 0.5 * width * (self.max_range**2 - self.min_range**2)
 
 
-EVERYWHERE = Extent(0.0, MAX_MAGNITUDE["range"], -math.pi, math.pi)
+EVERYWHERE = ClutterExtent(0.0, MAX_MAGNITUDE["range"], -math.pi, math.pi)
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class ClutterRegion:
     """A convex part of an extent.
 
     Attributes
@@ -110,12 +110,12 @@ class Region:
         m^2.
     """
 
-    extent: Extent
+    extent: ClutterExtent
     edges: FloatArray
     area: float
 
     @classmethod
-    def whole(cls, extent: Extent) -> Region:
+    def whole(cls, extent: ClutterExtent) -> ClutterRegion:
         """A whole extent."""
         return cls(extent, np.zeros((0, 3)), extent.area)
 
@@ -148,7 +148,7 @@ class Region:
         return nearest, farthest
 
 
-class SeenExtent:
+class SeenClutterExtent:
     """Estimates the extent of what a sensor sees from the places of clutter.
 
     Parameters
@@ -162,11 +162,11 @@ class SeenExtent:
         Number of detections that count.
     """
 
-    def __init__(self, limit: Extent) -> None:
+    def __init__(self, limit: ClutterExtent) -> None:
         self._limit = limit
         self._scans: deque[FloatArray] = deque([np.zeros((2, 0))])
         self.detections = 0
-        self._region: Region | None = Region.whole(limit)
+        self._region: ClutterRegion | None = ClutterRegion.whole(limit)
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Update with a scan's detections; see `ClutterMap.update`."""
@@ -194,20 +194,20 @@ class SeenExtent:
         return np.concatenate(self._scans, axis=1)
 
     @property
-    def region(self) -> Region:
+    def region(self) -> ClutterRegion:
         """Where clutter is seen; the limit before the third detection. Estimated when asked for."""
         if self._region is None:
             self._region = self._convex(*self.places)
         return self._region
 
-    def _estimated(self, range: FloatArray, azimuth: FloatArray) -> Extent:
+    def _estimated(self, range: FloatArray, azimuth: FloatArray) -> ClutterExtent:
         given, n = self._limit, len(range)
-        low, high = _widened(float(range.min()) ** 2, float(range.max()) ** 2, n)
+        low, high = _widened_clutter_extent(float(range.min()) ** 2, float(range.max()) ** 2, n)
         ordered = np.sort(azimuth)
         gaps = np.append(np.diff(ordered), ordered[0] + 2.0 * np.pi - ordered[-1])
         widest = int(np.argmax(gaps))  # the sector begins behind it
         start = float(ordered[(widest + 1) % n])
-        start, end = _widened(start, start + 2.0 * np.pi - float(gaps[widest]), n)
+        start, end = _widened_clutter_extent(start, start + 2.0 * np.pi - float(gaps[widest]), n)
         width = given.azimuth_max - given.azimuth_min
         if end - start >= width:
             start, end = given.azimuth_min, given.azimuth_max
@@ -221,38 +221,38 @@ class SeenExtent:
             elif last < 2.0 * np.pi:
                 last = min(last, width)
             start, end = given.azimuth_min + first, given.azimuth_min + last
-        return Extent(
+        return ClutterExtent(
             math.sqrt(max(low, given.min_range**2)),
             math.sqrt(min(high, given.max_range**2)),
             start,
             end,
         )
 
-    def _convex(self, range: FloatArray, azimuth: FloatArray) -> Region:
+    def _convex(self, range: FloatArray, azimuth: FloatArray) -> ClutterRegion:
         """The convex hull of the detections, as much larger as it is too small on average."""
-        extent, places = self._estimated(range, azimuth), in_sensor_frame(range, azimuth)
+        extent, places = self._estimated(range, azimuth), scan_in_sensor_frame(range, azimuth)
         try:
             hull = ConvexHull(places)
         except QhullError:  # too few, or in a line
-            return Region.whole(extent)
+            return ClutterRegion.whole(extent)
         missing = len(hull.vertices) / len(range)
         area = hull.volume / (1.0 - missing) if missing < 1.0 else math.inf
         if area >= extent.area:
-            return Region.whole(extent)
+            return ClutterRegion.whole(extent)
         edges = hull.equations.copy()
         # Every edge is moved away from the middle, by the same factor.
         at_middle = edges @ np.append(places[hull.vertices].mean(axis=0), 1.0)
         edges[:, 2] += (math.sqrt(area / hull.volume) - 1.0) * at_middle
-        return Region(extent, edges, float(area))
+        return ClutterRegion(extent, edges, float(area))
 
 
-def _widened(low: float, high: float, number: int) -> tuple[float, float]:
+def _widened_clutter_extent(low: float, high: float, number: int) -> tuple[float, float]:
     """Ends of an interval, from the least and the largest of uniform values in it."""
     beyond = (high - low) / (number - 1)
     return low - beyond, high + beyond
 
 
-def squares(rows: int, columns: int) -> list[tuple[int, int]]:
+def density_window_sizes(rows: int, columns: int) -> list[tuple[int, int]]:
     """Height and width of the windows of each size, the largest first, cells."""
     doublings = max(math.ceil(math.log2(max(rows, columns) / MIN_WINDOW_CELLS)), 0)
     sides = [MIN_WINDOW_CELLS * 2**doubling for doubling in reversed(range(doublings + 1))]
@@ -260,7 +260,9 @@ def squares(rows: int, columns: int) -> list[tuple[int, int]]:
 
 
 @lru_cache(maxsize=64)
-def along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, IntArray]:
+def density_windows_along(
+    cells: int, length: int, wraps: bool
+) -> tuple[IntArray, IntArray, IntArray]:
     """The windows of a length along an axis of so many cells, `PER_SIDE` to it, or fewer.
 
     Returns
@@ -284,23 +286,30 @@ def along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, Int
     return begin, windows, np.searchsorted(edges, np.arange(cells), side="right") - 1
 
 
-def window_sums(shapes: list[tuple[int, int]], values: FloatArray, wraps: bool) -> list[FloatArray]:
-    """Sums of values (r, c) over the windows of each shape, (i, j) each; see `Bounds`."""
-    sums, (rows, columns) = BlockSums(values, wraps), values.shape
+def density_window_sums(
+    shapes: list[tuple[int, int]], values: FloatArray, wraps: bool
+) -> list[FloatArray]:
+    """Sums of values (r, c) over the windows of each shape, (i, j) each; see `DensityBounds`."""
+    sums, (rows, columns) = PolarBlockSums(values, wraps), values.shape
     return [
-        sums.windows(along(rows, height, False)[0], height, along(columns, width, wraps)[0], width)
+        sums.windows(
+            density_windows_along(rows, height, False)[0],
+            height,
+            density_windows_along(columns, width, wraps)[0],
+            width,
+        )
         for height, width in shapes
     ]
 
 
 @lru_cache(maxsize=8)
-def whole_windows(grid: PolarGrid, shares: bytes) -> list[FloatArray]:
+def whole_density_windows(grid: PolarGrid, shares: bytes) -> list[FloatArray]:
     """The whole area of the windows of each size, times the shares of the columns (c,)."""
     whole = grid.area * np.frombuffer(shares)
-    return window_sums(squares(*grid.shape), whole, grid.wraps)
+    return density_window_sums(density_window_sizes(*grid.shape), whole, grid.wraps)
 
 
-class Bounds:
+class DensityBounds:
     """Bounds of a density by the counts of windows.
 
     Parameters
@@ -326,8 +335,10 @@ class Bounds:
         widening: float,
     ) -> None:
         self._shapes, self._wraps, self._cells = shapes, wraps, seen.shape
-        of_seen = window_sums(shapes, seen, wraps)
-        self._areas = [counted_area(widening, *areas) for areas in zip(of_seen, whole, strict=True)]
+        of_seen = density_window_sums(shapes, seen, wraps)
+        self._areas = [
+            counted_density_area(widening, *areas) for areas in zip(of_seen, whole, strict=True)
+        ]
 
     def moved(
         self, density: FloatArray, counts: FloatArray, scans: float, target: float
@@ -345,7 +356,7 @@ class Bounds:
         target : float
             Detections of an unknown target.
         """
-        of_counts = window_sums(self._shapes, counts, self._wraps)
+        of_counts = density_window_sums(self._shapes, counts, self._wraps)
         for shape, number, area in zip(self._shapes, of_counts, self._areas, strict=True):
             excess = Excess(number, scans * area)
             low, high = excess.lower(target), excess.upper()
@@ -357,14 +368,14 @@ class Bounds:
 
     def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
-        _, windows, row = along(self._cells[0], height, False)
+        _, windows, row = density_windows_along(self._cells[0], height, False)
         values = values.take(windows, axis=0).max(axis=0)
-        _, windows, column = along(self._cells[1], width, self._wraps)
+        _, windows, column = density_windows_along(self._cells[1], width, self._wraps)
         values = values.take(windows, axis=1).max(axis=1)
         return np.asarray(values[row][:, column])
 
 
-def counted_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatArray:
+def counted_density_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatArray:
     """The area that counts, m^2: of parts with these areas, of which clutter is seen in some.
 
     It is at most the whole area, at least a tenth of it, and grows with the area seen.
@@ -400,19 +411,23 @@ class SeenCells:
     widening : float
     """
 
-    def __init__(self, grid: PolarGrid, region: Region, area: float, shares: FloatArray) -> None:
+    def __init__(
+        self, grid: PolarGrid, region: ClutterRegion, area: float, shares: FloatArray
+    ) -> None:
         self.region, self.area, self.shares = region, area, shares
         seen = np.broadcast_to(grid.area, grid.shape)
         if region.area:
             seen = seen * region.contains(*grid.middles)
         self.widening = max(area / region.area, 1.0) if region.area else 1.0
-        self.counted = counted_area(self.widening, seen, grid.area)
+        self.counted = counted_density_area(self.widening, seen, grid.area)
         self.seen, self.whole = seen * shares, grid.area * shares
-        windows = whole_windows(grid, shares.tobytes())
-        self.bounds = Bounds(squares(*grid.shape), self.seen, windows, grid.wraps, self.widening)
+        windows = whole_density_windows(grid, shares.tobytes())
+        self.bounds = DensityBounds(
+            density_window_sizes(*grid.shape), self.seen, windows, grid.wraps, self.widening
+        )
 
 
-class _Estimate:
+class _DensityEstimate:
     """The density by the counts of some scans, computed where it is asked for.
 
     Parameters
@@ -454,14 +469,14 @@ class _Estimate:
     def _raise_rings(self, density: FloatArray, target: float) -> None:
         """Raise the density (r, c) of the cells on dense rings, in place."""
         cells, columns = self._cells, self._counts.shape[1]
-        area = counted_area(cells.widening, cells.seen.sum(axis=1), cells.whole.sum(axis=1))
+        area = counted_density_area(cells.widening, cells.seen.sum(axis=1), cells.whole.sum(axis=1))
         low = Excess(self._counts.sum(axis=1), self._scans * area).lower(target)
         rings = np.flatnonzero(low > LEAST_RISE * density.min(axis=1))
         if not len(rings):
             return
         arcs = [(1, columns // parts) for parts in ARCS if columns >= parts]
-        whole = window_sums(arcs, cells.whole[rings], self._grid.wraps)
-        bounds = Bounds(arcs, cells.seen[rings], whole, self._grid.wraps, cells.widening)
+        whole = density_window_sums(arcs, cells.whole[rings], self._grid.wraps)
+        bounds = DensityBounds(arcs, cells.seen[rings], whole, self._grid.wraps, cells.widening)
         raised = bounds.moved(low[rings, None], self._counts[rings], self._scans, target)
         density[rings] = np.maximum(density[rings], raised)
 
@@ -474,9 +489,9 @@ class _Estimate:
         return float((self.density * self._cells.seen).sum()) / total
 
     @cached_property
-    def expected(self) -> BlockSums:
+    def expected(self) -> PolarBlockSums:
         """Sums of the numbers of clutter detections that are expected in each cell in a scan."""
-        return BlockSums(self.density * self._cells.counted, self._grid.wraps)
+        return PolarBlockSums(self.density * self._cells.counted, self._grid.wraps)
 
 
 class ClutterMap:
@@ -509,7 +524,10 @@ class ClutterMap:
         self._counts = np.zeros(self.grid.shape)
         self._scans = np.zeros(self.grid.shape[1])  # that looked at each column
         self._level = 1.0
-        region, shares = Region.whole(Extent.of_sensor(sensor)), np.ones(len(self._scans))
+        region, shares = (
+            ClutterRegion.whole(ClutterExtent.of_sensor(sensor)),
+            np.ones(len(self._scans)),
+        )
         self.seen = SeenCells(self.grid, region, sensor.coverage_area, shares)
         self._renew(region)
 
@@ -523,7 +541,7 @@ class ClutterMap:
         return self._level * self._estimate.mean
 
     @property
-    def expected(self) -> BlockSums:
+    def expected(self) -> PolarBlockSums:
         """Numbers of clutter detections expected in the last scan."""
         sums = self._estimate.expected
         return sums if self._level == 1.0 else sums.scaled(self._level)
@@ -532,7 +550,7 @@ class ClutterMap:
         self,
         cells: Cells,
         weight: FloatArray,
-        seen: Callable[[], Region] | None = None,
+        seen: Callable[[], ClutterRegion] | None = None,
         min_area: float = 0.0,
         looks: FloatArray | float = 1.0,
     ) -> None:
@@ -576,14 +594,14 @@ class ClutterMap:
         share : float, optional
             Of the coverage, that the scan looked at.
         """
-        low = poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
+        low = excess_poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
         self._level = max(float(low) / (share * self._estimate.number), 1.0)
 
-    def _area_of(self, seen: Region, min_area: float) -> float:
+    def _area_of(self, seen: ClutterRegion, min_area: float) -> float:
         """Area that counts as that in which clutter is seen, m^2."""
         return min(max(seen.area, min_area), self._sensor.coverage_area)
 
-    def _renew(self, seen: Region, min_area: float = 0.0) -> None:
+    def _renew(self, seen: ClutterRegion, min_area: float = 0.0) -> None:
         """Estimate the density anew."""
         area, scans = self._area_of(seen, min_area), float(self._scans.max())
         shares = self._scans / scans if scans else np.ones(len(self._scans))
@@ -592,7 +610,7 @@ class ClutterMap:
             self.seen = SeenCells(self.grid, seen, area, shares)
         self._new = np.zeros(2)
         prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        self._estimate = _Estimate(self._counts.copy(), scans, self.seen, self.grid, prior)
+        self._estimate = _DensityEstimate(self._counts.copy(), scans, self.seen, self.grid, prior)
 
     @property
     def young(self) -> bool:
@@ -604,7 +622,7 @@ class ClutterMap:
         """Counts by ring and column, and the number of scans; both fading."""
         return self._counts.copy(), float(self._scans.max())
 
-    def remember(self, counts: FloatArray, scans: float, seen: Region) -> None:
+    def remember(self, counts: FloatArray, scans: float, seen: ClutterRegion) -> None:
         """Begin with the memory of another map of the same cells, and where clutter was seen."""
         self._counts, self._scans = counts.copy(), np.full(len(self._scans), scans)
         self._renew(seen)

@@ -57,7 +57,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.polar_grid import MEMORY, Batch, BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.polar_grid import MEMORY, Cells, PolarBatch, PolarBlockSums, PolarGrid
 
 MAX_DEVIATIONS = 1.25
 """Standard deviations c of a count within which the density stays unchanged."""
@@ -113,11 +113,11 @@ class Excess:
     ) -> FloatArray:
         """Lower bound of the ratio, with t detections of an unknown target; 0 without E."""
         counted = np.maximum(self.counted - target, 0.0)
-        return self._ratio(poisson_bound(counted, -deviations), 0.0)
+        return self._ratio(excess_poisson_bound(counted, -deviations), 0.0)
 
     def upper(self) -> FloatArray:
         """Upper bound of the ratio; infinite without E."""
-        return self._ratio(poisson_bound(self.counted, MAX_DEVIATIONS), math.inf)
+        return self._ratio(excess_poisson_bound(self.counted, MAX_DEVIATIONS), math.inf)
 
     def _ratio(self, bound: FloatArray, unknown: float) -> FloatArray:
         result = np.full_like(bound, unknown)
@@ -128,7 +128,7 @@ class Excess:
         return np.asarray((1.0 + variance * self.counted) / (1.0 + variance * self.expected))
 
 
-def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
+def excess_poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     """Bound of a Poisson mean at a distance of `deviations` standard deviations from the count.
 
     The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
@@ -137,7 +137,7 @@ def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     return np.asarray(count + half + deviations * np.sqrt(count + half / 2.0))
 
 
-class PredictiveDensity(NamedTuple):
+class ExcessPrediction(NamedTuple):
     """What makes the clutter density at a scan's detections uncertain.
 
     Attributes
@@ -219,15 +219,15 @@ class Overdispersion:
         expected = density * (area[row, column] * self._scans[column] * inside).sum(axis=1)
         return Excess(self._around[cells], expected)
 
-    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> PredictiveDensity:
+    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> ExcessPrediction:
         """What makes the density at detections (n,) uncertain; see `around`."""
         variance = self.variance
         if not variance:
-            return PredictiveDensity(math.inf, *np.zeros((2, len(density))))
+            return ExcessPrediction(math.inf, *np.zeros((2, len(density))))
         around = self.around(cells, density, area)
-        return PredictiveDensity(1.0 / variance, around.counted, around.expected)
+        return ExcessPrediction(1.0 / variance, around.counted, around.expected)
 
-    def update(self, batch: Batch, area: FloatArray) -> None:
+    def update(self, batch: PolarBatch, area: FloatArray) -> None:
         """Learn from the batch before, and take the next; for the area see `around`."""
         if self._last is not None:
             self._learn(*self._last)
@@ -289,7 +289,7 @@ class ConfirmedTargets(NamedTuple):
     existence: FloatArray
 
 
-class _Strips:
+class _ExcessStrips:
     """Strips behind targets (n, widths, 2): behind a target, and the farther half.
 
     Attributes
@@ -312,13 +312,13 @@ class _Strips:
         near = self._grid.apart(cells.column, self.middle) <= _WIDTHS
         return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
 
-    def sums(self, values: BlockSums) -> FloatArray:
+    def sums(self, values: PolarBlockSums) -> FloatArray:
         """Sums of the cells in each strip, (n, widths, 2)."""
         end, left = np.array(values.rows), self.middle - _WIDTHS
         return np.maximum(values.over(self.start, end, left, 2 * _WIDTHS + 1), 0.0)
 
 
-class SecondaryEchoes:
+class SecondaryEchoExcess:
     """Learns how much denser clutter is behind echoes.
 
     Parameters
@@ -347,10 +347,10 @@ class SecondaryEchoes:
         factor = 1.0 + targets.existence[:, None, None] * rise
         if not rise.any():
             return np.ones(len(cells.row))
-        in_strips = _Strips(self._grid, targets).hold(cells)
+        in_strips = _ExcessStrips(self._grid, targets).hold(cells)
         return np.asarray(np.where(in_strips, factor[..., None], 1.0).max(axis=(0, 1, 2)))
 
-    def among(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> FloatArray:
+    def among(self, cells: Cells, weight: FloatArray, expected: PolarBlockSums) -> FloatArray:
         """Factor (n,) of the map's density in cells, by the other detections of their scan.
 
         Parameters
@@ -368,7 +368,9 @@ class SecondaryEchoes:
         level = self._before(cells, weight, expected).mean(np.maximum(correlation - 1.0, 0.0))
         return np.maximum(level, 1.0).max(axis=0)
 
-    def update(self, targets: ConfirmedTargets, batch: Batch, expected: BlockSums) -> None:
+    def update(
+        self, targets: ConfirmedTargets, batch: PolarBatch, expected: PolarBlockSums
+    ) -> None:
         """Learn from a batch: pairs of its last scan, and what is behind targets in all.
 
         Parameters
@@ -384,13 +386,13 @@ class SecondaryEchoes:
         self.pairs = self.pairs.faded(keep, before.counted @ weight, before.expected @ weight)
         ids, scans, behind = self._of_targets(targets.track_id)
         if len(ids):
-            strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
+            strips, keep = _ExcessStrips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
             looks, count = batch.looks[strips.middle], strips.hold(batch.cells) @ batch.weight
             behind = behind.faded(keep, count, looks * strips.sums(expected))
             scans = keep * scans + looks[:, 0, 0]
         self._track_id, self._scans, self._behind = ids, scans, behind
 
-    def _before(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> Excess:
+    def _before(self, cells: Cells, weight: FloatArray, expected: PolarBlockSums) -> Excess:
         """Detections (w, n) in front of each of these, in the strips around its bearing."""
         strips = np.array(0), cells.row, cells.column - _WIDTHS, 2 * _WIDTHS + 1
         if len(weight) <= FEW:
@@ -399,7 +401,7 @@ class SecondaryEchoes:
         else:
             counts = np.zeros(self._grid.shape)
             np.add.at(counts, cells, weight)
-            before = BlockSums(counts, self._grid.wraps).over(*strips)
+            before = PolarBlockSums(counts, self._grid.wraps).over(*strips)
         return Excess(*np.maximum([before, expected.over(*strips)], 0.0))  # rounding errors
 
     def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:

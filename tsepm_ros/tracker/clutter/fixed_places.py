@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter.excess import Excess
-from tsepm_ros.tracker.sensor import SensorModel, View
+from tsepm_ros.tracker.sensor import SensorModel, SensorView
 
 MAX_CELLS = 100_000_000
 """Largest number of cells: 12.5 MB are kept of them."""
@@ -178,7 +178,7 @@ class FixedPlaces:
     def _begin(self) -> None:
         self._scans = self._number = 0
         self._taken: list[IntArray] = []
-        self._views: list[View] = []
+        self._views: list[SensorView] = []
 
     @property
     def known(self) -> bool:
@@ -197,16 +197,16 @@ class FixedPlaces:
         """
         part, power = np.frexp(np.maximum(SIDE * deviation, LEAST_SIDE))
         levels = power[:, None] - np.array([1, 0, -1])
-        numbers = _numbers((position @ self._axes)[:, None], levels)
+        numbers = _fixed_place_numbers((position @ self._axes)[:, None], levels)
         nearer = (part > math.sqrt(0.5))[:, None]
         return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
 
     def density(self, cells: CellNumbers) -> FloatArray:
         """Density where clutter stays, 0 elsewhere, at detections, (n,), 1/m^2."""
-        row, known = _found(cells.nearest, self._cells)
+        row, known = _fixed_place_rows(cells.nearest, self._cells)
         return np.asarray(np.where(known, self._densities[row], 0.0).max(axis=1))
 
-    def update(self, stamp: float, view: View, cells: CellNumbers, moving: IntArray) -> None:
+    def update(self, stamp: float, view: SensorView, cells: CellNumbers, moving: IntArray) -> None:
         """Take a scan's detections; they count when the period ends.
 
         A scan that was taken before, and is observed again, is left out.
@@ -243,7 +243,7 @@ class FixedPlaces:
             views = [views[i] for i in rng.choice(len(views), VIEWS, replace=False)]
         self._periods.append(_Period(cells, counts, len(self._views), Counter(views)))
         if len(self._periods) > 1:
-            self._cells, self._densities = _densities(list(self._periods), self._axes)
+            self._cells, self._densities = _fixed_place_densities(list(self._periods), self._axes)
 
 
 class _Period(NamedTuple):
@@ -262,21 +262,21 @@ class _Period(NamedTuple):
     cells: IntArray
     counts: IntArray
     scans: int
-    views: Counter[View]
+    views: Counter[SensorView]
 
 
-def _densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:
+def _fixed_place_densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:
     """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
-    cells, counts, first = _counted(periods)
-    number = _staying(cells, counts)
+    cells, counts, first = _counted_fixed_places(periods)
+    number = _staying_in_fixed_places(cells, counts)
     stays = np.flatnonzero(number)
     cells, number, first = cells[stays], number[stays], first[stays]
-    scans = _scans_since(first, _middles(cells) @ axes.T, periods)
+    scans = _scans_of_fixed_places(first, _fixed_place_middles(cells) @ axes.T, periods)
     use = np.flatnonzero(scans)
-    return cells[use], number[use] / (scans[use] * _sides(cells[use]) ** 2)
+    return cells[use], number[use] / (scans[use] * _fixed_place_sides(cells[use]) ** 2)
 
 
-def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
+def _counted_fixed_places(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
     """Cells of two periods at least, (k,), ascending, their counts over all, and first periods.
 
     The largest count of a cell counts as the second largest.
@@ -296,7 +296,7 @@ def _counted(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
     return cells[last[several]], np.add.reduceat(counts, begin)[several], first[several]
 
 
-def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
+def _staying_in_fixed_places(cells: IntArray, counts: FloatArray) -> FloatArray:
     """Number of detections of clutter that stays in cells (n,), of the counts there (n,).
 
     0 where no two cells on opposite sides have any.
@@ -306,7 +306,9 @@ def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
         between = np.arange(len(cells))
         least, total = counts, counts
         for sign in (1, -1):
-            row, known = _found(_beside(cells[between], sign * x, sign * y), cells)
+            row, known = _fixed_place_rows(
+                _beside_fixed_places(cells[between], sign * x, sign * y), cells
+            )
             between, count = between[known], counts[row[known]]
             least, total = np.minimum(least[known], count), total[known] + count
         number = np.minimum(Excess(total, np.array(3.0)).lower(), 2.0 * least)
@@ -314,7 +316,9 @@ def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
     return staying
 
 
-def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) -> FloatArray:
+def _scans_of_fixed_places(
+    first: IntArray, places: FloatArray, periods: list[_Period]
+) -> FloatArray:
     """Number of scans, (n,), that saw each place (n, 2), from its first period (n,) on; about."""
     # Most sensors look at the same from scan to scan.
     views = {view for part in periods for view in part.views}
@@ -326,14 +330,14 @@ def _scans_since(first: IntArray, places: FloatArray, periods: list[_Period]) ->
     return scans
 
 
-def _numbers(position: FloatArray, level: IntArray) -> IntArray:
+def _fixed_place_numbers(position: FloatArray, level: IntArray) -> IntArray:
     """Numbers (...) of the cells of positions (..., 2) with sides of powers of two (...)."""
     index = np.floor(np.ldexp(position, -level[..., None])).astype(np.int64) & _MASK
     of_level = (level + _LEVELS).astype(np.int64) << 2 * _BITS
     return np.asarray(of_level | (index[..., 0] << _BITS) | index[..., 1])
 
 
-def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
+def _fixed_place_rows(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
     """Rows of cells (k,), ascending, with given numbers (...), and whether there is such a cell.
 
     Where there is none, the row has no meaning.
@@ -345,19 +349,19 @@ def _found(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
     return row, np.asarray(cells[row] == numbers)
 
 
-def _beside(cells: IntArray, x: int, y: int) -> IntArray:
+def _beside_fixed_places(cells: IntArray, x: int, y: int) -> IntArray:
     """Numbers of the cells that are some places beside others (n,)."""
     level = cells >> 2 * _BITS << 2 * _BITS
     return np.asarray(level | (((cells >> _BITS) + x) & _MASK) << _BITS | ((cells + y) & _MASK))
 
 
-def _sides(cells: IntArray) -> FloatArray:
+def _fixed_place_sides(cells: IntArray) -> FloatArray:
     """Sides of cells (n,), m."""
     return np.asarray(np.exp2((cells >> 2 * _BITS) - _LEVELS))
 
 
-def _middles(cells: IntArray) -> FloatArray:
+def _fixed_place_middles(cells: IntArray) -> FloatArray:
     """Middles of cells, (n, 2), m."""
     index = np.stack([cells >> _BITS, cells], axis=1) & _MASK
     index -= (index >> (_BITS - 1)) << _BITS  # below zero
-    return np.asarray((index + 0.5) * _sides(cells)[:, None])
+    return np.asarray((index + 0.5) * _fixed_place_sides(cells)[:, None])

@@ -24,26 +24,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from tsepm_ros.parameters import shown
+from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.clutter.density import EVERYWHERE, ClutterMap, Extent, SeenExtent
+from tsepm_ros.tracker.clutter.density import (
+    EVERYWHERE,
+    ClutterExtent,
+    ClutterMap,
+    SeenClutterExtent,
+)
 from tsepm_ros.tracker.clutter.excess import (
     ConfirmedTargets,
+    ExcessPrediction,
     Overdispersion,
-    PredictiveDensity,
-    SecondaryEchoes,
+    SecondaryEchoExcess,
 )
 from tsepm_ros.tracker.clutter.fixed_places import RISE, CellNumbers, FixedPlaces
 from tsepm_ros.tracker.clutter.sensor_performance import (
     MAX_GAP,
     DetectionProbability,
-    MeasurementErrors,
+    SensorPerformanceErrors,
 )
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import MEMORY, Batch
-from tsepm_ros.tracker.range_rates import measured, over_ground
-from tsepm_ros.tracker.sensor import SensorModel, View
+from tsepm_ros.tracker.polar_grid import MEMORY, PolarBatch
+from tsepm_ros.tracker.range_rates import measured, range_rates_over_ground
+from tsepm_ros.tracker.sensor import SensorModel, SensorView
 
 MIN_RATE_COUNT = 20
 """Smallest number of range rates for an estimate: below, the given width is used."""
@@ -64,7 +69,7 @@ MAX_HALF_LIVES = 40.0
 UNLEARNED = "its content is not that of a learned state"
 
 
-class ClutterRangeRates:
+class LearnedRangeRates:
     """Estimates the median magnitude of clutter's range rates: most detections are clutter."""
 
     def __init__(self) -> None:
@@ -74,7 +79,7 @@ class ClutterRangeRates:
         """Update the estimate with the range rates of a scan's detections."""
         rated = taken(detections, measured(detections))
         if len(rated):
-            self._rates.append(np.abs(over_ground(rated)))
+            self._rates.append(np.abs(range_rates_over_ground(rated)))
 
     def estimate(self, sensor: SensorModel) -> SensorModel:
         """The sensor with the median magnitude over ground as `clutter_range_rate`.
@@ -88,7 +93,7 @@ class ClutterRangeRates:
         return replace(sensor, clutter_range_rate=min(width, MAX_CLUTTER_RANGE_RATE))
 
 
-class ScanInterval:
+class LearnedScanInterval:
     """Median of the last intervals: a lost ping or a pause does not change it.
 
     Attributes
@@ -140,16 +145,16 @@ class Learned:
 
     clutter_map: ClutterMap
     overdispersion: Overdispersion
-    seen_extent: SeenExtent
+    seen_extent: SeenClutterExtent
     amplitudes: ClutterAmplitudes
     fixed_places: FixedPlaces
-    secondary_echoes: SecondaryEchoes
-    batch: Batch
-    all_extent: SeenExtent = field(default_factory=lambda: SeenExtent(EVERYWHERE))
-    scan_interval: ScanInterval = field(default_factory=ScanInterval)
-    clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
+    secondary_echoes: SecondaryEchoExcess
+    batch: PolarBatch
+    all_extent: SeenClutterExtent = field(default_factory=lambda: SeenClutterExtent(EVERYWHERE))
+    scan_interval: LearnedScanInterval = field(default_factory=LearnedScanInterval)
+    clutter_range_rates: LearnedRangeRates = field(default_factory=LearnedRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
-    errors: MeasurementErrors = field(default_factory=MeasurementErrors)
+    errors: SensorPerformanceErrors = field(default_factory=SensorPerformanceErrors)
 
     @classmethod
     def initial(cls, sensor: SensorModel) -> Learned:
@@ -159,11 +164,11 @@ class Learned:
         return cls(
             clutter_map,
             Overdispersion(grid),
-            SeenExtent(Extent.of_sensor(sensor)),
+            SeenClutterExtent(ClutterExtent.of_sensor(sensor)),
             ClutterAmplitudes(grid.shape, grid.wraps),
             FixedPlaces(sensor),
-            SecondaryEchoes(grid),
-            Batch(grid.shape[1]),
+            SecondaryEchoExcess(grid),
+            PolarBatch(grid.shape[1]),
         )
 
     def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
@@ -176,7 +181,7 @@ class Learned:
         def same(*names: str) -> bool:
             return all(getattr(sensor, name) == getattr(before, name) for name in names)
 
-        kept = self if same(*ERRORS) else replace(self, errors=MeasurementErrors())
+        kept = self if same(*ERRORS) else replace(self, errors=SensorPerformanceErrors())
         if same(*COVERAGE, "clutter_density"):
             return kept
         fresh = Learned.initial(sensor)
@@ -191,7 +196,7 @@ class Learned:
         )
 
 
-class ScanClutter:
+class LearnedScanClutter:
     """The models of clutter at the places of one scan's detections.
 
     Parameters
@@ -246,7 +251,7 @@ class ScanClutter:
                 self._staying = learned.fixed_places.density(self._places)
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
-        self.predictive: PredictiveDensity | None = None
+        self.predictive: ExcessPrediction | None = None
         self.amplitudes = (
             learned.amplitudes if common.intensity == "auto" and counts_echoes else None
         )
@@ -261,7 +266,7 @@ class ScanClutter:
     def learn(
         self,
         stamp: float,
-        view: View,
+        view: SensorView,
         weight: FloatArray,
         min_area: float,
         targets: Callable[[], ConfirmedTargets],
@@ -364,7 +369,7 @@ class ScanClutter:
         return self._learned.clutter_map.at(self.cells)
 
 
-def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -> str:
+def write_learned(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -> str:
     """Write what was learned.
 
     Parameters
@@ -407,7 +412,7 @@ def written(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -
     )
 
 
-def read(
+def read_learned(
     text: str, sensor: SensorModel, frame_id: str, time: float, max_age: float
 ) -> tuple[Learned, float]:
     """Read what was learned before.
@@ -415,7 +420,7 @@ def read(
     Parameters
     ----------
     text : str
-        From `written`.
+        From `write_learned`.
     sensor : SensorModel
         As given now.
     frame_id : str
@@ -437,8 +442,8 @@ def read(
         If the text is not of this format, of another sensor, older than `max_age` or of a time to
         come; the message says which.
     """
-    content = _content(text)
-    age = time - float(_numbers(content, "time", 0, -1e12, 1e12))
+    content = _learned_content(text)
+    age = time - float(_learned_numbers(content, "time", 0, -1e12, 1e12))
     if not 0.0 <= age <= max_age:
         raise ValueError(
             f"it is {'stale' if age > 0.0 else 'of a time to come'}: {abs(age) / 3600.0:.3g} h, at "
@@ -448,16 +453,20 @@ def read(
         if content["sensor"].get(name) != getattr(sensor, name):
             raise ValueError(
                 f"it is of another sensor: sensor.{name} was "
-                f"{shown(content['sensor'].get(name))} and is {getattr(sensor, name)!r}"
+                f"{shown_parameter(content['sensor'].get(name))} and is {getattr(sensor, name)!r}"
             )
     if frame_id and content["frame_id"] not in ("", frame_id):
         raise ValueError(
-            f"it is of another sensor: its frame was {shown(content['frame_id'])} and is "
+            f"it is of another sensor: its frame was {shown_parameter(content['frame_id'])} and is "
             f"{frame_id!r}"
         )
     fresh = Learned.initial(sensor)
-    numbers = {name: _numbers(content, name, *row) for name, row in _bounds(sensor).items()}
-    for fault, contradicts in _contradictions(numbers, fresh.clutter_map.grid.shape).items():
+    numbers = {
+        name: _learned_numbers(content, name, *row) for name, row in _learned_bounds(sensor).items()
+    }
+    for fault, contradicts in _learned_contradictions(
+        numbers, fresh.clutter_map.grid.shape
+    ).items():
         if contradicts:
             raise ValueError(f"{UNLEARNED}: {fault}")
     share = 0.5 ** min(age / HALF_LIFE, MAX_HALF_LIVES)
@@ -470,7 +479,7 @@ def read(
     return fresh, age
 
 
-def _content(text: str) -> dict[str, Any]:
+def _learned_content(text: str) -> dict[str, Any]:
     """The content of a text."""
     try:
         content = json.loads(text)
@@ -483,7 +492,7 @@ def _content(text: str) -> dict[str, Any]:
     return content
 
 
-def _bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
+def _learned_bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
     """Dimensions, least and largest value of each number, or list of numbers."""
     return {
         "clutter_scans": (0, 0.0, MEMORY + 1.0),
@@ -496,7 +505,7 @@ def _bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
     }
 
 
-def _numbers(
+def _learned_numbers(
     content: dict[str, Any], name: str, dimensions: int, low: float, high: float
 ) -> FloatArray:
     """The numbers of a name as floats, if they are of these dimensions and within the bounds."""
@@ -507,11 +516,13 @@ def _numbers(
             return values.astype(float)
     raise ValueError(
         f"{UNLEARNED}: {name} must be {('a number', 'numbers', 'rows of numbers')[dimensions]} "
-        f"from {low:g} to {high:g}; got {shown(content.get(name))}"
+        f"from {low:g} to {high:g}; got {shown_parameter(content.get(name))}"
     )
 
 
-def _contradictions(numbers: dict[str, FloatArray], shape: tuple[int, int]) -> dict[str, bool]:
+def _learned_contradictions(
+    numbers: dict[str, FloatArray], shape: tuple[int, int]
+) -> dict[str, bool]:
     """Faults of numbers that are within their bounds, and whether the content has them.
 
     A detection of a target covers one scan at least, and `MAX_GAP` at most.

@@ -120,7 +120,7 @@ class FittedErrors:
     median_range: float
 
 
-class MeasurementErrors:
+class SensorPerformanceErrors:
     """Collects the innovations of confirmed tracks' detections.
 
     Attributes
@@ -195,10 +195,10 @@ class MeasurementErrors:
             return None
         columns = np.array(self.samples).T
         distance, along, turn, range_variance, azimuth_variance = columns[:5]
-        variance = partial(_variance, columns[5] > 0.0)
+        variance = partial(_sensor_performance_variance, columns[5] > 0.0)
         square, unit = distance**2, np.ones(1)
         # Squares of nearly 0, of rounded ranges, leave it as it was assumed.
-        grows = _grows(np.maximum(along, NEARLY_ZERO * range_variance), distance)
+        grows = _sensor_performance_grows(np.maximum(along, NEARLY_ZERO * range_variance), distance)
         return FittedErrors(
             range_std=0.0 if grows else variance(along, range_variance) ** 0.5,
             range_std_fraction=variance(along / square, range_variance / square) ** 0.5
@@ -211,7 +211,9 @@ class MeasurementErrors:
         )
 
 
-def _variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> float:
+def _sensor_performance_variance(
+    moves: BoolArray, square: FloatArray, assumed: FloatArray
+) -> float:
     """Variance of normal innovations by their squares: by the median, or the tail up to `assumed`.
 
     The tail counts from as many innovations of tracks that move as a judgement needs.
@@ -223,7 +225,7 @@ def _variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> floa
     return max(by_median, min(by_tail, float(np.median(assumed))))
 
 
-def _grows(square: FloatArray, distance: FloatArray) -> bool:
+def _sensor_performance_grows(square: FloatArray, distance: FloatArray) -> bool:
     """Whether squared errors grow with the range rather like its square than not at all."""
     far = distance > np.median(distance)
     if far.all() or not far.any():

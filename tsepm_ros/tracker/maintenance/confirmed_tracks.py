@@ -15,7 +15,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.clutter.amplitude_law import ratio_db
+from tsepm_ros.tracker.clutter.amplitude_law import amplitude_law_ratio_db
 from tsepm_ros.tracker.maintenance import data_association, stationary
 from tsepm_ros.tracker.maintenance.data_association import (
     SCANS_OF_FADING,
@@ -392,7 +392,7 @@ class ConfirmedTracks(Rows):
         tracks = changed(
             tracks,
             stationary_probability=probability,
-            signal_to_clutter_db=ratio_db(self.amplitude_hits, self.amplitude_total),
+            signal_to_clutter_db=amplitude_law_ratio_db(self.amplitude_hits, self.amplitude_total),
             existence_probability=self.existence,
             time_since_hit=tracks.stamp - self.last_detected,
         )

@@ -37,9 +37,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
-from tsepm_ros.numerics.discs import squared_distances
+from tsepm_ros.numerics.discs import squared_distances_of_discs
 from tsepm_ros.tracker import motion, range_rates
-from tsepm_ros.tracker.measurement import covariance_at
+from tsepm_ros.tracker.measurement import measurement_covariance_at
 from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -119,14 +119,16 @@ def gate(
     if centre.size * len(detections) > MANY:
         row = cKDTree(detections["position"]).query(centre, k=range(1, number + 1))[1]
     else:
-        square = squared_distances(centre.reshape(-1, 2), detections["position"])
+        square = squared_distances_of_discs(centre.reshape(-1, 2), detections["position"])
         row = square.argsort(axis=1)[:, :number].reshape(*centre.shape[:2], number)
     of_modes = row[:, SEEKER]
     rated = range_rates.measured(detections).any()
     near = taken(detections, of_modes if rated else of_modes[..., :1])
     time = near["time"] - stamp
     spread = motion.position_covariance_after(covariance[:, :, None], time)
-    spread = spread + covariance_at(near, motion.position_after(state[:, :, None], time), sensor)
+    spread = spread + measurement_covariance_at(
+        near, motion.position_after(state[:, :, None], time), sensor
+    )
     expected = motion.position_after(state[:, :, None], after[of_modes])
     innovation = detections["position"][of_modes] - expected
     density = motion.log_likelihood(

@@ -37,7 +37,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, changed
 from tsepm_ros.numerics.discs import disc_probability
-from tsepm_ros.numerics.gaussian import is_significant, log_density
+from tsepm_ros.numerics.gaussian import gaussian_log_density, is_gaussian_significant
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -105,7 +105,7 @@ def _integrated(
     usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
     velocity = np.where(usable[:, None], velocity, 0.0)
     spread = np.where(usable[:, None, None], spread, np.eye(2) * options.max_speed**2)
-    still, min_speed = np.exp(log_density(velocity, spread)[0]), options.min_speed
+    still, min_speed = np.exp(gaussian_log_density(velocity, spread)[0]), options.min_speed
     shares, limits = _speed_limits(min_speed, options.max_speed)
     slow, *inside = disc_probability(velocity, spread, np.append(min_speed, limits))
     density = shares / (math.pi * (limits**2 - min_speed**2))
@@ -161,8 +161,8 @@ class StraightFits(Rows):
 
     @property
     def moves(self) -> BoolArray:
-        """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
-        return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
+        """Whether the velocity of each fit differs from 0, (n,); see `is_gaussian_significant`."""
+        return is_gaussian_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
 
     def stationary_probability(self, options: CommonOptions, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).

@@ -18,8 +18,8 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    array_rows_of_least_cost,
     changed,
-    keep_best,
     taken,
     with_rows,
 )
@@ -500,4 +500,4 @@ def best_confirmed(existence: FloatArray, evaluation: FloatArray, number: int) -
     """
     rank = np.empty(len(existence))
     rank[np.lexsort((evaluation, -existence))] = np.arange(len(existence))
-    return keep_best(rank, number)
+    return array_rows_of_least_cost(rank, number)
