@@ -1,6 +1,6 @@
 """The detector of images, measured: what it must hold, a Markdown table for each part.
 
-- false: false detections an image over the stated number, from image 21 on; by law, correlation and
+- false: false detections an image over the stated number, from image 61 on; by law, correlation and
   texture of the clutter, scale, fall of the reverberation, a step of the gain, and moving targets;
 - detection: share of targets detected at 20 false an image, beside the same stages with the true
   background and quantile, the size stated to both;
@@ -46,8 +46,8 @@ from tsepm_ros.tools.terminal import terminal_markdown_table, terminal_progress
 Rows = Iterator[Sequence[str]]
 
 NUMBERS = 5.0, 20.0, 100.0
-SETTLED = 20
-"""Images before the measured ones."""
+SETTLED = 60
+"""Images before the measured ones: the background is known then."""
 CELLS = 128, 400
 SENSOR = SensorModel(
     range_std=0.1, range_std_fraction=0.0, azimuth_std=0.01, min_range=1.0, max_range=41.0,
@@ -352,7 +352,7 @@ def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -
             near |= close
             count, found_, held = count + 1, found_ + bool((apart < 1.0).any()), held + bool(close)
         others.append(place[~own])
-    false = false_ones(others, 1.0)[SETTLED:]
+    false = false_ones(others, 1.0)[20:]
     minutes = (last - float(data["time_s"][0])) / 60.0
     shares = f"{found_ / count:.3f}", f"{np.mean([len(o) for o in others]):.1f}"
     elsewhere = f"{len(ids - near) / minutes:.1f}"
@@ -365,12 +365,12 @@ def time_table(options: argparse.Namespace) -> Rows:
     rng = np.random.default_rng(options.seed)
     for m, b in ((500, 256), (1000, 512)):
         drawn = [np.abs(rng.standard_normal((b, m)) + 1j * rng.standard_normal((b, m)))
-                 .astype(np.float32) for _ in range(4)]  # fmt: skip
+                 .astype(np.float32) for _ in range(40)]  # fmt: skip
         detector = make_detector(**stated((3, 7)))
         axes = np.linspace(1.0, 41.0, m), np.linspace(-1.0, 1.0, b)
         begin, middle = time.process_time(), 0
         for k in range(options.images):
-            detector.process(SonarImage(0.1 * k, *axes, drawn[k % 4]))
+            detector.process(SonarImage(0.1 * k, *axes, drawn[7 * k % 40]))
             if k == options.images // 2:
                 middle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         ms = 1e3 * (time.process_time() - begin) / options.images
