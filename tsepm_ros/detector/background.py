@@ -23,7 +23,7 @@ from tsepm_ros.numerics.arrays import BoolArray
 
 MEMORY = 40
 """Images over which a cell's mean and deviation are learned."""
-FIRST = 8
+FIRST = 4
 """Images of which means are learned before they predict, and deviations from them are."""
 PRIOR = 8
 """Images as many as which the median deviation counts for each cell's own."""
