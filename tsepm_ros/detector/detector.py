@@ -113,19 +113,20 @@ class _DetectorScale:
         peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
         level, standing = self.threshold.update(peaks)
         high = peaks.height > level
-        echoes, standing = cfar_echoes(y, cell[high], self.box, wraps), standing[high]
+        found, standing = cell[high], standing[high]
         if background.images <= YOUNG and background.share > REMOVES:
-            whole, _ = cfar_normalised(x, defined, self.box, modes)
-            w = cfar_smoothed(whole, self.box, modes)
+            # What the background removes is flagged, and all echoes are measured as they are.
+            y, _ = cfar_normalised(x, defined, self.box, modes)
+            w = cfar_smoothed(y, self.box, modes)
             places = peaks.place[high]
             peaks, cell = cfar_peaks(w, defined, self.box, modes, self.threshold.kept)
             least, _ = self._plain.update(peaks)
             lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
             near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
             more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
-            parts = zip(echoes, cfar_echoes(whole, more, self.box, wraps), strict=True)
-            echoes = Echoes(*map(np.concatenate, parts))
+            found = np.concatenate([found, more])
             standing = np.append(standing, np.ones(len(more)))
+        echoes = cfar_echoes(y, found, self.box, wraps)
         for number, one in enumerate(self.trials if trial else ()):
             one.update(peaks)
             self.recurring[number] += _distinct(one.evidence, cell)
