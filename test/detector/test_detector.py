@@ -238,6 +238,16 @@ def test_what_stands_is_flagged_and_then_background_and_the_number_is_of_what_do
     assert numbers == pytest.approx(np.mean(seen[80:], axis=0)[[2, 1]], abs=1.0)
 
 
+def test_in_the_first_images_what_stands_is_measured_as_if_no_image_had_been_before():
+    rng, loud = np.random.default_rng(26), []
+    detector = make_detector(false_detections_per_ping=5, range_extent=0.4, azimuth_extent=0.09)
+    for image in images(55, lambda k: standing_scene(rng)):
+        scan = detector.process(image)
+        pile = (abs(scan.range - RANGE[101]) < 0.5) & (abs(scan.azimuth - AZIMUTH[31]) < 0.12)
+        loud.append(scan.features["intensity"][pile].min(initial=np.inf))
+    assert np.median(loud[4:15]) > np.mean(loud[:3]) - 2.5
+
+
 def test_a_target_in_front_of_a_wall_is_detected_where_the_wall_is_known():
     rng, found = np.random.default_rng(23), []
     detector = make_detector(false_detections_per_ping=5, range_extent=0.4, azimuth_extent=0.09)

@@ -59,6 +59,8 @@ REMOVES = 0.3
 """Share of the background from which on it is looked for what it removes."""
 REMOVED = 0.25
 """Part of the threshold by which the background lowers what it removes."""
+DRAWN = 0.5
+"""Boxes from an echo to its centroid from which on another thing is measured."""
 FULL_TURN_GAP = 2.5
 """Largest gap between the last and the first bearing of a full turn, in spacings."""
 MEAN_OVER_DEVIATION = math.sqrt(math.pi / (4.0 - math.pi))
@@ -114,19 +116,24 @@ class _DetectorScale:
         level, standing = self.threshold.update(peaks)
         high = peaks.height > level
         found, standing = cell[high], standing[high]
+        echoes = cfar_echoes(y, found, self.box, wraps)
         if background.images <= YOUNG and background.share > REMOVES:
-            # What the background removes is flagged, and all echoes are measured as they are.
-            y, _ = cfar_normalised(x, defined, self.box, modes)
-            w = cfar_smoothed(y, self.box, modes)
+            whole, _ = cfar_normalised(x, defined, self.box, modes)
+            w = cfar_smoothed(whole, self.box, modes)
             places = peaks.place[high]
             peaks, cell = cfar_peaks(w, defined, self.box, modes, self.threshold.kept)
             least, _ = self._plain.update(peaks)
             lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
             near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
             more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
-            found = np.concatenate([found, more])
             standing = np.append(standing, np.ones(len(more)))
-        echoes = cfar_echoes(y, found, self.box, wraps)
+            # Echoes are measured as they are, but where what stands would be measured.
+            as_they_are = cfar_echoes(whole, np.concatenate([found, more]), self.box, wraps)
+            drawn = np.abs(as_they_are.cell[: len(found)] - found) > DRAWN * np.array(self.box)
+            rows = np.flatnonzero(drawn.any(axis=1))
+            for field, own in zip(as_they_are, echoes, strict=True):
+                field[rows] = own[rows]
+            echoes = as_they_are
         for number, one in enumerate(self.trials if trial else ()):
             one.update(peaks)
             self.recurring[number] += _distinct(one.evidence, cell)
