@@ -2,18 +2,13 @@
 
 Images are in deviations above their background, and smoothed over the extent of an echo.
 
-*Conditioned*: an amplitude is standardised by mean and deviation of all bearings at its range (gain
-over range, reverberation, the ring of the transmission), then of all ranges at its bearing (a
-streak: the pulse of another sonar)::
+*Normalised*: a cell is standardised by mean and deviation of the ring of cells around it, between a
+guard that its own echo may fill and an outer box; sums over boxes cost the same for every size::
 
-    x = max((a - mean) / deviation, -LIMIT),    of  a  within  mean +- LIMIT * deviation
+    x = (a - mean) / deviation,    of  a  up to  mean + LIMIT * deviation
 
-so that the holes of a range that is saturated, or of a logarithm, have a bounded part.
-
-*Normalised*: the same with the ring of cells around each, between a guard that its own echo may
-fill and an outer box; sums over boxes cost the same for every size. Amplitudes above the limit
-count as the limit, so that other echoes and walls have a bounded part. Location and scale do the
-same to amplitudes, powers and logarithms: the unit need not be known.
+so that other echoes and walls have a bounded part. Location and scale do the same to amplitudes,
+powers and logarithms: the unit need not be known.
 
 *Measured*: a peak is the highest cell within the box of an echo around it. The position is the
 centroid of the amplitudes ``w`` above half of the largest in a window of twice the box, which is

@@ -76,23 +76,6 @@ class Stages(NamedTuple):
     threshold: float
 
 
-class Found(NamedTuple):
-    """Detections of an image for one box of an echo.
-
-    Attributes
-    ----------
-    echoes : Echoes
-    standing : (n,) ndarray
-        Share of the last images with a detection at the place of each; 1 where the background
-        takes the echo for what stands.
-    stages : Stages
-    """
-
-    echoes: Echoes
-    standing: FloatArray
-    stages: Stages
-
-
 class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
@@ -102,8 +85,14 @@ class _DetectorScale:
         self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
         self.recurring = np.zeros(len(TRIALS))
 
-    def detect(self, x: Image, defined: BoolArray, modes: Modes, trial: bool) -> Found:
-        """Detections above what the past of each cell predicts; before that is known, all."""
+    def detect(
+        self, x: Image, defined: BoolArray, modes: Modes, trial: bool
+    ) -> tuple[Echoes, FloatArray, Stages]:
+        """Echoes above what the past of each cell predicts; before that is known, all.
+
+        With each, the share of the last images with a detection at its place: 1 where the
+        background takes the echo for what stands.
+        """
         background, wraps = self._background, modes[0] == "wrap"
         past = background.expected(x)
         y, ring = cfar_normalised(x - past, defined, self.box, modes)
@@ -137,7 +126,7 @@ class _DetectorScale:
         for number, one in enumerate(self.trials if trial else ()):
             one.update(peaks)
             self.recurring[number] += _distinct(one.evidence, cell)
-        return Found(echoes, standing, Stages(x, ring + past, even, level))
+        return echoes, standing, Stages(x, ring + past, even, level)
 
 
 class Detector:
@@ -210,12 +199,12 @@ class Detector:
         trial = len(self._scales) > 1
         tried = [scale.detect(x, defined, modes, trial) for scale in self._scales]
         best = self._best()
-        scale, result = self._scales[best], tried[best]
-        self.stages = result.stages if defined.any() else None
+        scale, (echoes, standing, stages) = self._scales[best], tried[best]
+        self.stages = stages if defined.any() else None
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
-        stand = int(np.count_nonzero(result.standing > STANDING))
-        numbers = {"detections": len(result.standing) - stand, "standing": stand}
+        stand = int(np.count_nonzero(standing > STANDING))
+        numbers = {"detections": len(standing) - stand, "standing": stand}
         before = {name: self.measured.get(name, 0.0) for name in numbers}
         self.measured = {
             "images": images,
@@ -228,7 +217,7 @@ class Detector:
         }
         if images - self._begin >= TRIAL:
             self._scales = [scale]
-        return _scan_of_detector(image, result.echoes, result.standing)
+        return _scan_of_detector(image, echoes, standing)
 
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
