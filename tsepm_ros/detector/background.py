@@ -96,8 +96,7 @@ class Background:
     """
 
     def __init__(self) -> None:
-        self.images, self.share, self.power = 0, 0.0, 0.0
-        self._median = 0.0
+        self.images, self.share, self.power, self._median = 0, 0.0, 0.0, 0.0
 
     def expected(self, x: Image) -> Image:
         """What the past predicts of an image, ``b m``."""

@@ -118,8 +118,8 @@ class _DetectorScale:
             standing = np.append(standing, np.ones(len(more)))
             # Echoes are measured as they are, but where what stands would be measured.
             as_they_are = cfar_echoes(whole, np.concatenate([found, more]), self.box, wraps)
-            drawn = np.abs(as_they_are.cell[: len(found)] - found) > DRAWN * np.array(self.box)
-            rows = np.flatnonzero(drawn.any(axis=1))
+            moved = np.abs(as_they_are.cell[: len(found)] - found) / np.array(self.box)
+            rows = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
             for field, own in zip(as_they_are, echoes, strict=True):
                 field[rows] = own[rows]
             echoes = as_they_are
