@@ -1,6 +1,6 @@
 """The detector of images, measured: what it must hold, a Markdown table for each part.
 
-- false: false detections an image over the stated number, from image 21 on; by law, correlation and
+- false: false detections an image over the stated number, from image 61 on; by law, correlation and
   texture of the clutter, scale, fall of the reverberation, a step of the gain, and moving targets;
 - detection: share of targets detected at 20 false an image, beside the same stages with the true
   background and quantile, the size stated to both;
@@ -8,7 +8,11 @@
 - gain: share of weak targets with a track after 20 images, at 100 false tracks an hour, by false
   detections an image, with intensities and without;
 - time: processor time of an image, and growth of memory;
-- pool, radar: real data (`--data FOLDER`, with aquascan and radar; not part of the package).
+- piles: detections in open water, and before two piles with shadows, over what their area gives;
+  tracks of a diver, of piles and wall, and elsewhere;
+- stops: a target that comes, stops for some images and leaves, and one that comes to its place;
+- pool, radar, clips: real data (`--data FOLDER`, with aquascan, radar and didson; not part of the
+  package).
 
     python benchmarks/detector.py PART [--images 100] [--data FOLDER]
 """
@@ -46,8 +50,8 @@ from tsepm_ros.tools.terminal import terminal_markdown_table, terminal_progress
 Rows = Iterator[Sequence[str]]
 
 NUMBERS = 5.0, 20.0, 100.0
-SETTLED = 20
-"""Images before the measured ones."""
+SETTLED = 60
+"""Images before the measured ones: the background is known then."""
 CELLS = 128, 400
 SENSOR = SensorModel(
     range_std=0.1, range_std_fraction=0.0, azimuth_std=0.01, min_range=1.0, max_range=41.0,
@@ -352,7 +356,7 @@ def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -
             near |= close
             count, found_, held = count + 1, found_ + bool((apart < 1.0).any()), held + bool(close)
         others.append(place[~own])
-    false = false_ones(others, 1.0)[SETTLED:]
+    false = false_ones(others, 1.0)[20:]
     minutes = (last - float(data["time_s"][0])) / 60.0
     shares = f"{found_ / count:.3f}", f"{np.mean([len(o) for o in others]):.1f}"
     elsewhere = f"{len(ids - near) / minutes:.1f}"
@@ -365,17 +369,157 @@ def time_table(options: argparse.Namespace) -> Rows:
     rng = np.random.default_rng(options.seed)
     for m, b in ((500, 256), (1000, 512)):
         drawn = [np.abs(rng.standard_normal((b, m)) + 1j * rng.standard_normal((b, m)))
-                 .astype(np.float32) for _ in range(4)]  # fmt: skip
+                 .astype(np.float32) for _ in range(40)]  # fmt: skip
         detector = make_detector(**stated((3, 7)))
         axes = np.linspace(1.0, 41.0, m), np.linspace(-1.0, 1.0, b)
         begin, middle = time.process_time(), 0
         for k in range(options.images):
-            detector.process(SonarImage(0.1 * k, *axes, drawn[k % 4]))
+            detector.process(SonarImage(0.1 * k, *axes, drawn[7 * k % 40]))
             if k == options.images // 2:
                 middle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         ms = 1e3 * (time.process_time() - begin) / options.images
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - middle) / 1024
         yield [f"{m} x {b}", f"{ms:.1f}", f"{ms / 100.0:.2f}", f"{grown:.1f}"]
+
+
+PILES = (20.0, 3.0), (22.0, -4.0)
+"""Places of the piles, m."""
+SHADOW = 10.0 ** (-8.0 / 20.0)
+"""What a shadow leaves of an amplitude."""
+
+
+def shaded(image: SonarImage, places: Iterable[Sequence[float]]) -> SonarImage:
+    """An image with shadows of three bearings behind places."""
+    values = np.array(image.intensity)
+    for x, y in places:
+        bearings = np.abs(image.azimuth - np.arctan2(y, x)) < 1.5 * STEP[0]
+        values[np.ix_(bearings, image.range > np.hypot(x, y) + 1.0)] *= SHADOW
+    return replace(image, intensity=values)
+
+
+def piles_table(options: argparse.Namespace) -> Rows:
+    """A wall, two piles and a diver, all with shadows, before a sonar that does not move."""
+    yield ["false", "open water", "before the piles", "diver held", "its tracks",
+           "on piles and wall", "elsewhere"]  # fmt: skip
+    walls = tuple((x, y, x + 0.3, y, 25.0) for x, y in PILES)
+    model = ImageModel(target_size=(3.0, 5.0), walls=(*walls, (34.0, -20.0, 30.0, 20.0, 25.0)))
+    diver = (np.array((12.0, 0.02, -10.0, 0.09)),)
+    scene = scenario(SETTLED + options.images, targets=diver)
+    drawn = list(ImageSimulator(scene, model, options.seed))
+    reach = np.array([np.hypot(*pile) - 1.0 for pile in PILES])
+    for number in (5.0, 20.0):
+        detector = make_detector(false_detections_per_ping=number, **stated((3, 5)))
+        initiator = make_initiator("score", sensor=SENSOR, max_speed=2.0)
+        counts, near, seen = np.zeros(2), collections.defaultdict(set), 0
+        for k, (image, truth) in enumerate(drawn):
+            own = truth[0, 0::2]
+            scan = detector.process(shaded(image, (*PILES, own)))
+            initiator.process(scan)
+            for track in initiator.current:
+                at = np.asarray(track.state)[[0, 2]]
+                on = min(np.linalg.norm(at - pile) for pile in PILES) < 1.5 or at[0] > 28.0
+                is_diver = np.linalg.norm(at - own) < 1.5
+                near["diver" if is_diver else "fixed" if on else "elsewhere"].add(track.track_id)
+                seen += is_diver and k >= SETTLED
+            if k >= SETTLED:
+                place = places(scan)
+                free = place[np.linalg.norm(place - own, axis=1) > 2.0]
+                bearing, distance = np.arctan2(*free.T[::-1]), np.linalg.norm(free, axis=1)
+                apart = np.abs(bearing[:, None] - [np.arctan2(y, x) for x, y in PILES])
+                before = (apart < 2.5 * STEP[0]) & (distance[:, None] < reach)
+                counts += before.sum(), (distance < 18.0).sum()
+        share = np.array([5 / CELLS[0] * (reach - 1.0).sum() / 40.0, 17.0 / 40.0])
+        ratios = counts / (number * share * options.images)
+        fixed = near["fixed"] - near["diver"]
+        yield [f"{number:g}", *(f"{value:.2f}" for value in ratios[::-1]),
+               f"{seen / options.images:.2f}", f"{len(near['diver'])}", f"{len(fixed)}",
+               f"{len(near['elsewhere'] - near['diver'] - fixed)}"]  # fmt: skip
+
+
+def stops_table(options: argparse.Namespace) -> Rows:
+    """Nine targets of 3 x 7 cells that stop, and others that pass the places that they left."""
+    yield ["stop, images", "detected, first 60", "last 60", "flagged, first 20", "after these",
+           "others detected at the places", "elsewhere"]  # fmt: skip
+    rng, rows = np.random.default_rng(options.seed), np.arange(10, 118, 12)
+    stops_at = 100 + 25 * np.arange(len(rows))
+    for stop in (60, 200, 400, 700):
+        detector, end = make_detector(**stated((3, 7))), SETTLED + stop
+        seen = np.zeros((2, end + 60, len(rows)))
+        moved = 8 * np.r_[-SETTLED:0, np.zeros(stop, int), 1:31, -15:15]
+        for k, after in enumerate(moved):
+            [(image, _)] = ImageSimulator(scenario(1), ImageModel(), options.seed + k)
+            columns = stops_at + after
+            for row, column in zip(rows, columns, strict=True):
+                if 5 < column < CELLS[1] - 5:
+                    cell = np.s_[row - 1 : row + 2, column - 3 : column + 4]
+                    image.intensity[cell] += rng.rayleigh(0.6, (3, 7))
+            scan = detector.process(replace(image, stamp=float(k)))
+            own = (np.abs(scan.azimuth[:, None] - image.azimuth[rows]) < 2 * STEP[0]) & (
+                np.abs(scan.range[:, None] - 1.0 - (columns + 0.5) * STEP[1]) < 4 * STEP[1]
+            )
+            stands = scan.features["standing"] > 0.8
+            seen[:, k] = own.any(axis=0), own[stands].any(axis=0)
+        parts = (
+            (0, range(SETTLED, SETTLED + 60)),
+            (0, range(end - min(60, stop - 60), end)),
+            (1, range(SETTLED, SETTLED + 20)),
+            (1, range(SETTLED + 20, end)),
+            (0, [end + 45]),
+            (0, [end + 41, end + 42, end + 48, end + 49]),
+        )
+        shares = [seen[kind, images].mean() if images else np.nan for kind, images in parts]
+        yield [f"{stop}", *(f"{share:.2f}" for share in shares)]
+
+
+def clips_table(options: argparse.Namespace) -> Rows:
+    """Clips of an imaging sonar that does not move, from image 21 on; fish of the first."""
+    yield ["clip, stated", "not standing over stated", "all", "labels detected", "flagged",
+           "labels held", "ids on fish", "other tracks"]  # fmt: skip
+    for name in ("lamprey1", "lamprey3"):
+        for number in (5.0, 20.0):
+            yield [f"{name}, {number:g}", *clip(options.data / "didson", name, number)]
+
+
+def clip(folder: Path, name: str, number: float) -> list[str]:
+    """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
+    data, labels = np.load(folder / f"{name}.npz"), collections.defaultdict(list)
+    azimuth, ranges = data["azimuth_rad"], data["range_m"]
+    step = float(np.ptp(azimuth)) / (len(azimuth) - 1), float(np.ptp(ranges)) / (len(ranges) - 1)
+    if name == "lamprey1":
+        with (folder / f"{name}_fish.csv").open() as file:
+            for row in csv.DictReader(file):
+                place = float(row["azimuth_rad"]), float(row["range_m"])
+                labels[int(row["frame"])].append((row["fish"], np.array(place)))
+    detector = make_detector(
+        false_detections_per_ping=number, azimuth_extent=3 * step[0], range_extent=5 * step[1]
+    )
+    sensor = SensorModel(
+        range_std=2 * step[1], range_std_fraction=0.0, azimuth_std=step[0],
+        min_range=ranges[0], max_range=ranges[-1], azimuth_min=azimuth.min(),
+        azimuth_max=azimuth.max(),
+    )  # fmt: skip
+    initiator = make_initiator("score", sensor=sensor, max_speed=2.0)
+    counts, found_, ids, fish = [], np.zeros(3, int), set(), collections.defaultdict(set)
+    for k, (stamp, image) in enumerate(zip(data["time_s"], data["image"], strict=True)):
+        scan = detector.process(SonarImage(float(stamp), ranges, azimuth, image))
+        initiator.process(scan)
+        tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
+        ids |= set(tracks)
+        stands = scan.features["standing"] > 0.8
+        counts.append((np.sum(~stands), len(scan)))
+        for own, (bearing, distance) in labels[k]:
+            near = (np.abs(scan.azimuth - bearing) < 3 * step[0]) & (
+                np.abs(scan.range - distance) < 5 * step[1]
+            )
+            at = distance * np.array([np.cos(bearing), np.sin(bearing)])
+            close = {key for key, xy in tracks.items() if np.linalg.norm(xy - at) < 0.25}
+            found_ += bool(near.any()), bool(near.any()) and stands[near].all(), bool(close)
+            fish[own] |= close
+    total, mean = sum(map(len, labels.values())), np.mean(counts[20:], axis=0)
+    shares = [f"{count} of {total}" for count in found_] if total else [""] * 3
+    own_ids = ", ".join(f"{own} {len(fish[own])}" for own in sorted(fish))
+    others = f"{len(ids - set().union(*fish.values()))}"
+    return [f"{mean[0] / number:.2f}", f"{mean[1]:.0f}", *shares, own_ids, others]
 
 
 PARTS = {
@@ -386,6 +530,9 @@ PARTS = {
     "time": time_table,
     "pool": pool_table,
     "radar": radar_table,
+    "piles": piles_table,
+    "stops": stops_table,
+    "clips": clips_table,
 }
 
 
@@ -398,7 +545,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--density", default="estimated", choices=("estimated", "given"))
     parser.add_argument("--data", type=Path, help="folder of the real data")
     options = parser.parse_args(arguments)
-    if options.part in ("pool", "radar") and options.data is None:
+    if options.part in ("pool", "radar", "clips") and options.data is None:
         parser.error("real data need --data FOLDER")
     rows = PARTS[options.part](options)
     print(terminal_markdown_table(next(rows), []))

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.image_messages import Plan, image_side_in_words, plan_of, read_image
+from msg_adapters.image_messages import Plan, plan_of, read_image
 from msg_adapters.stamps import MessageError
+from tsepm_ros.detector.bright_lines import BRIGHT, LOOKS, measured_values, medians
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.session.turn import ImagePing, ImageTurns
@@ -22,22 +23,12 @@ PLAN_PERIOD = 0.5
 """Least time between two plans, s."""
 MOST_PLANS = 500
 """Most plans of an offline run."""
-MOST_NAMED = 8
-"""Most bearings, or ranges, of a sentence."""
 ALL_ROUND = 6.0
 """Bearings from which on more of them than ranges are nothing strange, rad."""
-LOOKS = 10
-"""Images of one shape that are looked at before a question is asked."""
-BRIGHT = 0.95
-"""Share of an image's cells below a level that most cells of a bright line are above."""
-ALTERNATES = (
-    "the ranges or the bearings of an image differ from those of the image before: the detector "
-    "learns anew at each change, and the coverage follows where the next image has it too"
-)
 
 
 class FirstLook:
-    """What the first images of a shape show that is no echo, or that another layout explains.
+    """What the first images of a shape show that another layout explains.
 
     Parameters
     ----------
@@ -46,7 +37,7 @@ class FirstLook:
     """
 
     def __init__(self, looks: int = LOOKS) -> None:
-        self._looks, self._left, self._always = looks, 0, np.zeros(0, bool)
+        self._looks, self._left, self._shape = looks, 0, (0, 0)
 
     def add(self, ping: Any, rows: str = "") -> list[str]:
         """Take an image; the sentences, with the last of the first images.
@@ -58,38 +49,25 @@ class FirstLook:
             Of the layout by which a picture was read; empty: the message states its geometry.
         """
         b, m = ping.intensity.shape
-        if len(self._always) != b + m + 2:
-            self._left, self._always = self._looks, np.ones(b + m + 2, bool)
+        if self._shape != (b, m):
+            self._shape, self._left, self._always = (b, m), self._looks, np.ones(2, bool)
         if self._left <= 0:
             return []
-        finite = np.isfinite(ping.intensity)
-        low = np.where(finite, ping.intensity, ping.intensity.min(initial=0.0, where=finite))
+        low = measured_values(ping.intensity)
         middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
-        levels = [np.quantile(low, 0.5, axis=axis, method="lower") for axis in (1, 0)]
-        spread = [float(np.ptp(np.quantile(level, [0.1, 0.9]))) for level in levels]
+        spread = [float(np.ptp(np.quantile(level, [0.1, 0.9]))) for level in medians(low)]
         varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
         swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)
         fan, asked = _is_fan(low) or _is_fan(low.T), rows not in ("", "fan")
-        self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
+        self._always &= [swapped and not fan, fan]
         self._left -= 1
-        beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
-        named = ", ".join(
-            f"{k} ({image_side_in_words(ping.azimuth[k])})" for k in beams[:MOST_NAMED]
-        )
-        span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
-        always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
         other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")
         sentences = {
-            f"{len(beams)} of {b} bearings are {always}; numbers, from 0: {named}. Bytes of gain "
-            "before each row, and lines of a display, count as bearings and shift the others: cut "
-            "them off the image": len(beams),
-            f"{len(cells)} of {m} ranges are {always}, from {span[0]:.4g} to {span[1]:.4g} m. If "
-            "that is the ring of the transmission, give sensor.min_range beyond it": len(cells),
             f"{b} bearings of {m} ranges look transposed: if the rows of the image are {other[0]}, "
-            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[-2],
+            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[0],
             "the corners of the image are blank as around a fan, and it is read as bearings and "
             "ranges: if it is a picture in x and y, give fan for rows (image.rows)": asked
-            and self._always[-1],
+            and self._always[1],
         }
         return [words for words, holds in sentences.items() if holds and not self._left]
 
@@ -181,7 +159,8 @@ class ImageInput:
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
-            for sentence in self._look.add(whole, layout.rows if whole.corners else ""):
+            looks = self._look.add(whole, layout.rows if whole.corners else "")
+            for sentence in (*looks, *self.detector.notes):
                 self._say(sentence)
             self._cover(whole)
             self._draw(whole)
@@ -194,7 +173,6 @@ class ImageInput:
         values = list(now.values.values())
         if before is not None and not before.agrees(values):
             self.coverage_changes += 1
-            self._say(ALTERNATES)
         elif self.coverage is None or not self.coverage.agrees(values):
             self.coverage = now
 

@@ -18,7 +18,7 @@ from msg_adapters import detections_cloud, diagnostics, make_header
 from msg_adapters.image_messages import BEARINGS, IMAGES, normalised_image, plan_message, plan_of
 from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
-from tsepm_ros.detector.image import COVERAGE, ImageCoverage
+from tsepm_ros.detector.image import COVERAGE, DetectorOptions, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
 from tsepm_ros.nodes.base_node import BaseNode, run_node
 from tsepm_ros.nodes.pace import MAX_BACKLOG, Pace, newest_at_pace, pace_seconds_in_queue
@@ -156,6 +156,7 @@ class SonarDetector(BaseNode):
         self._ask()
         turns, pace = self._input.turns, self._pace
         values = self._input.detector.measured | {
+            "stated": self.options[DetectorOptions].false_detections_per_ping,
             "bearings_unused": turns.unused,
             "coverage_changes": self._input.coverage_changes,
             "time_per_image_s": pace.time,
@@ -176,7 +177,7 @@ class SonarDetector(BaseNode):
             (turns.state, Level.WARN, turns.state),
             (not values["images"], Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"),
             (self.dropped.total(), Level.WARN, "images were dropped; the log says why"),
-            (True, Level.OK, "detections are made of images"),
+            (True, Level.OK, f"an image has {self._input.detector.kinds()}"),
         )
         _, level, message = next(state for state in states if state[0])
         status = Status(OVERALL, level, message, values)

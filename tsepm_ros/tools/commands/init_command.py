@@ -38,7 +38,7 @@ Sections = dict[str, dict[str, Value]]
 """Values of parameters by the key of their section."""
 LEARNED = """the node learns the clutter density by place, the detection probability, and whether
 targets have several detections in a ping"""
-OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column")
+OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column", "standing")
 """Questions that are asked where the driver publishes images."""
 SHARED = ("sensor.min_range", "sensor.azimuth_min", "sensor.azimuth_max", "sound_speed")
 """Parameters that both nodes have. The farthest range of the detector is that of the images, which
@@ -312,6 +312,14 @@ QUESTIONS = (
         choices=("port", "starboard"),
     ),
     InitQuestion(
+        "standing",
+        "Image: do things that stand still matter",
+        "no or yes",
+        "no: what stands in the images starts no track; a target that stops keeps its own.",
+        0.0,
+        choices=("no", "yes"),
+    ),
+    InitQuestion(
         "false_detections",
         "False detections per ping, over the whole coverage",
         "per ping",
@@ -442,6 +450,8 @@ def init_parameters(answers: Answers, *, known_interval: bool = False) -> dict[s
         }
     if answers["extent"]:
         values["plots"] = "on"
+    if answers["standing"]:
+        values["start_standing"] = "on"
     if answers["false_detections"]:
         sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
         values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
