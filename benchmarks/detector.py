@@ -11,8 +11,9 @@
 - piles: detections in open water, and before two piles with shadows, over what their area gives;
   tracks of a diver, of piles and wall, and elsewhere;
 - stops: a target that comes, stops for some images and leaves, and one that comes to its place;
-- pool, radar, clips: real data (`--data FOLDER`, with aquascan, radar and didson; not part of the
-  package).
+- moving: a sonar that moves over a ground, with poses of several kinds;
+- pool, radar, clips, sweeps: real data (`--data FOLDER`, with aquascan, radar, didson and moving;
+  not part of the package).
 
     python benchmarks/detector.py PART [--images 100] [--data FOLDER]
 """
@@ -22,6 +23,7 @@ from __future__ import annotations
 import argparse
 import collections
 import csv
+import itertools
 import os
 import resource
 import time
@@ -34,6 +36,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
+from scipy import ndimage
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
@@ -471,6 +474,117 @@ def stops_table(options: argparse.Namespace) -> Rows:
         yield [f"{stop}", *(f"{share:.2f}" for share in shares)]
 
 
+GROUND = 1200, 0.25
+"""Cells of the ground, each way, and their size, m."""
+STRENGTHS = 1.2, 2.5
+"""Rises of the cells of targets, in amplitudes of the ground there."""
+MOTIONS = {"fixed": (0.0, 0.0), "0.05 m an image": (0.05, 0.0), "0.5 m an image": (0.5, 0.0),
+           "turns by 20 degrees": (0.0, 20.0), "0.5 m, and turns": (0.5, 20.0)}  # fmt: skip
+POSES = {"exact": (0.0, 0.0, 0.0), "none": (np.inf, 0.0, 0.0), "slow errors": (0.5, 1.0, 0.998),
+         "white errors": (0.5, 1.0, 0.0), "wrong by 5 m": (5.0, 0.0, 0.0)}  # fmt: skip
+"""Errors, m and degrees, and how much of an error the next image keeps."""
+
+
+def over_the_ground(
+    motion: Sequence[float], images: int, seed: int
+) -> Iterator[tuple[np.ndarray, SonarImage, list[tuple[float, float]]]]:
+    """Images of a ground that changes with aspect, of a quay, and of targets: poses, and places."""
+    rng, (n, size) = np.random.default_rng(seed), GROUND
+    fields = [ndimage.gaussian_filter(rng.standard_normal((n, n)), 3.0) for _ in range(3)]
+    always, ahead, abeam = (np.exp(1.2 * field / field.std()) for field in fields)
+    azimuth, distance = (
+        (np.arange(CELLS[0]) + 0.5) * STEP[0] - 1.0,
+        1.0 + STEP[1] * (np.arange(CELLS[1]) + 0.5),
+    )
+    for k in range(images):
+        turned = np.radians(motion[1]) * np.sin(2.0 * np.pi * k / 80.0)
+        pose = np.array([motion[0] * (k - images / 2), 0.0, turned])
+        bearing = turned + azimuth[:, None]
+        x, y = pose[0] + np.cos(bearing) * distance, np.sin(bearing) * distance
+        index = tuple(np.clip((at / size + n / 2).astype(int), 0, n - 1) for at in (x, y))
+        along = 0.5 + 0.5 * np.cos(2.0 * bearing)
+        power = 0.6 * always[index]
+        power += 0.4 * (along * ahead[index] + (1.0 - along) * abeam[index])
+        power[np.abs(x + 0.2 * y - 30.0) < 0.3] *= 16.0
+        level = np.sqrt(power)
+        amplitude, own = rng.rayleigh(size=CELLS) * level, []
+        for rise in STRENGTHS * 2:
+            row, column = (int(rng.integers(20, length - 20)) for length in CELLS)
+            cell = np.s_[row - 1 : row + 2, column - 2 : column + 3]
+            amplitude[cell] += rise * level[row, column] * rng.rayleigh(0.6, (3, 5))
+            own.append((azimuth[row], distance[column]))
+        yield pose, SonarImage(0.1 * k, distance, azimuth, amplitude), own
+
+
+def moving_table(options: argparse.Namespace) -> Rows:
+    """A sonar that moves, with poses of several kinds; at a threshold of 10 detections an image."""
+    yield ["motion", "poses", *(f"detected, {rise:g}" for rise in STRENGTHS), "detections",
+           "standing", "ms"]  # fmt: skip
+    for motion, (name, poses) in itertools.product(MOTIONS, POSES.items()):
+        seen, number, took = np.zeros((2, options.images)), np.zeros(2), time.process_time()
+        detector, error = (
+            make_detector(false_detections_per_ping=10.0, **stated((3, 5))),
+            np.zeros(3),
+        )
+        rng, begin = np.random.default_rng(options.seed), SETTLED + 20
+        drawn = over_the_ground(MOTIONS[motion], begin + options.images, options.seed)
+        took = 0.0
+        for k, (pose, image, own) in enumerate(drawn):
+            fresh = rng.standard_normal(3) * [1.0, 1.0, np.radians(1.0)]
+            scale, keeps = np.array([poses[0], poses[0], poses[1]]), poses[2]
+            if np.isfinite(poses[0]):
+                error = keeps * error + np.sqrt(1.0 - keeps**2) * fresh * scale
+                image = replace(image, sensor_pose=pose + error)
+            start = time.process_time()
+            scan = detector.process(image)
+            took += time.process_time() - start
+            if k < begin:
+                continue
+            number += len(scan), np.count_nonzero(scan.features["standing"] > 0.8)
+            near = [
+                bool(((np.abs(scan.azimuth - at[0]) < 2.5 * STEP[0])
+                      & (np.abs(scan.range - at[1]) < 5 * STEP[1])).any())
+                for at in own
+            ]  # fmt: skip
+            seen[:, k - begin] = np.reshape(near, (2, 2)).mean(axis=0)
+        yield [motion, name, *(f"{share:.2f}" for share in seen.mean(axis=1)),
+               *(f"{n / options.images:.1f}" for n in number),
+               f"{1e3 * took / (begin + options.images):.1f}"]  # fmt: skip
+
+
+def sweeps_table(options: argparse.Namespace) -> Rows:
+    """Radars of cars that drive: whether a following car and a standing bus are detected."""
+    yield ["data, stated", "poses", "sweeps: . not detected, d detected, S as standing"]
+    for (name, number), known in itertools.product(
+        (("oxford_radar_11_coarse", 50.0), ("radiate_tiny_foggy_18", 50.0)), (False, True)
+    ):
+        data = np.load(options.data / "moving" / f"{name}.npz")
+        times, pose = data["time_s"], np.array(data["pose"], float)
+        pose[:, 2] = np.unwrap(pose[:, 2])
+        detector = make_detector(
+            false_detections_per_ping=number, range_extent=1.5, azimuth_extent=0.03
+        )
+        letters = ""
+        for k, stamp in enumerate(times):
+            pair = slice(k, k + 2) if k + 1 < len(times) else slice(k - 1, k + 1)
+            rate = np.diff(pose[pair], axis=0)[0] / np.diff(times[pair])[0]
+            poses = pose[k] + np.outer(data["beam_time_s"][k] - stamp, rate)
+            axes = data["range_m"], data["azimuth_rad"], data["image"][k]
+            scan = detector.process(
+                SonarImage(float(stamp), *axes, sensor_pose=poses if known else None)
+            )
+            if "label_id" in data:
+                label = data["label_xy_size_m"][k, list(data["label_id"]).index(1)]
+                near = (
+                    np.linalg.norm(places(scan) - label[:2], axis=1) < 0.5 * label[2:].max() + 1.0
+                )
+            else:  # a car follows
+                near = (np.abs(scan.azimuth) > np.pi - 0.25) & (np.abs(scan.range - 11.5) < 4.5)
+            stands = scan.features["standing"][near] > 0.8
+            letters += "." if not near.any() else "S" if stands.any() else "d"
+        yield [f"{name}, {number:g}", "yes" if known else "no", letters]
+
+
 def clips_table(options: argparse.Namespace) -> Rows:
     """Clips of an imaging sonar that does not move, from image 21 on; fish of the first."""
     yield ["clip, stated", "not standing over stated", "all", "labels detected", "flagged",
@@ -533,6 +647,8 @@ PARTS = {
     "piles": piles_table,
     "stops": stops_table,
     "clips": clips_table,
+    "moving": moving_table,
+    "sweeps": sweeps_table,
 }
 
 
@@ -545,7 +661,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--density", default="estimated", choices=("estimated", "given"))
     parser.add_argument("--data", type=Path, help="folder of the real data")
     options = parser.parse_args(arguments)
-    if options.part in ("pool", "radar", "clips") and options.data is None:
+    if options.part in ("pool", "radar", "clips", "sweeps") and options.data is None:
         parser.error("real data need --data FOLDER")
     rows = PARTS[options.part](options)
     print(terminal_markdown_table(next(rows), []))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros.detector.background import FIRST, HOLD, Background, power, predicted
+from tsepm_ros.detector.fixed_frame import FixedGrid
 
 B, M = 48, 120
 ALL = np.ones((B, M), bool)
@@ -47,7 +48,33 @@ def test_a_sensor_that_moves_has_no_background():
     )
     assert background.share < 0.5
     shares = [predicted(np.roll(walls(), k, axis=1), walls()) for k in (0, 30, 60)]
-    assert shares == pytest.approx([1.0, 0.5, 0.0], abs=0.1)
+    assert [share for share, _ in shares] == pytest.approx([1.0, 0.5, 0.0], abs=0.1)
+    assert [part for _, part in shares] == pytest.approx([1.0, 0.25, 0.0], abs=0.1)
+
+
+def test_on_a_grid_of_the_fixed_frame_the_ground_below_a_moving_sensor_is_background():
+    rng = np.random.default_rng(2)
+    azimuth, distance = np.linspace(-0.7, 0.7, B), np.linspace(1.0, 25.0, M)
+    ground = 2.0 * np.kron(rng.standard_normal((80, 80)), np.ones((4, 4)))  # cells of 0.5 m
+    explained = {}
+    for known in (True, False):
+        grid = FixedGrid(azimuth, distance)
+        background = Background(grid)
+        for k in range(40):
+            pose = np.tile([0.4 * k, 5.0, 0.01 * k], (B, 1))
+            bearing = pose[:, 2] + azimuth
+            index = [
+                ((pose[:, :1] if axis == 0 else pose[:, 1:2]) + np.outer(f(bearing), distance))
+                for axis, f in ((0, np.cos), (1, np.sin))
+            ]
+            x = ground[tuple((2.0 * place).astype(int) + 100 for place in index)]
+            x = (x + noise(rng)).astype(np.float32)
+            grid.look(pose if known else np.zeros((B, 3)))
+            z = x - background.expected(x)
+            background.scaled(z)
+            background.learn(x, z, ALL)
+        explained[known] = background.explained
+    assert explained[True] > 0.6 and explained[False] < 0.2
 
 
 def test_cells_that_tremble_are_made_as_even_as_the_others():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from tsepm_ros import SonarImage, make_detector
 
@@ -316,3 +317,48 @@ def test_an_option_of_the_last_release_is_told_and_has_no_effect():
     with pytest.warns(UserWarning, match="clutter_map: no longer used"):
         detector = make_detector(clutter_map=20, **POINT)
     assert not hasattr(detector.options, "clutter_map")
+
+
+def over_the_ground(motion: float, known: float, images: int = 60):
+    """Detections of a sonar that drives along a rough ground, a part with a target, by images.
+
+    `known` is the standard deviation of the errors of its poses, m.
+    """
+    rng, n = np.random.default_rng(4), 600
+    ground = np.exp(1.2 * ndimage.zoom(rng.standard_normal((n // 6, n // 6)), 6, order=1))
+    azimuth, distance = np.linspace(-0.9, 0.9, 64), np.linspace(1.0, 30.0, 180)
+    detector = make_detector(
+        false_detections_per_ping=3.0, range_extent=0.6, azimuth_extent=3 * 1.8 / 64
+    )
+    found = []
+    for k in range(images):
+        x = motion * k
+        index = [
+            ((place + 75.0) / 0.25).astype(int)
+            for place in (
+                x + np.outer(np.cos(azimuth), distance),
+                np.outer(np.sin(azimuth), distance),
+            )
+        ]
+        level = np.sqrt(ground[tuple(index)])
+        amplitude = rng.rayleigh(size=(64, 180)) * level
+        row, column = 6 + k % 50, 30 + 2 * (k % 60)
+        amplitude[row - 1 : row + 2, column - 2 : column + 3] += 2.0 * level[row, column]
+        pose = (x + known * rng.standard_normal(), known * rng.standard_normal(), 0.0)
+        scan = detector.process(SonarImage(0.1 * k, distance, azimuth, amplitude, sensor_pose=pose))
+        near = (np.abs(scan.azimuth - azimuth[row]) < 0.06) & (
+            np.abs(scan.range - distance[column]) < 0.6
+        )
+        found.append((bool(near.any()), int((~near & (scan.features["standing"] < 0.8)).sum())))
+    return np.mean(found[20:], axis=0)
+
+
+def test_poses_give_a_moving_sonar_the_background_of_the_ground():
+    seen, others = over_the_ground(0.2, 0.0)
+    assert seen > 0.8 and others < 9.0
+    assert over_the_ground(0.2, 1e4)[0] < seen - 0.3, "with poses that are wrong as without"
+
+
+def test_poses_that_tremble_take_nothing_from_a_sonar_at_rest():
+    exact, trembling = (over_the_ground(0.0, known) for known in (0.0, 2.0))
+    assert trembling[0] >= exact[0] - 0.05 and trembling[1] < exact[1] + 1.0

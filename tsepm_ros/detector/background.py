@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.range_profile import Image
 from tsepm_ros.numerics.arrays import BoolArray
 
@@ -57,10 +58,17 @@ STEP = 3
 """Cells, each way, of which one is taken for the regression of deviations."""
 
 
-def predicted(x: Image, mean: Image) -> float:
-    """How far means predict an image, over blocks of cells: ``b = sum x m / sum m^2``."""
+def predicted(x: Image, mean: Image) -> tuple[float, float]:
+    """How far means predict an image, over blocks of cells: ``b = sum x m / sum m^2``.
+
+    Second, the part of the image that is explained: ``1 - sum (x - b m)^2 / sum x^2``.
+    """
     now, past = (np.clip(_blocks(a), -MOST, MOST) for a in (x, mean))
-    return float(np.clip(np.vdot(now, past) / max(float(np.vdot(past, past)), 1e-9), 0.0, 1.0))
+    common, square, whole = (
+        float(np.vdot(*pair)) for pair in ((now, past), (past, past), (now, now))
+    )
+    share = min(max(common / max(square, 1e-9), 0.0), 1.0)
+    return share, share * (2.0 * common - share * square) / max(whole, 1e-9)
 
 
 def _blocks(a: Image) -> Image:
@@ -85,51 +93,76 @@ def power(z: Image, deviation: Image, median: float) -> float:
 class Background:
     """Learns the background of the cells from image to image, for one box of an echo.
 
+    Parameters
+    ----------
+    grid : FixedGrid, optional
+        Of a sensor that moves: cells are those of the fixed frame. Else cells are the image's.
+
     Attributes
     ----------
     images : int
         Learned since the beginning, or since all was learned anew.
     share : float
         The regression of means, b.
+    explained : float
+        Part of the last image that the means explain.
     power : float
         That of deviations, c.
     """
 
-    def __init__(self) -> None:
-        self.images, self.share, self.power, self._median = 0, 0.0, 0.0, 0.0
+    def __init__(self, grid: FixedGrid | None = None) -> None:
+        self._grid = grid
+        self.images, self.share, self.explained = 0, 0.0, 0.0
+        self.power, self._median = 0.0, 0.0
 
     def expected(self, x: Image) -> Image:
         """What the past predicts of an image, ``b m``."""
+        grid = self._grid
         if not self.images:
-            self._state = tuple(np.zeros_like(x) for _ in range(5))
-            self._mean, self._deviation, _, self._changed, _ = self._state
+            shape = x.shape if grid is None else grid.shape
+            self._state = [np.zeros(shape, np.float32) for _ in range(5)]
             self._scale = np.ones((1, 1), np.float32)
-        self.share = predicted(x, self._mean) if self.images >= FIRST else 0.0
-        return self._mean * np.float32(self.share)
+        elif grid is not None:
+            self._state = [
+                grid.moved_along(state, self._origin, self._median * (k == 1))
+                for k, state in enumerate(self._state)
+            ]
+        if grid is not None:
+            self._origin = grid.origin
+        mean = self._at_cells(0)
+        self.share, self.explained = predicted(x, mean) if self.images >= FIRST else (0.0, 0.0)
+        return mean * np.float32(self.share)
+
+    def _at_cells(self, k: int) -> Image:
+        """A state at the cells of the image."""
+        return self._state[k] if self._grid is None else self._grid.at_cells(self._state[k])
 
     def scaled(self, z: Image) -> Image:
         """A smoothed image whose deviations are alike, as far as the past predicts them."""
-        some = slice(None, None, STEP)
-        self._median = float(np.median(self._deviation[some, some]))
         if self.images < FIRST or self._median < 1e-6:
             return z
-        now = power(z, self._deviation, self._median)
+        deviation = self._at_cells(1)
+        now = power(z, deviation, self._median)
         self.power += (now - self.power) / min(self.images - FIRST + 1, RECENT)
-        if self.images % OFTEN == FIRST % OFTEN:
-            even = self._deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
+        if self._grid is not None or self.images % OFTEN == FIRST % OFTEN:
+            even = deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
             self._scale = np.power(even, np.float32(-self.power), out=even)
         return np.asarray(z * self._scale)
 
     def learn(self, x: Image, z: Image, defined: BoolArray) -> None:
         """Learn an image and its smoothed values, which `scaled` was given."""
-        step = 1 if self.images <= EACH else 2
+        cells, prior = self._state, 1.0
+        if self._grid is not None:
+            x, z, defined = self._grid.sampled(x, z, defined)
+            cells, prior = [state[self._grid.box] for state in cells], 2.0
+        step = 1 if self.images <= EACH or self._grid is not None else 2
         rows = slice(self.images % step, None, step)
-        mean, e, age, changed, held = (state[rows] for state in self._state)
+        mean, e, age, changed, held = (state[rows] for state in cells)
         size, least = np.abs(z[rows]), np.float32(LEAST * self._median + 1e-6)
         far = z[rows] / np.maximum(e, least)
         counted = np.float32(REACH) / np.maximum(np.abs(far), np.float32(REACH))
         far *= counted
-        far *= age >= FIRST
+        far *= (age >= FIRST) & defined[rows]
         changed += (far - changed) * np.float32(step / RECENT)
         entered, left = changed > CHANGE, changed < -CHANGE
         many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
@@ -141,7 +174,8 @@ class Background:
             age[again], changed[again] = 2.0, 0.0
         free = defined[rows] & ~frozen
         if self.images < FIRST:
-            e[:] = np.median(size[::STEP, ::STEP])
+            known = size[defined[rows]][:: STEP**2]
+            self._state[1][:] = np.median(known) if len(known) else 0.0
         else:
             limited = size * counted
             limited -= e
@@ -150,10 +184,11 @@ class Background:
             e += limited
         rate = np.where(age < FIRST, np.float32(1.0), counted)
         rate *= free
-        rate /= age + np.float32(1.0)
+        rate /= age + np.float32(prior)
         rate *= x[rows] - mean
         mean += rate
-        np.minimum(age + np.float32(1.0), np.float32(MEMORY / step), out=age)
+        np.minimum(age + defined[rows], np.float32(MEMORY / step), out=age)
+        self._median = float(np.median(self._at_cells(1)[::STEP, ::STEP]))
         self.images += 1
         if many:
             self.images, self.share, self.power = 0, 0.0, 0.0

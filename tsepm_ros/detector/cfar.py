@@ -40,6 +40,7 @@ from __future__ import annotations
 import functools
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -206,6 +207,16 @@ class CfarThreshold:
     def forget(self) -> None:
         """Clear the pool: peaks have another statistic from now on."""
         self._pool.clear()
+
+    def follow(self, moved: Callable[[FloatArray], FloatArray]) -> None:
+        """Place the detections so far where they lie in the next image; infinite: beyond it."""
+        if not self._detected:
+            return
+        ping = np.repeat(np.arange(len(self._detected)), [len(one) for one in self._detected])
+        places = moved(np.concatenate(self._detected))
+        seen = np.isfinite(places).all(axis=1)
+        ends = np.searchsorted(ping[seen], np.arange(1, len(self._detected)))
+        self._detected = deque(np.split(places[seen], ends), STANDS[1])
 
     def update(self, peaks: Peaks) -> tuple[float, FloatArray]:
         """The threshold for a ping, learned with it, and how far each peak stands, (n,)."""

@@ -8,8 +8,10 @@ threshold; the peaks above it are measured.
 
 from __future__ import annotations
 
+import copy
 import math
 import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +28,7 @@ from tsepm_ros.detector.cfar import (
     cfar_peaks,
     cfar_smoothed,
 )
+from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -58,12 +61,18 @@ REMOVES = 0.3
 """Share of the background from which on it is looked for what it removes."""
 REMOVED = 0.25
 """Part of the threshold by which the background lowers what it removes."""
+OFTEN = 4
+"""Images of which the background that is not used is asked of one."""
 DRAWN = 0.5
 """Boxes from an echo to its centroid from which on another thing is measured."""
 FULL_TURN_GAP = 2.5
 """Largest gap between the last and the first bearing of a full turn, in spacings."""
 MEAN_OVER_DEVIATION = math.sqrt(math.pi / (4.0 - math.pi))
 """Of Rayleigh amplitudes, 1.91."""
+
+
+Moved = Callable[[FloatArray], FloatArray]
+"""Fractional cells (n, 2) of the image before to those of the same places in this one."""
 
 
 class Stages(NamedTuple):
@@ -79,25 +88,36 @@ class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
     def __init__(self, box: Box, number: float) -> None:
-        self.box, self._background = box, Background()
+        self.box, self._images, self._best = box, 0, Background()
+        self.backgrounds = [self._best]
         self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
         self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
-        self, x: Image, defined: BoolArray, modes: Modes, trial: bool
+        self, x: Image, defined: BoolArray, modes: Modes, trial: bool, moved: Moved | None
     ) -> tuple[Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
         With each, the share of the last images with a detection at its place: 1 where the
         background takes the echo for what stands.
         """
-        background, wraps = self._background, modes[0] == "wrap"
-        past = background.expected(x)
+        wraps, self._images = modes[0] == "wrap", self._images + 1
+        asked = [
+            each
+            for each in self.backgrounds
+            if each is self._best or each.images <= YOUNG or self._images % OFTEN == 0
+        ]
+        pasts = [each.expected(x) for each in asked]
+        self._best = background = max(asked, key=lambda each: each.explained)
+        past = pasts[asked.index(background)]
+        if background is not self.backgrounds[0] and moved is not None:
+            self._follow(moved)
         y, ring = cfar_normalised(x - past, defined, self.box, modes)
         z = cfar_smoothed(y, self.box, modes)
         even = background.scaled(z)
-        background.learn(x, z, defined)
+        for each in asked:
+            each.learn(x, z, defined)
         if not background.images:  # all is learned anew
             self.threshold.forget()
         peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
@@ -126,6 +146,12 @@ class _DetectorScale:
             one.update(peaks)
             self.recurring[number] += _distinct(one.evidence, cell)
         return echoes, standing, Stages(x, ring + past, even, level)
+
+    def _follow(self, moved: Moved) -> None:
+        """Places of the images before as they lie in this one."""
+        gate = np.array(self.box) + 1.0
+        for threshold in (self.threshold, self._plain, *self.trials):
+            threshold.follow(lambda place: moved(place * gate) / gate)
 
 
 class Detector:
@@ -156,6 +182,8 @@ class Detector:
         self.stages: Stages | None = None
         self._axes, self._begin = np.zeros(0), 0
         self._profile: Profile | None = None
+        self._grid: FixedGrid | None = None
+        self._first_pose: FloatArray | None = None
         self._bright, self._scales = BrightLines(0, 0), list[_DetectorScale]()
 
     def process(self, image: SonarImage) -> Scan:
@@ -186,6 +214,7 @@ class Detector:
                 "no cell of the image is in the coverage, which min_range, max_range, azimuth_min "
                 f"and azimuth_max limit: {self.coverage}"
             )
+        moved = self._moved(image, spacing)
         self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
         there[self._bright.bearings] = False
@@ -196,7 +225,7 @@ class Detector:
         x = without_streaks(x, defined, turn)
         modes: Modes = ("wrap" if turn else "constant", "constant")
         trial = len(self._scales) > 1
-        tried = [scale.detect(x, defined, modes, trial) for scale in self._scales]
+        tried = [scale.detect(x, defined, modes, trial, moved) for scale in self._scales]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         self.stages = stages if defined.any() else None
@@ -217,6 +246,28 @@ class Detector:
         if images - self._begin >= TRIAL:
             self._scales = [scale]
         return _scan_of_detector(image, echoes, standing)
+
+    def _moved(self, image: SonarImage, spacing: tuple[float, float]) -> Moved | None:
+        """Where cells of the image before are in this one, once the sensor has moved.
+
+        From then on there is a second background, on a grid of the fixed frame. The one that
+        predicts more is used, since poses may be wrong.
+        """
+        pose = np.broadcast_to(np.asarray(image.sensor_pose, float), (len(image.azimuth), 3))
+        if self._grid is None:
+            self._first_pose = pose if self._first_pose is None else self._first_pose
+            change = pose - self._first_pose
+            turned, gone = np.abs(wrap(change[:, 2])).max(), np.abs(change[:, :2]).max()
+            if turned <= spacing[0] and gone <= spacing[1]:
+                return None
+            self._grid = FixedGrid(image.azimuth, image.range)
+            for scale in self._scales:
+                scale.backgrounds.append(Background(self._grid))
+            self._grid.look(pose)
+            return None
+        before = copy.copy(self._grid)
+        self._grid.look(pose)
+        return lambda cells: self._grid.cells(before.places(cells))
 
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
@@ -251,7 +302,7 @@ class Detector:
             self._scales = [
                 _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
             ]
-            self._profile = None
+            self._profile = self._grid = self._first_pose = None
             self._bright = BrightLines(*image.intensity.shape)
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
         return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
