@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.image_messages import Plan, plan_of, read_image
+from msg_adapters.nav_messages import read_own_ship
 from msg_adapters.stamps import MessageError
 from tsepm_ros.detector.bright_lines import BRIGHT, LOOKS, measured_values, medians
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
@@ -21,6 +25,14 @@ from tsepm_ros.tracker.sensor import Coverage
 
 PLAN_PERIOD = 0.5
 """Least time between two plans, s."""
+POSE_AGE = 1.0
+"""Time after the newest pose over which a pose is extrapolated, s; the background can wait."""
+MAX_LATE = 5.0
+"""Time of poses that are all late after which they count as a new run's, s."""
+OTHER_CLOCK = (
+    f"own-ship data and images are more than {MAX_LATE:g} s apart by their stamps: until they "
+    "agree, the sonar counts as at rest"
+)
 MOST_PLANS = 500
 """Most plans of an offline run."""
 ALL_ROUND = 6.0
@@ -107,6 +119,8 @@ class ImageInput:
         Of the images, within the detector's: of the first, then of two in a row.
     coverage_changes : int
         Images with another coverage than the one before.
+    poses : PoseHistory
+        Of the vessel; empty where the sonar does not move, or its poses are not known.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -117,7 +131,11 @@ class ImageInput:
         drop: Callable[[str, str], None],
         say: Callable[[str], None],
     ) -> None:
-        self._options: Mapping[type[Any], Any] = {Coverage: Coverage(), **options}
+        self._options: Mapping[type[Any], Any] = {
+            Coverage: Coverage(),
+            Mounting: Mounting(),
+            **options,
+        }
         self._drop, self._say = drop, say
         self.plans: list[Plan] | None = None
         self.in_parts, self._look = False, FirstLook()
@@ -125,6 +143,36 @@ class ImageInput:
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage: ImageCoverage | None = None
         self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
+        self.poses = PoseHistory(max_extrapolation=POSE_AGE)
+
+    def take_own_ship(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry of a sonar that moves."""
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        try:
+            self.add_pose(read_own_ship(message, given.fixed_frame))
+        except MessageError as error:
+            self._drop("own_ship_invalid", f"own-ship data dropped: {error}")
+
+    def add_pose(self, sample: PoseSample) -> None:
+        """Add a pose; those that are late for long begin anew."""
+        if not self.poses.add(sample) and self.poses.late_span > MAX_LATE:
+            self.poses.start_over()
+
+    def _pose(self, ping: ImagePing) -> FloatArray | None:
+        """Pose of the sensor for an image, or for each bearing; None: unknown.
+
+        From tf it is the sensor's, from odometry the vessel's.
+        """
+        if not len(self.poses):
+            return None
+        offset = np.zeros(1) if ping.time_offset is None else ping.time_offset
+        if abs(1e-9 * ping.stamp_ns - (self.poses.last_stamp or 0.0)) > MAX_LATE:
+            self._say(OTHER_CLOCK)
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        is_sensor = given.own_ship_source == "tf"
+        mounting: Mounting = Mounting() if is_sensor else self._options[Mounting]
+        poses = mounting.sensor_poses(self.poses.held_poses(1e-9 * ping.stamp_ns + offset))
+        return poses if len(poses) == len(ping.azimuth) else poses[0]
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
@@ -155,7 +203,8 @@ class ImageInput:
                 continue
             try:
                 axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
-                scan = self.detector.process(SonarImage(1e-9 * whole.stamp_ns, *axes))
+                image = SonarImage(1e-9 * whole.stamp_ns, *axes, self._pose(whole))
+                scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue

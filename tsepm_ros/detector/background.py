@@ -113,7 +113,7 @@ class Background:
     def __init__(self, grid: FixedGrid | None = None) -> None:
         self._grid = grid
         self.images, self.share, self.explained = 0, 0.0, 0.0
-        self.power, self._median = 0.0, 0.0
+        self.power, self._median, self._origin = 0.0, 0.0, np.zeros(2, int)
 
     def expected(self, x: Image) -> Image:
         """What the past predicts of an image, ``b m``."""

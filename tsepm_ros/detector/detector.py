@@ -95,7 +95,7 @@ class _DetectorScale:
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
-        self, x: Image, defined: BoolArray, modes: Modes, trial: bool, moved: Moved | None
+        self, x: Image, defined: BoolArray, modes: Modes, trial: bool, motion: Moved | None
     ) -> tuple[Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
@@ -111,8 +111,8 @@ class _DetectorScale:
         pasts = [each.expected(x) for each in asked]
         self._best = background = max(asked, key=lambda each: each.explained)
         past = pasts[asked.index(background)]
-        if background is not self.backgrounds[0] and moved is not None:
-            self._follow(moved)
+        if background is not self.backgrounds[0] and motion is not None:
+            self._follow(motion)
         y, ring = cfar_normalised(x - past, defined, self.box, modes)
         z = cfar_smoothed(y, self.box, modes)
         even = background.scaled(z)
@@ -265,9 +265,9 @@ class Detector:
                 scale.backgrounds.append(Background(self._grid))
             self._grid.look(pose)
             return None
-        before = copy.copy(self._grid)
-        self._grid.look(pose)
-        return lambda cells: self._grid.cells(before.places(cells))
+        grid, before = self._grid, copy.copy(self._grid)
+        grid.look(pose)
+        return lambda cells: grid.cells(before.places(cells))
 
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""

@@ -54,6 +54,7 @@ SONAR_DETECTOR: Groups = (
     ("", DetectorOptions),
     ("image.", ImageLayout),
     ("sensor.", Coverage),
+    ("mounting.", Mounting),
 )
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,

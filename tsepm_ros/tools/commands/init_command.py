@@ -40,9 +40,12 @@ LEARNED = """the node learns the clutter density by place, the detection probabi
 targets have several detections in a ping"""
 OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column", "standing")
 """Questions that are asked where the driver publishes images."""
-SHARED = ("sensor.min_range", "sensor.azimuth_min", "sensor.azimuth_max", "sound_speed")
-"""Parameters that both nodes have. The farthest range of the detector is that of the images, which
-grows with the driver's range setting."""
+SHARED = (
+    *("sensor.min_range", "sensor.azimuth_min", "sensor.azimuth_max", "sound_speed"),
+    *("own_ship_source", "mounting."),
+)
+"""Beginnings of parameters that both nodes have. The farthest range of the detector is that of the
+images, which grows with the driver's range setting."""
 UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
 CELL_TO_STD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
@@ -489,7 +492,7 @@ def init_sections(answers: Answers, values: dict[str, Value]) -> Sections:
         "image.near_first": bool(answers["near_row"]),
         "image.port_first": not answers["first_column"],
         "image.clockwise": False,
-        **{name: values[name] for name in SHARED if name in values},
+        **{name: value for name, value in values.items() if name.startswith(SHARED)},
     }
     make_groups(SONAR_DETECTOR, detector)
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}

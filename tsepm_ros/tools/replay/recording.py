@@ -520,6 +520,18 @@ def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     return columns[np.argsort(table["time_s"], kind="stable")]
 
 
+def read_recorded_own_ship(folder: Path) -> list[PoseSample]:
+    """The poses of a folder's ``own_ship.csv``; none if there is no such file.
+
+    Raises
+    ------
+    ValueError
+        If it is malformed.
+    """
+    table = _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION)
+    return _recording_poses(table) if table else []
+
+
 def _recording_poses(table: Table) -> list[PoseSample]:
     known = "heading_rad" in table
     covariance = None if known else np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
