@@ -275,13 +275,17 @@ def test_what_is_estimated_is_in_use_where_it_is_not_given():
     assert given.detection_probability_at(at).tolist() == [0.9, 0.0]
 
 
-def standing_scene(first: int, **options):
-    """`score` on an echo that stays, which stands from scan number `first` on: ids, and counts."""
+def standing_scene(first: int, unknown: int = 0, **options):
+    """`score` on an echo that stays, which stands from scan `first` on: ids, and counts.
+
+    In the first `unknown` scans the detector does not know what stands.
+    """
     made = make_initiator("score", sensor=SensorModel(max_range=100.0), max_speed=2.0, **options)
     rng, ids, counts = np.random.default_rng(1), [], []
     for k in range(30):
         range_ = np.append(40.0 + rng.normal(0.0, 0.1), rng.uniform(5.0, 100.0, 4))
         standing = np.append(float(k >= first), np.zeros(4))
+        standing[:] = np.nan if k < unknown else standing
         azimuth = np.append(0.5, rng.uniform(-3.0, 3.0, 4))
         made.process(Scan(float(k), range_, azimuth, features={"standing": standing}))
         ids.append(made.current.track_id.tolist())
@@ -299,3 +303,9 @@ def test_what_stands_starts_no_track_unless_wanted():
 def test_a_track_continues_on_a_target_that_comes_to_stand():
     ids, _ = standing_scene(18)
     assert ids[17] == ids[-1] and len(ids[-1]) == 1
+
+
+@pytest.mark.parametrize(("unknown", "first"), [(6, 6), (30, 8)])
+def test_a_start_waits_until_it_is_known_what_stands_but_not_for_ever(unknown, first):
+    ids, _ = standing_scene(99, unknown=unknown)
+    assert not any(ids[:first]) and len(ids[first]) == 1

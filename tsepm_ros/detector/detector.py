@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tsepm_ros.detector.background import MEMORY, Background
+from tsepm_ros.detector.background import FIRST, MEMORY, Background
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
     Box,
@@ -100,7 +100,7 @@ class _DetectorScale:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
         With each, the share of the last images with a detection at its place: 1 where the
-        background takes the echo for what stands.
+        background takes the echo for what stands, nan before there is a background.
         """
         wraps, self._images = modes[0] == "wrap", self._images + 1
         asked = [
@@ -142,6 +142,8 @@ class _DetectorScale:
             for field, own in zip(as_they_are, echoes, strict=True):
                 field[rows] = own[rows]
             echoes = as_they_are
+        if background.images <= FIRST:  # nothing is known yet
+            standing = np.full(len(standing), np.nan)
         for number, one in enumerate(self.trials if trial else ()):
             one.update(peaks)
             self.recurring[number] += _distinct(one.evidence, cell)

@@ -175,7 +175,7 @@ class Score(Method):
             self.options,
             confirmation.attainable(tree).max(initial=-np.inf),
         )
-        return confirmation.confirm(
+        starts, merged = confirmation.confirm(
             tree,
             observed.window,
             self._tested,
@@ -185,6 +185,8 @@ class Score(Method):
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
+        waits = {*observed.ids[~observed.may_start].tolist()}
+        return [start for start in starts if waits.isdisjoint(start.path[-1:].tolist())], merged
 
     @property
     def threshold(self) -> float:

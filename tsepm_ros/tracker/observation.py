@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.excess import ExcessPrediction
@@ -42,6 +42,8 @@ class Observation:
         density of its range rate, s/m, where it has one.
     confirmed_probability : (d,) ndarray
         Probability that each detection is a confirmed track's, below 1.
+    may_start : (d,) ndarray of bool
+        Which detections may be the last hit of a start.
     detected : TrackArrays
         The confirmed tracks that were detected in this scan.
     clutter_sensor : SensorModel
@@ -73,6 +75,7 @@ class Observation:
     ids: IntArray
     clutter_density: FloatArray
     confirmed_probability: FloatArray
+    may_start: BoolArray
     detected: TrackArrays
     clutter_sensor: SensorModel
     seen_extent: ClutterExtent

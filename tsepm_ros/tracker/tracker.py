@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
 from tsepm_ros.tracker import initial_state, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import (
     ExtendedTargets,
@@ -58,6 +58,8 @@ LEAST_ROOM = 10
 """Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
+MAX_UNKNOWN = 8
+"""Scans in a row for which a start waits until it is known whether its detections stand."""
 STANDING_PROBABILITY = 0.98
 """That a detection that stands is no start of a target's track."""
 
@@ -127,6 +129,7 @@ class Tracker:
         self.learned = Learned.initial(self.sensor)
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
+        self._unknown = 0
         self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
@@ -230,11 +233,8 @@ class Tracker:
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
-        starts = self.common.start_standing == "on" or not self.method.most_tracks_true
-        if "standing" in scan.features and not starts:
-            stands = scan.features["standing"][detections["index"]] > STANDING
-            confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
-            self._received["standing"] = int(np.count_nonzero(stands))
+        stands, may_start = self._starting(scan, detections["index"])
+        confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         tracks = self.maintenance.confirmed.tracks
         return Observation(
             stamp=scan.stamp,
@@ -246,6 +246,7 @@ class Tracker:
             ids=ids,
             clutter_density=detections["clutter_density"] * of_rates,
             confirmed_probability=confirmed,
+            may_start=may_start,
             detected=tracks.where(
                 np.isin(tracks.track_id, self.maintenance.probable_detections[0])
             ),
@@ -261,6 +262,19 @@ class Tracker:
             amplitudes=amplitudes,
             predictive=self._clutter.predictive,
         )
+
+    def _starting(self, scan: Scan, index: IntArray) -> tuple[BoolArray, BoolArray]:
+        """Which detections stand, and which may be the last hit of a start, (d,).
+
+        A start waits while the detector does not know yet what stands, but not for ever.
+        """
+        standing = scan.features.get("standing", np.zeros(len(scan)))[index]
+        if self.common.start_standing == "on" or not self.method.most_tracks_true:
+            standing = np.zeros(len(index))
+        stands, unknown = standing > STANDING, np.isnan(standing)
+        self._unknown = self._unknown + 1 if unknown.any() else 0
+        self._received["standing"] = int(np.count_nonzero(stands))
+        return stands, ~stands & ~(unknown & (self._unknown <= MAX_UNKNOWN))
 
     def _count_in(self, scan: Scan) -> float:
         """Count a scan in; returns the time since the one before, s."""
