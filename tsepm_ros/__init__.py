@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tsepm_ros.tracker.clutter.fixed_places import LandMask
     from tsepm_ros.tracker.scan import Scan
     from tsepm_ros.tracker.sensor import SensorModel
-    from tsepm_ros.tracker.tracks import ConfirmedTrack
+    from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackStatus
 
 __version__ = "0.3.0"
 
@@ -26,6 +26,7 @@ _PLACES = {
     "Scan": "tracker.scan",
     "SensorModel": "tracker.sensor",
     "SonarImage": "detector.image",
+    "TrackStatus": "tracker.tracks",
     "available_methods": "methods.registry",
     "make_detector": "detector.detector",
     "make_initiator": "methods.registry",
@@ -37,6 +38,7 @@ __all__ = [
     "Scan",
     "SensorModel",
     "SonarImage",
+    "TrackStatus",
     "available_methods",
     "make_detector",
     "make_initiator",

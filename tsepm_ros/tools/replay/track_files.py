@@ -22,7 +22,7 @@ from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.replay.bag import POINTS, mcap_bag_writer, message_types
 from tsepm_ros.tools.terminal import write_terminal_line
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 from tsepm_ros.whole_files import move_whole, naming_file, remove_whole_file, temporary_beside_file
 
 COLUMNS = (
@@ -31,6 +31,7 @@ COLUMNS = (
     *COVARIANCE_FIELDS,
     *("evaluation", "score", "hit_count", "scan_count", "age"),
     *("stationary_probability", "signal_to_clutter_db", "revision"),
+    *("existence_probability", "time_since_hit", "status"),
 )
 
 
@@ -85,6 +86,9 @@ def _track_file_row(track: ConfirmedTrack) -> list[object]:
         track.stationary_probability,
         track.signal_to_clutter_db,
         track.revision,
+        track.existence_probability,
+        track.time_since_hit,
+        TrackStatus(track.status).name.lower(),
     ]
 
 
@@ -221,6 +225,7 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
                 "course": round(math.degrees(math.atan2(vx, vy)) % 360.0, 1),
                 "existence_probability": None if math.isnan(existence) else round(existence, 4),
                 "revision": track.revision,
+                "status": TrackStatus(track.status).name.lower(),
             }
         for track_id in result.ended.keys() & tracks.keys():
             tracks[track_id][1]["ended"] = result.ended[track_id]
