@@ -115,8 +115,9 @@ ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
 _LABEL_HEIGHT = 3.0  # in sizes of the position marker: readable if that is a few pixels
 _ELLIPSE_OPACITY = 0.25
-_COASTING_OPACITY = 0.4  # of every marker of a track that coasts
-_DASHES, _DASH_WIDTH = 24, 0.1  # of the ellipse of a track that was missed; the width in sizes
+_MISSED_OPACITY = 0.5  # of every marker of a track without a detection in the last scan
+_COASTING_OPACITY = 0.25  # of every marker of a track that coasts
+_DASHES, _DASH_WIDTH = 24, 0.1  # of the ellipses of both; the width in sizes
 _MAX_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
 _POTENTIAL_OPACITY = 0.3, 1.0  # as for the colours
 _POTENTIAL_LINE = 0.25  # width, in sizes of the points
@@ -295,7 +296,7 @@ def track_uuid(instance: uuid.UUID, track_id: int) -> NDArray[np.uint8]:
 def radar_tracks(
     header: messages.Header, tracks: TrackArrays, instance: uuid.UUID
 ) -> messages.RadarTracks:
-    """Make a message of tracks.
+    """Make a message of tracks but those that coast: it has no existence.
 
     Parameters
     ----------
@@ -312,7 +313,7 @@ def radar_tracks(
     """
     message = messages.RadarTracks(header=header)
     unknown = _upper_track_covariance(UNOBSERVED_VARIANCE * np.eye(2))
-    for track in tracks:
+    for track in tracks.where(tracks.status != TrackStatus.COASTING):
         made, stands = messages.RadarTrack(), track.stationary_probability
         made.uuid.uuid = track_uuid(instance, track.track_id)
         position, velocity = made.position, made.velocity
@@ -419,8 +420,8 @@ def track_markers(
 
     Each track has a sphere at its position, an arrow to its predicted position, its 95 % ellipse,
     and a label with id, speed, the largest standard deviation of the position, and the revision of
-    a track that was continued. Those of a track that coasts are fainter, and its label states its
-    existence. The ellipse of a track without a detection in the last scan is dashed.
+    a track that was continued. Those of a track without a detection in the last scan are fainter,
+    and its ellipse is dashed; those of a track that coasts are faint, and its label says so.
 
     Parameters
     ----------
@@ -612,7 +613,8 @@ def _track_shapes(
     sigma, coasts = major / ELLIPSE_SCALE, track.status == TrackStatus.COASTING
     size = max(minimum_size, sigma, _THICKNESS)
     height, dash = _LABEL_HEIGHT * size, _DASH_WIDTH * size
-    opacity = _COASTING_OPACITY if coasts else 1.0
+    missed = coasts or track.time_since_hit > 0.0
+    opacity = _COASTING_OPACITY if coasts else _MISSED_OPACITY if missed else 1.0
     own: dict[str, Any] = {"number": track.track_id, "color": color, "opacity": opacity}
     position, (x, y) = track.position, track.position.tolist()
     sphere = _track_marker(
@@ -621,7 +623,7 @@ def _track_shapes(
     # Scale of an arrow between two points: diameters of shaft and head, length of the head.
     arrow = _track_marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
     arrow.points = _track_marker_points(np.array([position, position + lead_time * track.velocity]))
-    if coasts or track.time_since_hit > 0.0:  # every second segment, along the ellipse
+    if missed:  # every second segment, along the ellipse
         scale = (dash, 0.0, 0.0)
         ellipse = _track_marker(
             header, "ellipse", kind="LINE_LIST", scale=scale, place=position, **own

@@ -9,8 +9,7 @@ from support.builders import AS_GIVEN, scan_at
 from support.score_scenes import score
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 
 SENSOR = SensorModel(range_std=30.0, range_std_fraction=0.0, azimuth_std=0.01, clutter_density=1e-5)
 
@@ -112,7 +111,7 @@ def test_a_silent_target_is_withheld_and_comes_back_under_its_id(interval, seed)
         published.append(initiator.current.track_id[apart < 0.1 * reach].tolist())
         if scan == SILENT[-1]:
             held = initiator.maintenance.confirmed
-            assert held.status[held.tracks.track_id == published[SILENT[0] - 1]] == Status.WITHHELD
+            assert held.status[held.tracks.track_id == published[SILENT[0] - 1]] == TrackStatus.COASTING
     assert len(published[SILENT[0] - 1]) == 1
     assert published[SILENT[-1]] == []
     assert published[-1] == published[SILENT[0] - 1]

@@ -118,7 +118,7 @@ function showTime() {
   const play = page.playing ? "Pause" : source === "live" ? "Live" : "Play";
   change(byId("play"), { textContent: play });
   const counts = frame
-    ? [plural(frame.tracks.length, "track"), plural(frame.detections.length / 2, "detection"),
+    ? [countWords(frame, (number) => plural(number, "track")), plural(frame.detections.length / 2, "detection"),
       plural(frame.potential.length, "potential track")].join(", ")
     : "nothing";
   plan.canvas.setAttribute("aria-label", `Plan position: ${counts}`);
