@@ -358,4 +358,4 @@ def with_simulated_poses(scan: Scan, own_ship: Motion) -> Scan:
 
 def _simulated_held_positions(starter: SimulatedTrackStarter) -> FloatArray | None:
     held = getattr(starter, "current", None)
-    return None if held is None else np.array(held.sure.state)[:, 0::2]
+    return None if held is None else np.array(getattr(held, "sure", held).state)[:, 0::2]

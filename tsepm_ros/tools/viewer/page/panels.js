@@ -277,7 +277,7 @@ class SelectedPanel {
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     const place = geographicWords(scene.info, x, y);
     if (place) rows.push(["Latitude, longitude", place]);
-    rows.push(["Exists with", `${Math.round(100 * row[Row.EXISTENCE])} %`]);
+    if (coasts(row)) rows.push(["Exists with", `${Math.round(100 * row[Row.EXISTENCE])} %`]);
     rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + elapsed)} ago`]);
     // Its axes, not their halves.
     rows.push(["95 % ellipse", `${distance(2 * row[Row.MAJOR])} by ${distance(2 * row[Row.MINOR])}`]);

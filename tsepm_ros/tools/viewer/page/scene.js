@@ -17,11 +17,10 @@ function sure(frame) {
   return frame.tracks.filter((row) => !coasts(row));
 }
 
-/* How many tracks do not coast, in words; and how many do and how many stand still, if any. */
+/* How many tracks do not coast, in words; and how many do, if any. */
 function countWords(frame, words = String) {
   const known = sure(frame).length, coasting = frame.tracks.length - known;
-  return [words(known), coasting && `${coasting} coasting`, frame.fixed.length && `${frame.fixed.length} standing still`]
-    .filter(Boolean).join(", ");
+  return words(known) + (coasting ? `, ${coasting} coasting` : "");
 }
 
 class Scene {
