@@ -227,7 +227,9 @@ def test_a_track_without_a_detection_is_dashed_and_says_for_how_long(replay):
         "scene.frames[page.index].tracks[0][Row.SINCE_HIT] = 3; redraw(); showPanels()"
     )
     settled(replay)
-    assert "Track 3confirmed, no detection for 3.0 s" in text(replay, "#selected")
+    assert "Last detection3.0 s ago" in text(replay, "#selected")
+    title = replay.value("document.querySelector('#tracks tbody tr').title")
+    assert title == "no detection for 3.0 s"
     assert not replay.value("document.querySelector('#selected .chip').classList.contains('ok')")
     assert "5,4" in replay.value("dashes.join(' ')"), "the truth has other dashes"
 

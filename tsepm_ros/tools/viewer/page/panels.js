@@ -146,7 +146,7 @@ class TrackList {
       row.classList.toggle("chosen", id === selected);
       row.classList.toggle("near", this.near.has(id));
       row.classList.toggle("coasting", coasts(track));
-      change(row, { title: statusWords(track, elapsed) });
+      change(row, { title: track[Row.SINCE_HIT] > 0 ? missedWords(track, elapsed) : "" });
     }
     // A row that is moved loses the focus.
     if (focused && document.activeElement !== focused && focused.isConnected) focused.focus({ preventScroll: true });
@@ -242,7 +242,7 @@ class SelectedPanel {
   stateOf(id, row, last, frame, scene, elapsed) {
     const { ended } = scene.facts[id] || {};
     if (row && elapsed) return ["no data", "error"];
-    if (row) return [statusWords(row), coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
+    if (row) return [coasts(row) ? "coasting" : "confirmed", coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
     if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
     if (ended && ended[0] <= frame.stamp + 1e-6) return ["ended", "stale"];
     if (!last) return ["not yet confirmed", "stale"];
@@ -321,10 +321,8 @@ class SelectedPanel {
   }
 }
 
-/* The state of a track, and for how long it was not detected. */
-function statusWords(row, elapsed = 0) {
-  const missed = row[Row.SINCE_HIT] > 0 ? `, no detection for ${duration(row[Row.SINCE_HIT] + elapsed)}` : "";
-  return (coasts(row) ? "coasting" : "confirmed") + missed;
+function missedWords(row, elapsed) {
+  return `${coasts(row) ? "coasting, " : ""}no detection for ${duration(row[Row.SINCE_HIT] + elapsed)}`;
 }
 
 function roundUp(value) {
