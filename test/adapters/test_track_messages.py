@@ -523,6 +523,13 @@ def test_a_radar_track_is_static_or_dynamic_where_that_is_known(probability, kin
     assert one.classification == kind
 
 
+def test_a_track_that_coasts_is_no_radar_track_but_an_object_with_its_existence():
+    coasts = tracks(status=TrackStatus.COASTING, existence_probability=0.03)
+    assert radar_tracks(HEADER, coasts, INSTANCE).tracks == []
+    (one,) = tracked_objects(HEADER, coasts, INSTANCE).objects
+    assert one.existence_probability == 0.03
+
+
 def test_a_tracked_object_moves_along_its_own_x_axis():
     message = tracked_objects(HEADER, tracks(existence_probability=0.75), INSTANCE)
     (one,) = message.objects

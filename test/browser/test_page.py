@@ -268,7 +268,7 @@ def test_a_trail_is_dashed_where_the_track_was_missed_and_broken_where_it_was_no
         " parts.push(name[0]); old.apply(this, given); }; }"
         "plan.drawTrail(scene.frames.at(-1), scene.frames.at(-1).tracks[0], new Map([[3, '#000']]))"
     )
-    # Nine scans from the fourth on: two detected, one missed, one detected, one not published, four.
+    # Nine scans from the fourth on: two detected, a missed one, one detected, none, four.
     assert "".join(replay.value("parts")) == "s" + "mlmlmlll" + "s" + "mmlmmmmm" + "s"
 
 
@@ -571,6 +571,7 @@ def test_the_tracks_are_saved_as_csv_and_geojson(replay):
     assert cut["type"] == "MultiLineString", "it crosses 180 degrees"
     assert [cut["coordinates"][0][-1][0], cut["coordinates"][1][0][0]] == [-180.0, 180.0]
     assert len(collection["features"][1]["properties"]["times"]) == 9
+    assert collection["features"][1]["properties"]["status"] == ["confirmed"] * 9
     replay.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () {"
         " saved.push(this.download); }"

@@ -500,7 +500,9 @@ def test_the_markers_of_a_track_that_is_not_published_any_more_are_deleted(world
     tracker = Tracker(world, boat)
     tracker.say(0.0, 7, 8)
     assert ids(tracker.held_at(12.0)) == [7, 8]
-    monkeypatch.setattr(ConfirmedTracks, "statuses", lambda held, *_: np.array([TrackStatus.STANDS_STILL, 0]))
+    monkeypatch.setattr(
+        ConfirmedTracks, "statuses", lambda held, *_: np.array([TrackStatus.STANDS_STILL, 0])
+    )
     assert ids(tracker.held_at(24.0)) == [8]
     assert tracker.shown_at(24.0) == ({8}, {7})
     figures = world.figures()

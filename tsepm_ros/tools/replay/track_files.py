@@ -214,10 +214,11 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
         for track, (latitude, longitude) in zip(result.current, places.tolist(), strict=True):
             if math.isnan(latitude):  # on no place of the earth
                 continue
-            identity: dict[str, Any] = {"track_id": track.track_id, "times": []}
+            identity: dict[str, Any] = {"track_id": track.track_id, "times": [], "status": []}
             line, properties = tracks.setdefault(track.track_id, ([], identity))
             line.append([round(longitude, DIGITS), round(latitude, DIGITS)])
             properties["times"].append(time)
+            properties["status"].append(TrackStatus(track.status).name.lower())
             vx, vy = track.velocity.tolist()
             existence = track.existence_probability
             properties |= {
@@ -225,7 +226,6 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
                 "course": round(math.degrees(math.atan2(vx, vy)) % 360.0, 1),
                 "existence_probability": None if math.isnan(existence) else round(existence, 4),
                 "revision": track.revision,
-                "status": TrackStatus(track.status).name.lower(),
             }
         for track_id in result.ended.keys() & tracks.keys():
             tracks[track_id][1]["ended"] = result.ended[track_id]
