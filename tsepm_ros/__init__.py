@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tsepm_ros.tracker.clutter.fixed_places import LandMask
     from tsepm_ros.tracker.scan import Scan
     from tsepm_ros.tracker.sensor import SensorModel
-    from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackStatus
+    from tsepm_ros.tracker.tracks import ConfirmedTrack
 
 __version__ = "0.3.0"
 
@@ -26,7 +26,6 @@ _PLACES = {
     "Scan": "tracker.scan",
     "SensorModel": "tracker.sensor",
     "SonarImage": "detector.image",
-    "TrackStatus": "tracker.tracks",
     "available_methods": "methods.registry",
     "make_detector": "detector.detector",
     "make_initiator": "methods.registry",
@@ -38,7 +37,6 @@ __all__ = [
     "Scan",
     "SensorModel",
     "SonarImage",
-    "TrackStatus",
     "available_methods",
     "make_detector",
     "make_initiator",
