@@ -58,7 +58,7 @@ MOST_PLACES = 500
 ENDS = {
     "missed": "its target was missed too often",
     "left": "its target left the coverage",
-    "not_detected": "its target was not detected for the longest coast",
+    "not_detected": "its target was not detected for too long",
     "duplicate": "it is of the same target as an older track",
     "tracker": "the downstream tracker does not list it",
     "forgotten": "fixed echoes that left the coverage later are remembered",
