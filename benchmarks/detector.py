@@ -1,6 +1,6 @@
 """The detector of images, measured: what it must hold, a Markdown table for each part.
 
-- false: false detections an image over the stated number, from image 21 on; by law, correlation and
+- false: false detections an image over the stated number, from image 61 on; by law, correlation and
   texture of the clutter, scale, fall of the reverberation, a step of the gain, and moving targets;
 - detection: share of targets detected at 20 false an image, beside the same stages with the true
   background and quantile, the size stated to both;
@@ -8,7 +8,12 @@
 - gain: share of weak targets with a track after 20 images, at 100 false tracks an hour, by false
   detections an image, with intensities and without;
 - time: processor time of an image, and growth of memory;
-- pool, radar: real data (`--data FOLDER`, with aquascan and radar; not part of the package).
+- piles: detections in open water, and before two piles with shadows, over what their area gives;
+  tracks of a diver, of piles and wall, and elsewhere;
+- stops: a target that comes, stops for some images and leaves, and one that comes to its place;
+- moving: a sonar that moves over a ground, with poses of several kinds;
+- pool, radar, clips, sweeps: real data (`--data FOLDER`, with aquascan, radar, didson and moving;
+  not part of the package).
 
     python benchmarks/detector.py PART [--images 100] [--data FOLDER]
 """
@@ -18,6 +23,7 @@ from __future__ import annotations
 import argparse
 import collections
 import csv
+import itertools
 import os
 import resource
 import time
@@ -30,6 +36,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
+from scipy import ndimage
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
@@ -46,8 +53,8 @@ from tsepm_ros.tools.terminal import terminal_markdown_table, terminal_progress
 Rows = Iterator[Sequence[str]]
 
 NUMBERS = 5.0, 20.0, 100.0
-SETTLED = 20
-"""Images before the measured ones."""
+SETTLED = 60
+"""Images before the measured ones: the background is known then."""
 CELLS = 128, 400
 SENSOR = SensorModel(
     range_std=0.1, range_std_fraction=0.0, azimuth_std=0.01, min_range=1.0, max_range=41.0,
@@ -354,7 +361,7 @@ def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -
             near |= close
             count, found_, held = count + 1, found_ + bool((apart < 1.0).any()), held + bool(close)
         others.append(place[~own])
-    false = false_ones(others, 1.0)[SETTLED:]
+    false = false_ones(others, 1.0)[20:]
     minutes = (last - float(data["time_s"][0])) / 60.0
     shares = f"{found_ / count:.3f}", f"{np.mean([len(o) for o in others]):.1f}"
     elsewhere = f"{len(ids - near) / minutes:.1f}"
@@ -367,17 +374,268 @@ def time_table(options: argparse.Namespace) -> Rows:
     rng = np.random.default_rng(options.seed)
     for m, b in ((500, 256), (1000, 512)):
         drawn = [np.abs(rng.standard_normal((b, m)) + 1j * rng.standard_normal((b, m)))
-                 .astype(np.float32) for _ in range(4)]  # fmt: skip
+                 .astype(np.float32) for _ in range(40)]  # fmt: skip
         detector = make_detector(**stated((3, 7)))
         axes = np.linspace(1.0, 41.0, m), np.linspace(-1.0, 1.0, b)
         begin, middle = time.process_time(), 0
         for k in range(options.images):
-            detector.process(SonarImage(0.1 * k, *axes, drawn[k % 4]))
+            detector.process(SonarImage(0.1 * k, *axes, drawn[7 * k % 40]))
             if k == options.images // 2:
                 middle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         ms = 1e3 * (time.process_time() - begin) / options.images
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - middle) / 1024
         yield [f"{m} x {b}", f"{ms:.1f}", f"{ms / 100.0:.2f}", f"{grown:.1f}"]
+
+
+PILES = (20.0, 3.0), (22.0, -4.0)
+"""Places of the piles, m."""
+SHADOW = 10.0 ** (-8.0 / 20.0)
+"""What a shadow leaves of an amplitude."""
+
+
+def shaded(image: SonarImage, places: Iterable[Sequence[float]]) -> SonarImage:
+    """An image with shadows of three bearings behind places."""
+    values = np.array(image.intensity)
+    for x, y in places:
+        bearings = np.abs(image.azimuth - np.arctan2(y, x)) < 1.5 * STEP[0]
+        values[np.ix_(bearings, image.range > np.hypot(x, y) + 1.0)] *= SHADOW
+    return replace(image, intensity=values)
+
+
+def piles_table(options: argparse.Namespace) -> Rows:
+    """A wall, two piles and a diver, all with shadows, before a sonar that does not move."""
+    yield ["false", "open water", "before the piles", "diver held", "its tracks",
+           "on piles and wall", "elsewhere"]  # fmt: skip
+    walls = tuple((x, y, x + 0.3, y, 25.0) for x, y in PILES)
+    model = ImageModel(target_size=(3.0, 5.0), walls=(*walls, (34.0, -20.0, 30.0, 20.0, 25.0)))
+    diver = (np.array((12.0, 0.02, -10.0, 0.09)),)
+    scene = scenario(SETTLED + options.images, targets=diver)
+    drawn = list(ImageSimulator(scene, model, options.seed))
+    reach = np.array([np.hypot(*pile) - 1.0 for pile in PILES])
+    for number in (5.0, 20.0):
+        detector = make_detector(false_detections_per_ping=number, **stated((3, 5)))
+        initiator = make_initiator("score", sensor=SENSOR, max_speed=2.0)
+        counts, near, seen = np.zeros(2), collections.defaultdict(set), 0
+        for k, (image, truth) in enumerate(drawn):
+            own = truth[0, 0::2]
+            scan = detector.process(shaded(image, (*PILES, own)))
+            initiator.process(scan)
+            for track in initiator.current:
+                at = np.asarray(track.state)[[0, 2]]
+                on = min(np.linalg.norm(at - pile) for pile in PILES) < 1.5 or at[0] > 28.0
+                is_diver = np.linalg.norm(at - own) < 1.5
+                near["diver" if is_diver else "fixed" if on else "elsewhere"].add(track.track_id)
+                seen += is_diver and k >= SETTLED
+            if k >= SETTLED:
+                place = places(scan)
+                free = place[np.linalg.norm(place - own, axis=1) > 2.0]
+                bearing, distance = np.arctan2(*free.T[::-1]), np.linalg.norm(free, axis=1)
+                apart = np.abs(bearing[:, None] - [np.arctan2(y, x) for x, y in PILES])
+                before = (apart < 2.5 * STEP[0]) & (distance[:, None] < reach)
+                counts += before.sum(), (distance < 18.0).sum()
+        share = np.array([5 / CELLS[0] * (reach - 1.0).sum() / 40.0, 17.0 / 40.0])
+        ratios = counts / (number * share * options.images)
+        fixed = near["fixed"] - near["diver"]
+        yield [f"{number:g}", *(f"{value:.2f}" for value in ratios[::-1]),
+               f"{seen / options.images:.2f}", f"{len(near['diver'])}", f"{len(fixed)}",
+               f"{len(near['elsewhere'] - near['diver'] - fixed)}"]  # fmt: skip
+
+
+def stops_table(options: argparse.Namespace) -> Rows:
+    """Nine targets of 3 x 7 cells that stop, and others that pass the places that they left."""
+    yield ["stop, images", "detected, first 60", "last 60", "flagged, first 20", "after these",
+           "others detected at the places", "elsewhere"]  # fmt: skip
+    rng, rows = np.random.default_rng(options.seed), np.arange(10, 118, 12)
+    stops_at = 100 + 25 * np.arange(len(rows))
+    for stop in (60, 200, 400, 700):
+        detector, end = make_detector(**stated((3, 7))), SETTLED + stop
+        seen = np.zeros((2, end + 60, len(rows)))
+        moved = 8 * np.r_[-SETTLED:0, np.zeros(stop, int), 1:31, -15:15]
+        for k, after in enumerate(moved):
+            [(image, _)] = ImageSimulator(scenario(1), ImageModel(), options.seed + k)
+            columns = stops_at + after
+            for row, column in zip(rows, columns, strict=True):
+                if 5 < column < CELLS[1] - 5:
+                    cell = np.s_[row - 1 : row + 2, column - 3 : column + 4]
+                    image.intensity[cell] += rng.rayleigh(0.6, (3, 7))
+            scan = detector.process(replace(image, stamp=float(k)))
+            own = (np.abs(scan.azimuth[:, None] - image.azimuth[rows]) < 2 * STEP[0]) & (
+                np.abs(scan.range[:, None] - 1.0 - (columns + 0.5) * STEP[1]) < 4 * STEP[1]
+            )
+            stands = scan.features["standing"] > 0.8
+            seen[:, k] = own.any(axis=0), own[stands].any(axis=0)
+        parts = (
+            (0, range(SETTLED, SETTLED + 60)),
+            (0, range(end - min(60, stop - 60), end)),
+            (1, range(SETTLED, SETTLED + 20)),
+            (1, range(SETTLED + 20, end)),
+            (0, [end + 45]),
+            (0, [end + 41, end + 42, end + 48, end + 49]),
+        )
+        shares = [seen[kind, images].mean() if images else np.nan for kind, images in parts]
+        yield [f"{stop}", *(f"{share:.2f}" for share in shares)]
+
+
+GROUND = 1200, 0.25
+"""Cells of the ground, each way, and their size, m."""
+STRENGTHS = 1.2, 2.5
+"""Rises of the cells of targets, in amplitudes of the ground there."""
+MOTIONS = {"fixed": (0.0, 0.0), "0.05 m an image": (0.05, 0.0), "0.5 m an image": (0.5, 0.0),
+           "turns by 20 degrees": (0.0, 20.0), "0.5 m, and turns": (0.5, 20.0)}  # fmt: skip
+POSES = {"exact": (0.0, 0.0, 0.0), "none": (np.inf, 0.0, 0.0), "slow errors": (0.5, 1.0, 0.998),
+         "white errors": (0.5, 1.0, 0.0), "wrong by 5 m": (5.0, 0.0, 0.0)}  # fmt: skip
+"""Errors, m and degrees, and how much of an error the next image keeps."""
+
+
+def over_the_ground(
+    motion: Sequence[float], images: int, seed: int
+) -> Iterator[tuple[np.ndarray, SonarImage, list[tuple[float, float]]]]:
+    """Images of a ground that changes with aspect, of a quay, and of targets: poses, and places."""
+    rng, (n, size) = np.random.default_rng(seed), GROUND
+    fields = [ndimage.gaussian_filter(rng.standard_normal((n, n)), 3.0) for _ in range(3)]
+    always, ahead, abeam = (np.exp(1.2 * field / field.std()) for field in fields)
+    azimuth, distance = (
+        (np.arange(CELLS[0]) + 0.5) * STEP[0] - 1.0,
+        1.0 + STEP[1] * (np.arange(CELLS[1]) + 0.5),
+    )
+    for k in range(images):
+        turned = np.radians(motion[1]) * np.sin(2.0 * np.pi * k / 80.0)
+        pose = np.array([motion[0] * (k - images / 2), 0.0, turned])
+        bearing = turned + azimuth[:, None]
+        x, y = pose[0] + np.cos(bearing) * distance, np.sin(bearing) * distance
+        index = tuple(np.clip((at / size + n / 2).astype(int), 0, n - 1) for at in (x, y))
+        along = 0.5 + 0.5 * np.cos(2.0 * bearing)
+        power = 0.6 * always[index]
+        power += 0.4 * (along * ahead[index] + (1.0 - along) * abeam[index])
+        power[np.abs(x + 0.2 * y - 30.0) < 0.3] *= 16.0
+        level = np.sqrt(power)
+        amplitude, own = rng.rayleigh(size=CELLS) * level, []
+        for rise in STRENGTHS * 2:
+            row, column = (int(rng.integers(20, length - 20)) for length in CELLS)
+            cell = np.s_[row - 1 : row + 2, column - 2 : column + 3]
+            amplitude[cell] += rise * level[row, column] * rng.rayleigh(0.6, (3, 5))
+            own.append((azimuth[row], distance[column]))
+        yield pose, SonarImage(0.1 * k, distance, azimuth, amplitude), own
+
+
+def moving_table(options: argparse.Namespace) -> Rows:
+    """A sonar that moves, with poses of several kinds; at a threshold of 10 detections an image."""
+    yield ["motion", "poses", *(f"detected, {rise:g}" for rise in STRENGTHS), "detections",
+           "standing", "ms"]  # fmt: skip
+    for motion, (name, poses) in itertools.product(MOTIONS, POSES.items()):
+        seen, number, took = np.zeros((2, options.images)), np.zeros(2), time.process_time()
+        detector, error = (
+            make_detector(false_detections_per_ping=10.0, **stated((3, 5))),
+            np.zeros(3),
+        )
+        rng, begin = np.random.default_rng(options.seed), SETTLED + 20
+        drawn = over_the_ground(MOTIONS[motion], begin + options.images, options.seed)
+        took = 0.0
+        for k, (pose, image, own) in enumerate(drawn):
+            fresh = rng.standard_normal(3) * [1.0, 1.0, np.radians(1.0)]
+            scale, keeps = np.array([poses[0], poses[0], poses[1]]), poses[2]
+            if np.isfinite(poses[0]):
+                error = keeps * error + np.sqrt(1.0 - keeps**2) * fresh * scale
+                image = replace(image, sensor_pose=pose + error)
+            start = time.process_time()
+            scan = detector.process(image)
+            took += time.process_time() - start
+            if k < begin:
+                continue
+            number += len(scan), np.count_nonzero(scan.features["standing"] > 0.8)
+            near = [
+                bool(((np.abs(scan.azimuth - at[0]) < 2.5 * STEP[0])
+                      & (np.abs(scan.range - at[1]) < 5 * STEP[1])).any())
+                for at in own
+            ]  # fmt: skip
+            seen[:, k - begin] = np.reshape(near, (2, 2)).mean(axis=0)
+        yield [motion, name, *(f"{share:.2f}" for share in seen.mean(axis=1)),
+               *(f"{n / options.images:.1f}" for n in number),
+               f"{1e3 * took / (begin + options.images):.1f}"]  # fmt: skip
+
+
+def sweeps_table(options: argparse.Namespace) -> Rows:
+    """Radars of cars that drive: whether a following car and a standing bus are detected."""
+    yield ["data, stated", "poses", "sweeps: . not detected, d detected, S as standing"]
+    for (name, number), known in itertools.product(
+        (("oxford_radar_11_coarse", 50.0), ("radiate_tiny_foggy_18", 50.0)), (False, True)
+    ):
+        data = np.load(options.data / "moving" / f"{name}.npz")
+        times, pose = data["time_s"], np.array(data["pose"], float)
+        pose[:, 2] = np.unwrap(pose[:, 2])
+        detector = make_detector(
+            false_detections_per_ping=number, range_extent=1.5, azimuth_extent=0.03
+        )
+        letters = ""
+        for k, stamp in enumerate(times):
+            pair = slice(k, k + 2) if k + 1 < len(times) else slice(k - 1, k + 1)
+            rate = np.diff(pose[pair], axis=0)[0] / np.diff(times[pair])[0]
+            poses = pose[k] + np.outer(data["beam_time_s"][k] - stamp, rate)
+            axes = data["range_m"], data["azimuth_rad"], data["image"][k]
+            scan = detector.process(
+                SonarImage(float(stamp), *axes, sensor_pose=poses if known else None)
+            )
+            if "label_id" in data:
+                label = data["label_xy_size_m"][k, list(data["label_id"]).index(1)]
+                near = (
+                    np.linalg.norm(places(scan) - label[:2], axis=1) < 0.5 * label[2:].max() + 1.0
+                )
+            else:  # a car follows
+                near = (np.abs(scan.azimuth) > np.pi - 0.25) & (np.abs(scan.range - 11.5) < 4.5)
+            stands = scan.features["standing"][near] > 0.8
+            letters += "." if not near.any() else "S" if stands.any() else "d"
+        yield [f"{name}, {number:g}", "yes" if known else "no", letters]
+
+
+def clips_table(options: argparse.Namespace) -> Rows:
+    """Clips of an imaging sonar that does not move, from image 21 on; fish of the first."""
+    yield ["clip, stated", "not standing over stated", "all", "labels detected", "flagged",
+           "labels held", "ids on fish", "other tracks"]  # fmt: skip
+    for name in ("lamprey1", "lamprey3"):
+        for number in (5.0, 20.0):
+            yield [f"{name}, {number:g}", *clip(options.data / "didson", name, number)]
+
+
+def clip(folder: Path, name: str, number: float) -> list[str]:
+    """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
+    data, labels = np.load(folder / f"{name}.npz"), collections.defaultdict(list)
+    azimuth, ranges = data["azimuth_rad"], data["range_m"]
+    step = float(np.ptp(azimuth)) / (len(azimuth) - 1), float(np.ptp(ranges)) / (len(ranges) - 1)
+    if name == "lamprey1":
+        with (folder / f"{name}_fish.csv").open() as file:
+            for row in csv.DictReader(file):
+                place = float(row["azimuth_rad"]), float(row["range_m"])
+                labels[int(row["frame"])].append((row["fish"], np.array(place)))
+    detector = make_detector(
+        false_detections_per_ping=number, azimuth_extent=3 * step[0], range_extent=5 * step[1]
+    )
+    sensor = SensorModel(
+        range_std=2 * step[1], range_std_fraction=0.0, azimuth_std=step[0],
+        min_range=ranges[0], max_range=ranges[-1], azimuth_min=azimuth.min(),
+        azimuth_max=azimuth.max(),
+    )  # fmt: skip
+    initiator = make_initiator("score", sensor=sensor, max_speed=2.0)
+    counts, found_, ids, fish = [], np.zeros(3, int), set(), collections.defaultdict(set)
+    for k, (stamp, image) in enumerate(zip(data["time_s"], data["image"], strict=True)):
+        scan = detector.process(SonarImage(float(stamp), ranges, azimuth, image))
+        initiator.process(scan)
+        tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
+        ids |= set(tracks)
+        stands = scan.features["standing"] > 0.8
+        counts.append((np.sum(~stands), len(scan)))
+        for own, (bearing, distance) in labels[k]:
+            near = (np.abs(scan.azimuth - bearing) < 3 * step[0]) & (
+                np.abs(scan.range - distance) < 5 * step[1]
+            )
+            at = distance * np.array([np.cos(bearing), np.sin(bearing)])
+            close = {key for key, xy in tracks.items() if np.linalg.norm(xy - at) < 0.25}
+            found_ += bool(near.any()), bool(near.any()) and stands[near].all(), bool(close)
+            fish[own] |= close
+    total, mean = sum(map(len, labels.values())), np.mean(counts[20:], axis=0)
+    shares = [f"{count} of {total}" for count in found_] if total else [""] * 3
+    own_ids = ", ".join(f"{own} {len(fish[own])}" for own in sorted(fish))
+    others = f"{len(ids - set().union(*fish.values()))}"
+    return [f"{mean[0] / number:.2f}", f"{mean[1]:.0f}", *shares, own_ids, others]
 
 
 PARTS = {
@@ -388,6 +646,11 @@ PARTS = {
     "time": time_table,
     "pool": pool_table,
     "radar": radar_table,
+    "piles": piles_table,
+    "stops": stops_table,
+    "clips": clips_table,
+    "moving": moving_table,
+    "sweeps": sweeps_table,
 }
 
 
@@ -400,7 +663,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--density", default="estimated", choices=("estimated", "given"))
     parser.add_argument("--data", type=Path, help="folder of the real data")
     options = parser.parse_args(arguments)
-    if options.part in ("pool", "radar") and options.data is None:
+    if options.part in ("pool", "radar", "clips", "sweeps") and options.data is None:
         parser.error("real data need --data FOLDER")
     rows = PARTS[options.part](options)
     print(terminal_markdown_table(next(rows), []))

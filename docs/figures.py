@@ -87,6 +87,8 @@ DIAGNOSTICS_FIGURES = {
     "`mounting`": "given, assumed at the origin of the vessel's frame, or not needed",
     "`sweep`": "how scans are joined from messages",
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",
+    "`detections`, `standing`, `stated`": "of `sonar_detector`: detections per image that do not "
+    "stand, and that stand; false ones stated",
     "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`, medians of the last nine: time "
     "that an image takes, and interval by the stamps",
     "`image_age_s`": "from the last image's arrival to the end of publishing its detections",
@@ -116,6 +118,7 @@ SCAN_COUNTS = {
     "outside_coverage": "detections outside the coverage, not used",
     "plots": "clusters made of the detections; as many as these where each is its own",
     "on_land": "detections on land, not used",
+    "standing": "detections that stand, and start no track (`start_standing`)",
 }
 
 DIAGNOSTICS_END = """\

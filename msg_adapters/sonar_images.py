@@ -9,10 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.image_messages import Plan, image_side_in_words, plan_of, read_image
+from msg_adapters.image_messages import Plan, plan_of, read_image
+from msg_adapters.nav_messages import read_own_ship
 from msg_adapters.stamps import MessageError
+from tsepm_ros.detector.bright_lines import BRIGHT, LOOKS, measured_values, medians
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
@@ -20,24 +25,22 @@ from tsepm_ros.tracker.sensor import Coverage
 
 PLAN_PERIOD = 0.5
 """Least time between two plans, s."""
+POSE_AGE = 1.0
+"""Time after the newest pose over which a pose is extrapolated, s; the background can wait."""
+MAX_LATE = 5.0
+"""Time of poses that are all late after which they count as a new run's, s."""
+OTHER_CLOCK = (
+    f"own-ship data and images are more than {MAX_LATE:g} s apart by their stamps: until they "
+    "agree, the sonar counts as at rest"
+)
 MOST_PLANS = 500
 """Most plans of an offline run."""
-MOST_NAMED = 8
-"""Most bearings, or ranges, of a sentence."""
 ALL_ROUND = 6.0
 """Bearings from which on more of them than ranges are nothing strange, rad."""
-LOOKS = 10
-"""Images of one shape that are looked at before a question is asked."""
-BRIGHT = 0.95
-"""Share of an image's cells below a level that most cells of a bright line are above."""
-ALTERNATES = (
-    "the ranges or the bearings of an image differ from those of the image before: the detector "
-    "learns anew at each change, and the coverage follows where the next image has it too"
-)
 
 
 class FirstLook:
-    """What the first images of a shape show that is no echo, or that another layout explains.
+    """What the first images of a shape show that another layout explains.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ class FirstLook:
     """
 
     def __init__(self, looks: int = LOOKS) -> None:
-        self._looks, self._left, self._always = looks, 0, np.zeros(0, bool)
+        self._looks, self._left, self._shape = looks, 0, (0, 0)
 
     def add(self, ping: Any, rows: str = "") -> list[str]:
         """Take an image; the sentences, with the last of the first images.
@@ -58,38 +61,25 @@ class FirstLook:
             Of the layout by which a picture was read; empty: the message states its geometry.
         """
         b, m = ping.intensity.shape
-        if len(self._always) != b + m + 2:
-            self._left, self._always = self._looks, np.ones(b + m + 2, bool)
+        if self._shape != (b, m):
+            self._shape, self._left, self._always = (b, m), self._looks, np.ones(2, bool)
         if self._left <= 0:
             return []
-        finite = np.isfinite(ping.intensity)
-        low = np.where(finite, ping.intensity, ping.intensity.min(initial=0.0, where=finite))
+        low = measured_values(ping.intensity)
         middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
-        levels = [np.quantile(low, 0.5, axis=axis, method="lower") for axis in (1, 0)]
-        spread = [float(np.ptp(np.quantile(level, [0.1, 0.9]))) for level in levels]
+        spread = [float(np.ptp(np.quantile(level, [0.1, 0.9]))) for level in medians(low)]
         varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
         swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)
         fan, asked = _is_fan(low) or _is_fan(low.T), rows not in ("", "fan")
-        self._always &= np.append(np.concatenate(levels) > bright, [swapped and not fan, fan])
+        self._always &= [swapped and not fan, fan]
         self._left -= 1
-        beams, cells = np.flatnonzero(self._always[:b]), np.flatnonzero(self._always[b:-2])
-        named = ", ".join(
-            f"{k} ({image_side_in_words(ping.azimuth[k])})" for k in beams[:MOST_NAMED]
-        )
-        span = ping.range[cells].min(initial=np.inf), ping.range[cells].max(initial=0.0)
-        always = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
         other = ("ranges", "beams") if rows == "beams" else ("beams", "ranges")
         sentences = {
-            f"{len(beams)} of {b} bearings are {always}; numbers, from 0: {named}. Bytes of gain "
-            "before each row, and lines of a display, count as bearings and shift the others: cut "
-            "them off the image": len(beams),
-            f"{len(cells)} of {m} ranges are {always}, from {span[0]:.4g} to {span[1]:.4g} m. If "
-            "that is the ring of the transmission, give sensor.min_range beyond it": len(cells),
             f"{b} bearings of {m} ranges look transposed: if the rows of the image are {other[0]}, "
-            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[-2],
+            f"not {other[1]}, give {other[0]} for rows (image.rows)": asked and self._always[0],
             "the corners of the image are blank as around a fan, and it is read as bearings and "
             "ranges: if it is a picture in x and y, give fan for rows (image.rows)": asked
-            and self._always[-1],
+            and self._always[1],
         }
         return [words for words, holds in sentences.items() if holds and not self._left]
 
@@ -129,6 +119,8 @@ class ImageInput:
         Of the images, within the detector's: of the first, then of two in a row.
     coverage_changes : int
         Images with another coverage than the one before.
+    poses : PoseHistory
+        Of the vessel; empty where the sonar does not move, or its poses are not known.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -139,7 +131,11 @@ class ImageInput:
         drop: Callable[[str, str], None],
         say: Callable[[str], None],
     ) -> None:
-        self._options: Mapping[type[Any], Any] = {Coverage: Coverage(), **options}
+        self._options: Mapping[type[Any], Any] = {
+            Coverage: Coverage(),
+            Mounting: Mounting(),
+            **options,
+        }
         self._drop, self._say = drop, say
         self.plans: list[Plan] | None = None
         self.in_parts, self._look = False, FirstLook()
@@ -147,6 +143,36 @@ class ImageInput:
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage: ImageCoverage | None = None
         self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
+        self.poses = PoseHistory(max_extrapolation=POSE_AGE)
+
+    def take_own_ship(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry of a sonar that moves."""
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        try:
+            self.add_pose(read_own_ship(message, given.fixed_frame))
+        except MessageError as error:
+            self._drop("own_ship_invalid", f"own-ship data dropped: {error}")
+
+    def add_pose(self, sample: PoseSample) -> None:
+        """Add a pose; those that are late for long begin anew."""
+        if not self.poses.add(sample) and self.poses.late_span > MAX_LATE:
+            self.poses.start_over()
+
+    def _pose(self, ping: ImagePing) -> FloatArray | None:
+        """Pose of the sensor for an image, or for each bearing; None: unknown.
+
+        From tf it is the sensor's, from odometry the vessel's.
+        """
+        if not len(self.poses):
+            return None
+        offset = np.zeros(1) if ping.time_offset is None else ping.time_offset
+        if abs(1e-9 * ping.stamp_ns - (self.poses.last_stamp or 0.0)) > MAX_LATE:
+            self._say(OTHER_CLOCK)
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        is_sensor = given.own_ship_source == "tf"
+        mounting: Mounting = Mounting() if is_sensor else self._options[Mounting]
+        poses = mounting.sensor_poses(self.poses.held_poses(1e-9 * ping.stamp_ns + offset))
+        return poses if len(poses) == len(ping.azimuth) else poses[0]
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:
         """Take changed options; what the detector learned stays unless its own changed."""
@@ -177,11 +203,13 @@ class ImageInput:
                 continue
             try:
                 axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
-                scan = self.detector.process(SonarImage(1e-9 * whole.stamp_ns, *axes))
+                image = SonarImage(1e-9 * whole.stamp_ns, *axes, self._pose(whole))
+                scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
-            for sentence in self._look.add(whole, layout.rows if whole.corners else ""):
+            looks = self._look.add(whole, layout.rows if whole.corners else "")
+            for sentence in (*looks, *self.detector.notes):
                 self._say(sentence)
             self._cover(whole)
             self._draw(whole)
@@ -194,7 +222,6 @@ class ImageInput:
         values = list(now.values.values())
         if before is not None and not before.agrees(values):
             self.coverage_changes += 1
-            self._say(ALTERNATES)
         elif self.coverage is None or not self.coverage.agrees(values):
             self.coverage = now
 

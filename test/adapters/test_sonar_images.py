@@ -9,7 +9,9 @@ import pytest
 from support import foreign_messages as foreign
 from support.image_messages import CELLS, TABLE, projected, raw
 
+from msg_adapters import odometry_message
 from msg_adapters.sonar_images import FirstLook, ImageInput
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
 
@@ -30,7 +32,7 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_its_assumptions(
     detector = images.detector
     images.configure(options)
     assert images.detector is detector, "nothing has changed"
-    images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 5.0}))
+    images.configure(make_groups(SONAR_DETECTOR, {"false_detections_per_ping": 8.0}))
     assert images.detector is not detector
 
 
@@ -48,6 +50,52 @@ def test_a_coverage_counts_where_it_stays():
     assert len({*said}) == 1 and "differ from those of the image before" in said[0]
 
 
+def posed(monkeypatch, odometry, stamp=1_700_000_000.123, **parameters):
+    """Poses of an image at a stamp, after odometry (after it, s, x, y and yaw); drops and notes."""
+    drops, said = [], []
+    options = make_groups(SONAR_DETECTOR, parameters)
+    images = ImageInput(options, lambda *why: drops.append(why[0]), said.append)
+    for after, x, y, yaw in odometry:
+        sample = PoseSample(stamp + after, x, y, yaw)
+        images.take_own_ship(odometry_message(sample))
+    taken = []
+    process = images.detector.process
+    monkeypatch.setattr(
+        images.detector,
+        "process",
+        lambda image: (taken.append(image.sensor_pose), process(image))[1],
+    )
+    list(images.take(projected()))
+    return taken[0], drops, said
+
+
+def test_an_image_has_the_pose_of_the_sensor_between_and_beyond_those_of_the_vessel(monkeypatch):
+    turning = [(-1.0, 0.0, 0.0, 0.0), (1.0, 4.0, 2.0, 1.0)]
+    pose, drops, said = posed(monkeypatch, turning)
+    np.testing.assert_allclose(pose, [2.0, 1.0, 0.5], atol=1e-3)
+    assert drops == said == []
+    mounted = {"mounting.x": 2.0, "mounting.yaw": 0.25}
+    pose, *_ = posed(monkeypatch, turning, **mounted)
+    expected = [2.0 + 2.0 * math.cos(0.5), 1.0 + 2.0 * math.sin(0.5), 0.75]
+    np.testing.assert_allclose(pose, expected, atol=1e-3)
+    pose, *_ = posed(monkeypatch, [(-1.5, 0.0, 0.0, 0.0), (-0.5, 1.0, 0.0, 0.0)])
+    np.testing.assert_allclose(pose, [1.5, 0.0, 0.0], atol=1e-3)
+    assert posed(monkeypatch, [])[0].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_poses_of_another_clock_are_said_and_an_invalid_one_counts(monkeypatch):
+    pose, drops, [said] = posed(monkeypatch, [(-900.0, 5.0, 0.0, 0.0), (-899.0, 6.0, 0.0, 0.0)])
+    assert "more than 5 s apart" in said and np.isfinite(pose).all()
+    _, drops, _ = posed(monkeypatch, [(0.0, math.nan, 0.0, 0.0)])
+    assert drops == ["own_ship_invalid"]
+
+
+def test_poses_of_a_clock_that_starts_again_are_taken(monkeypatch):
+    again = [(100.0, 9.0, 9.0, 0.0), *((0.5 * k - 6.0, 1.0, 2.0, 0.0) for k in range(14))]
+    pose, *_ = posed(monkeypatch, again)
+    np.testing.assert_allclose(pose, [1.0, 2.0, 0.0], atol=1e-3)
+
+
 def look_at(images, rows="ranges", azimuth=1.0):
     """Sentences about the first images, (b, m) each."""
     look, said = FirstLook(), []
@@ -60,17 +108,6 @@ def look_at(images, rows="ranges", azimuth=1.0):
 
 def speckle(*shape, number=12):
     return np.random.default_rng(4).rayleigh(20.0, (number, *shape)).clip(0, 255).astype(np.uint8)
-
-
-def test_bearings_and_ranges_that_are_bright_in_every_image_are_named_once():
-    images = speckle(60, 200)
-    assert look_at(images) == []
-    images[:, 7] = 255
-    images[:, :, 3] = 255
-    images[0, 12] = 255  # another sonar's streak, once
-    beams, cells = look_at(images)
-    assert beams.startswith("1 of 60 bearings") and "from 0: 7 (43.7 degrees to starboard)" in beams
-    assert cells.startswith("1 of 200 ranges") and "from 1.286 to 1.286 m" in cells
 
 
 def test_what_looks_transposed_is_asked_about_with_the_other_rows():

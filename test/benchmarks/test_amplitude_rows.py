@@ -57,7 +57,8 @@ def test_echoes_in_more_than_half_of_the_pings_are_not_false():
 
 def test_detections_of_targets_do_not_count_and_the_others_do():
     targets = tuple(np.array(t, float) for t in detector.TARGETS)
-    images = list(ImageSimulator(detector.scenario(26, targets=targets), ImageModel(), 1))
+    scenario = detector.scenario(detector.SETTLED + 10, targets=targets)
+    images = list(ImageSimulator(scenario, ImageModel(), 1))
     ratio, cells = detector.ratio(images, 20.0, (1, 1))
     assert ratio == pytest.approx(1.0, abs=0.5)
     assert cells > 1000

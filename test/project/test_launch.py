@@ -138,7 +138,8 @@ def test_with_a_topic_of_images_the_detector_starts_before_the_initiator(tmp_pat
     nodes = started(params_file=str(path), image="/sonar/image", use_sim_time="true")
     assert set(nodes) == {"sonar_detector", "track_initiator"}
     detector, tracker = nodes["sonar_detector"], nodes["track_initiator"]
-    assert detector.remaps == {"image": "/sonar/image", "detections": "detections"}
+    ship = {"own_ship/odometry": "own_ship/odometry"}
+    assert detector.remaps == {"image": "/sonar/image", "detections": "detections", **ship}
     assert detector.remaps["detections"] == tracker.remaps["detections"]
     assert detector.parameters["use_sim_time"] is True
     for executable, node in nodes.items():
@@ -150,11 +151,21 @@ def test_with_a_topic_of_images_the_detector_starts_before_the_initiator(tmp_pat
     }
 
 
+def test_the_detector_gets_the_pose_of_a_moving_sonar_as_the_initiator_does():
+    given = {"own_ship_source": "odometry", "odometry": "/nav", "fixed_frame": "map"}
+    for node in started(image="/sonar/image", **given).values():
+        assert node.remaps["own_ship/odometry"] == "/nav"
+        assert {name: node.parameters[name] for name in ("own_ship_source", "fixed_frame")} == {
+            "own_ship_source": "odometry",
+            "fixed_frame": "map",
+        }
+
+
 def test_a_file_without_a_section_of_the_detector_leaves_it_at_its_defaults(own_file):
     for given in ({}, {"params_file": own_file}):
         node = started(image="/sonar/image", **given)["sonar_detector"]
         make_groups(NODES["sonar_detector"], _known(node.parameters))
-        assert "fixed_frame" not in node.parameters
+        assert node.parameters["fixed_frame"] == ""
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,13 @@ def test_a_bad_feature_is_refused_by_its_name(features, sentence):
 
 def test_every_named_feature_is_taken_and_may_be_unknown():
     scan = Scan(**GOOD, features={name: [np.nan, 1.0] for name in FEATURES})
-    assert set(scan.features) == {"intensity", "range_width", "azimuth_width", "range_rate"}
+    assert set(scan.features) == {
+        "intensity",
+        "range_width",
+        "azimuth_width",
+        "range_rate",
+        "standing",
+    }
 
 
 def test_any_finite_angle_is_taken_and_wrapped():

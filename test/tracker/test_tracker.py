@@ -274,3 +274,29 @@ def test_what_is_estimated_is_in_use_where_it_is_not_given():
     assert given.intensity == "not used: off"
     at = np.array([[3000.0, 0.0], [2e4, 0.0]])
     assert given.detection_probability_at(at).tolist() == [0.9, 0.0]
+
+
+def standing_scene(first: int, **options):
+    """`score` on an echo that stays, which stands from scan number `first` on: ids, and counts."""
+    made = make_initiator("score", sensor=SensorModel(max_range=100.0), max_speed=2.0, **options)
+    rng, ids, counts = np.random.default_rng(1), [], []
+    for k in range(30):
+        range_ = np.append(40.0 + rng.normal(0.0, 0.1), rng.uniform(5.0, 100.0, 4))
+        standing = np.append(float(k >= first), np.zeros(4))
+        azimuth = np.append(0.5, rng.uniform(-3.0, 3.0, 4))
+        made.process(Scan(float(k), range_, azimuth, features={"standing": standing}))
+        ids.append(made.current.track_id.tolist())
+        counts.append(made.statistics.standing)
+    return ids, counts
+
+
+def test_what_stands_starts_no_track_unless_wanted():
+    ids, counts = standing_scene(0)
+    assert ids[-1] == [] and counts == [1] * 30, "each is counted"
+    ids, counts = standing_scene(0, start_standing="on")
+    assert len(ids[-1]) == 1 and counts == [0] * 30
+
+
+def test_a_track_continues_on_a_target_that_comes_to_stand():
+    ids, _ = standing_scene(18)
+    assert ids[17] == ids[-1] and len(ids[-1]) == 1

@@ -2,18 +2,13 @@
 
 Images are in deviations above their background, and smoothed over the extent of an echo.
 
-*Conditioned*: an amplitude is standardised by mean and deviation of all bearings at its range (gain
-over range, reverberation, the ring of the transmission), then of all ranges at its bearing (a
-streak: the pulse of another sonar)::
+*Normalised*: a cell is standardised by mean and deviation of the ring of cells around it, between a
+guard that its own echo may fill and an outer box; sums over boxes cost the same for every size::
 
-    x = max((a - mean) / deviation, -LIMIT),    of  a  within  mean +- LIMIT * deviation
+    x = (a - mean) / deviation,    of  a  up to  mean + LIMIT * deviation
 
-so that the holes of a range that is saturated, or of a logarithm, have a bounded part.
-
-*Normalised*: the same with the ring of cells around each, between a guard that its own echo may
-fill and an outer box; sums over boxes cost the same for every size. Amplitudes above the limit
-count as the limit, so that other echoes and walls have a bounded part. Location and scale do the
-same to amplitudes, powers and logarithms: the unit need not be known.
+so that other echoes and walls have a bounded part. Location and scale do the same to amplitudes,
+powers and logarithms: the unit need not be known.
 
 *Measured*: a peak is the highest cell within the box of an echo around it. The position is the
 centroid of the amplitudes ``w`` above half of the largest in a window of twice the box, which is
@@ -45,17 +40,15 @@ from __future__ import annotations
 import functools
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from tsepm_ros.detector.range_profile import LIMIT, Image
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-
-Image = NDArray[np.float32]
-"""(b, m): single precision is twice as fast, and finer than any sonar's."""
 
 Box = tuple[int, int]
 """Cells of an echo: bearings and ranges."""
@@ -64,15 +57,8 @@ Mode = Literal["wrap", "constant"]
 Modes = tuple[Mode, Mode]
 """Of filters at the ends of the axes."""
 
-LIMIT = 2.5
-"""Deviations from the mean beyond which an amplitude counts as the limit."""
 PASSES = 2
-"""Times that mean and deviation are taken, each within the limit by those before; once more for
-ranges and bearings, of which an echo may fill a tenth."""
-MEAN_DEVIATION = 1.25
-"""Standard deviation of a normal law over its mean absolute one, which an echo moves less."""
-MIN_CELLS = 24
-"""Cells without which a range, or a bearing, has no statistics of its own."""
+"""Times that mean and deviation of a ring are taken, each within the limit by those before."""
 BLOCK = 4
 """Ranges of a block of a ring."""
 MIN_RING = (25, 15)
@@ -91,8 +77,10 @@ RECENT = 3
 """Pings in one of which a target comes again."""
 LONG = 4
 """Times as many pings before which clutter was as often, and a moving target elsewhere."""
-STANDS = (5, 24)
+STANDS = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
+RECURS = 0.5
+"""Share of the pings with an echo in one place above which it is no false detection."""
 LIKE = 4.0, 0.01
 """Standard errors, and part of the median, by which medians of like pings may differ."""
 MAX_CHANCE = 0.8
@@ -107,42 +95,6 @@ PART = 0.5
 """Part of the largest amplitude of a window below which a cell is background."""
 CENTRINGS = 3
 """Times that the window is centred on the centroid."""
-
-
-def cfar_conditioned(amplitude: Image, measured: BoolArray) -> tuple[Image, BoolArray]:
-    """Amplitudes in deviations of their range and bearing, and where these are defined.
-
-    Parameters
-    ----------
-    amplitude : (b, m) ndarray
-        0 where not measured.
-    measured : (b, m) ndarray of bool
-
-    Returns
-    -------
-    standardised : (b, m) ndarray
-        0 where it is not defined.
-    defined : (b, m) ndarray of bool
-        Not defined: what was not measured, and ranges and bearings of one value, such as those
-        that the transmission saturates.
-    """
-    for axis in (0, 1):
-        if amplitude.shape[axis] < MIN_CELLS:
-            continue
-        there = measured.astype(np.float32)
-        count = np.maximum(there.sum(axis, keepdims=True), 1)
-        limited = amplitude
-        for _ in range(PASSES + 1):
-            mean = limited.sum(axis, keepdims=True) / count
-            apart = np.abs(limited - mean) * there
-            deviation = MEAN_DEVIATION * apart.sum(axis, keepdims=True) / count
-            reach = LIMIT * deviation
-            limited = np.clip(amplitude, mean - reach, mean + reach) * there
-        measured = measured & (deviation > 1e-6)
-        scale = np.where(deviation > 0.0, deviation, 1.0)
-        least = np.maximum((amplitude - mean) / scale, -LIMIT)
-        amplitude = np.asarray(least * measured, np.float32)
-    return amplitude, measured
 
 
 def cfar_normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
@@ -181,8 +133,8 @@ def _cfar_ring(values: Image, box: Box, modes: Modes) -> Image:
 @functools.lru_cache(maxsize=4)
 def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
-    is_defined = np.frombuffer(defined, bool).reshape(shape)
-    return np.asarray(np.maximum(_cfar_ring(is_defined.astype(np.float32), box, modes), 1.0))
+    ones = np.frombuffer(defined, bool).reshape(shape)
+    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, modes), 1.0))
 
 
 def cfar_cell_limit(box: Box) -> float:
@@ -199,30 +151,6 @@ def cfar_smoothed(y: Image, box: Box, modes: Modes) -> Image:
 @functools.lru_cache(maxsize=4)
 def _cfar_ties(shape: tuple[int, ...]) -> Image:
     return np.random.default_rng(0).random(shape, np.float32) * np.float32(TIE)
-
-
-class CfarClutterMap:
-    """Mean of each cell over the pings, subtracted: it learns whatever stands.
-
-    Parameters
-    ----------
-    pings : int
-        Memory; 0: nothing is subtracted.
-    """
-
-    def __init__(self, pings: int) -> None:
-        self._pings, self._seen = pings, 0
-        self._mean: Image = np.zeros((0, 0), np.float32)
-
-    def subtracted(self, x: Image, defined: BoolArray) -> Image:
-        """Values (b, m) without the mean of the pings before; themselves for the first."""
-        if not self._pings or x.shape != self._mean.shape:
-            self._seen, self._mean = 1, x
-            return x
-        self._seen = min(self._seen + 1, self._pings)
-        apart = np.asarray((x - self._mean) * defined, np.float32)
-        self._mean = self._mean + apart / np.float32(self._seen)
-        return apart
 
 
 class Peaks(NamedTuple):
@@ -259,10 +187,11 @@ class CfarThreshold:
 
     Attributes
     ----------
-    measured : float
-        False detections a ping that the pool has above the last threshold.
-    recurring : float
-        Detections so far that came again, or stand, less those by chance.
+    left_out : int
+        Pings of the pool that are left out, since they have another statistic than the last one.
+    evidence : (n,) ndarray
+        Of the last ping's peaks: whether those above the threshold came again, less the chance, or
+        stand; 0 below.
     cells : int
         Peaks of the last ping, the most detections that there could be.
     """
@@ -273,12 +202,26 @@ class CfarThreshold:
         self._pool: deque[tuple[Peaks, FloatArray, FloatArray]] = deque(maxlen=pings)
         self._detected: deque[FloatArray] = deque(maxlen=STANDS[1])
         self.kept = int(8 * number + 100)
-        self.measured = math.nan
-        self.recurring, self.cells = 0.0, 0
+        self.evidence, self.cells, self.left_out = np.zeros(0), 0, 0
 
-    def update(self, peaks: Peaks) -> float:
-        """The threshold for a ping, learned with it."""
-        stands, again = self._again(peaks)
+    def forget(self) -> None:
+        """Clear the pool: peaks have another statistic from now on."""
+        self._pool.clear()
+
+    def follow(self, moved: Callable[[FloatArray], FloatArray]) -> None:
+        """Place the detections so far where they lie in the next image; infinite: beyond it."""
+        if not self._detected:
+            return
+        ping = np.repeat(np.arange(len(self._detected)), [len(one) for one in self._detected])
+        places = moved(np.concatenate(self._detected))
+        seen = np.isfinite(places).all(axis=1)
+        ends = np.searchsorted(ping[seen], np.arange(1, len(self._detected)))
+        self._detected = deque(np.split(places[seen], ends), STANDS[1])
+
+    def update(self, peaks: Peaks) -> tuple[float, FloatArray]:
+        """The threshold for a ping, learned with it, and how far each peak stands, (n,)."""
+        standing, again = self._again(peaks)
+        stands = standing > RECURS
         self._pool.append((peaks, np.where(stands, 0.0, 1.0), np.where(stands, 0.0, again)))
         like = [
             entry
@@ -296,22 +239,22 @@ class CfarThreshold:
         beyond = np.flatnonzero(false > self._number)
         last = int(beyond[0]) if len(beyond) else len(height)
         level = float(height[order[last]]) if len(beyond) else 0.0
-        self.measured = float(false[last - 1]) if last else 0.0
+        self.left_out = len(self._pool) - len(like)
         detected = peaks.height > level
-        self.recurring += float((again + stands)[detected].sum())
+        self.evidence = np.where(detected, again + stands, 0.0)
         self.cells = peaks.number
         self._detected.append(peaks.place[detected])
-        return level
+        return level, standing
 
-    def _again(self, peaks: Peaks) -> tuple[BoolArray, FloatArray]:
-        """Whether each peak stands still, and its evidence of being a target, (n,)."""
+    def _again(self, peaks: Peaks) -> tuple[FloatArray, FloatArray]:
+        """How far each peak stands still, and its evidence of being a target, (n,)."""
         n, pings = len(peaks.height), len(self._detected)
         if not n or not pings:
-            return np.zeros(n, bool), np.zeros(n)
+            return np.zeros(n), np.zeros(n)
         squares = 4.0 * RECENT * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
         apart = _cfar_distance(list(self._detected), peaks.place, gate)
-        stands = (np.mean(apart < 1.0, axis=0) > 0.5) & (pings >= STANDS[0])
+        standing = np.sum(apart < 1.0, axis=0) / max(pings, STANDS[0])
         recent = (apart < gate)[-RECENT:].any(axis=0)
         before = (apart < gate)[: -LONG * RECENT]
         groups = len(before) // RECENT
@@ -321,8 +264,8 @@ class CfarThreshold:
         else:  # provisional: as if detections were spread evenly
             chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
         if pings == (LONG + 1) * RECENT:
-            self._pool.clear()
-        return stands, (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
+            self.forget()
+        return standing, (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
 
 
 def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:

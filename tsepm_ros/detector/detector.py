@@ -1,33 +1,39 @@
-"""The detector: sonar images to detections, with the number of false ones kept.
+"""The detector: sonar images to detections, with a stated number of those that do not stand.
 
-Every image passes through the same stages: conditioned, normalised by its background, smoothed over
-the extent of an echo, compared with a learned threshold; the peaks above it are measured.
+Every image passes through the same stages: standardised by a profile over range, streaks taken
+away; less what the past of each cell predicts; normalised by the ring around each cell; smoothed
+over the extent of an echo; scaled by the past deviations of the cell; compared with a learned
+threshold; the peaks above it are measured.
 """
 
 from __future__ import annotations
 
+import copy
 import math
+import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from tsepm_ros.detector.background import MEMORY, Background
+from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
     Box,
-    CfarClutterMap,
     CfarThreshold,
     Echoes,
-    Image,
     Modes,
-    cfar_conditioned,
     cfar_echoes,
     cfar_normalised,
     cfar_peaks,
     cfar_smoothed,
 )
-from tsepm_ros.detector.image import DetectorOptions, SonarImage
-from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.detector.fixed_frame import FixedGrid
+from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, SonarImage
+from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import parameter_table
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.scan import STANDING, Scan, wrap
 from tsepm_ros.tracker.sensor import Coverage
 
 SCALES = ((3, 5), (1, 1), (5, 15))
@@ -38,20 +44,41 @@ ENOUGH = 0.85
 """Part of the most recurring detections with which a smaller scale is chosen."""
 MIN_RECURRING = 0.5
 """Recurring detections a ping without which nothing is known of the extent."""
-MIN_CELLS = 4.0
+TRIALS = np.array([2.0, 4.0, 8.0])
+"""False detections a ping at which recurring ones are counted, whatever number is stated: at a low
+threshold walls and clutter recur at every scale."""
+MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
 SAME_CELLS = 0.02
-"""Relative change of number, size and first range up to which cells are the same as before."""
+"""Relative change of number and size up to which cells are the same as before."""
+ANEW = (
+    "the ranges or the bearings of an image differ from those of the image before: the detector "
+    "learns anew at each change, and the coverage follows where the next image has it too"
+)
+YOUNG = 60
+"""Images up to which the background removes nothing: it flags."""
+REMOVES = 0.3
+"""Share of the background from which on it is looked for what it removes."""
+REMOVED = 0.25
+"""Part of the threshold by which the background lowers what it removes."""
+OFTEN = 4
+"""Images of which the background that is not used is asked of one."""
+DRAWN = 0.5
+"""Boxes from an echo to its centroid from which on another thing is measured."""
 FULL_TURN_GAP = 2.5
 """Largest gap between the last and the first bearing of a full turn, in spacings."""
 MEAN_OVER_DEVIATION = math.sqrt(math.pi / (4.0 - math.pi))
 """Of Rayleigh amplitudes, 1.91."""
 
 
+Moved = Callable[[FloatArray], FloatArray]
+"""Fractional cells (n, 2) of the image before to those of the same places in this one."""
+
+
 class Stages(NamedTuple):
     """An image at its stages, (b, m) each, and the threshold of the smoothed one."""
 
-    conditioned: Image
+    standardised: Image
     background: Image
     smoothed: Image
     threshold: float
@@ -61,15 +88,70 @@ class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
     def __init__(self, box: Box, number: float) -> None:
-        self.box, self.threshold = box, CfarThreshold(number)
+        self.box, self._images, self._best = box, 0, Background()
+        self.backgrounds = [self._best]
+        self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
+        self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
+        self.recurring = np.zeros(len(TRIALS))
 
-    def detect(self, x: Image, defined: BoolArray, modes: Modes) -> tuple[Echoes, Stages]:
-        y, background = cfar_normalised(x, defined, self.box, modes)
+    def detect(
+        self, x: Image, defined: BoolArray, modes: Modes, trial: bool, motion: Moved | None
+    ) -> tuple[Echoes, FloatArray, Stages]:
+        """Echoes above what the past of each cell predicts; before that is known, all.
+
+        With each, the share of the last images with a detection at its place: 1 where the
+        background takes the echo for what stands.
+        """
+        wraps, self._images = modes[0] == "wrap", self._images + 1
+        asked = [
+            each
+            for each in self.backgrounds
+            if each is self._best or each.images <= YOUNG or self._images % OFTEN == 0
+        ]
+        pasts = [each.expected(x) for each in asked]
+        self._best = background = max(asked, key=lambda each: each.explained)
+        past = pasts[asked.index(background)]
+        if background is not self.backgrounds[0] and motion is not None:
+            self._follow(motion)
+        y, ring = cfar_normalised(x - past, defined, self.box, modes)
         z = cfar_smoothed(y, self.box, modes)
-        peaks, cell = cfar_peaks(z, defined, self.box, modes, self.threshold.kept)
-        level = self.threshold.update(peaks)
-        echoes = cfar_echoes(y, cell[peaks.height > level], self.box, modes[0] == "wrap")
-        return echoes, Stages(x, background, z, level)
+        even = background.scaled(z)
+        for each in asked:
+            each.learn(x, z, defined)
+        if not background.images:  # all is learned anew
+            self.threshold.forget()
+        peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
+        level, standing = self.threshold.update(peaks)
+        high = peaks.height > level
+        found, standing = cell[high], standing[high]
+        echoes = cfar_echoes(y, found, self.box, wraps)
+        if background.images <= YOUNG and background.share > REMOVES:
+            whole, _ = cfar_normalised(x, defined, self.box, modes)
+            w = cfar_smoothed(whole, self.box, modes)
+            places = peaks.place[high]
+            peaks, cell = cfar_peaks(w, defined, self.box, modes, self.threshold.kept)
+            least, _ = self._plain.update(peaks)
+            lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
+            near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
+            more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
+            standing = np.append(standing, np.ones(len(more)))
+            # Echoes are measured as they are, but where what stands would be measured.
+            as_they_are = cfar_echoes(whole, np.concatenate([found, more]), self.box, wraps)
+            moved = np.abs(as_they_are.cell[: len(found)] - found) / np.array(self.box)
+            rows = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
+            for field, own in zip(as_they_are, echoes, strict=True):
+                field[rows] = own[rows]
+            echoes = as_they_are
+        for number, one in enumerate(self.trials if trial else ()):
+            one.update(peaks)
+            self.recurring[number] += _distinct(one.evidence, cell)
+        return echoes, standing, Stages(x, ring + past, even, level)
+
+    def _follow(self, moved: Moved) -> None:
+        """Places of the images before as they lie in this one."""
+        gate = np.array(self.box) + 1.0
+        for threshold in (self.threshold, self._plain, *self.trials):
+            threshold.follow(lambda place: moved(place * gate) / gate)
 
 
 class Detector:
@@ -79,9 +161,12 @@ class Detector:
     ----------
     measured : dict of str to float
         images; empty (images of which no cell has statistics: nothing but NaN, or one value);
-        false_detections a ping, as the threshold was learned; independent_cells (peaks: the most
-        detections that there could be); range_extent (m) and azimuth_extent (rad), stated or
-        learned.
+        detections that do not stand, which the stated number is of, and standing ones, each a ping
+        over the last `MEMORY` pings; pings_left_out of those that the threshold is learned of,
+        since they have another statistic; independent_cells (peaks: the most detections that there
+        could be); range_extent (m) and azimuth_extent (rad), stated or learned.
+    notes : list of str
+        What images show that is no echo, and that all is learned anew: each sentence once.
     stages : Stages or None
         Of the last image; None if it was empty.
     """
@@ -93,10 +178,13 @@ class Detector:
     def reset(self) -> None:
         """Forget all images."""
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
+        self.notes: list[str] = []
         self.stages: Stages | None = None
-        self._map = CfarClutterMap(self.options.clutter_map)
-        self._axes: tuple[float, ...] = (0.0,) * 5
-        self._scales: list[_DetectorScale] = []
+        self._axes, self._begin = np.zeros(0), 0
+        self._profile: Profile | None = None
+        self._grid: FixedGrid | None = None
+        self._first_pose: FloatArray | None = None
+        self._bright, self._scales = BrightLines(0, 0), list[_DetectorScale]()
 
     def process(self, image: SonarImage) -> Scan:
         """Detections of an image.
@@ -109,7 +197,8 @@ class Detector:
         -------
         Scan
             With `range_std`, `azimuth_std` and the features intensity (dB above the background),
-            range_width and azimuth_width. Empty if no cell of the image has statistics.
+            range_width, azimuth_width and standing (above `STANDING`: it stands). Empty if no cell
+            of the image has statistics.
 
         Raises
         ------
@@ -125,39 +214,82 @@ class Detector:
                 "no cell of the image is in the coverage, which min_range, max_range, azimuth_min "
                 f"and azimuth_max limit: {self.coverage}"
             )
+        moved = self._moved(image, spacing)
+        self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
+        there[self._bright.bearings] = False
+        there[:, self._bright.ranges] = False
         values = np.where(there, image.intensity, 0.0)
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
-        x, defined = cfar_conditioned(amplitude, there)
-        x = self._map.subtracted(x, defined)
+        self._profile, x, defined = standardised(self._profile, amplitude, there)
+        x = without_streaks(x, defined, turn)
         modes: Modes = ("wrap" if turn else "constant", "constant")
-        tried = [scale.detect(x, defined, modes) for scale in self._scales]
+        trial = len(self._scales) > 1
+        tried = [scale.detect(x, defined, modes, trial, moved) for scale in self._scales]
         best = self._best()
-        scale, (echoes, stages) = self._scales[best], tried[best]
+        scale, (echoes, standing, stages) = self._scales[best], tried[best]
         self.stages = stages if defined.any() else None
+        images = int(self.measured["images"]) + 1
+        rate = 1.0 / min(images, MEMORY)
+        stand = int(np.count_nonzero(standing > STANDING))
+        numbers = {"detections": len(standing) - stand, "standing": stand}
+        before = {name: self.measured.get(name, 0.0) for name in numbers}
         self.measured = {
-            "images": self.measured["images"] + 1,
+            "images": images,
             "empty": self.measured["empty"] + (self.stages is None),
-            "false_detections": scale.threshold.measured,
+            **{name: old + rate * (numbers[name] - old) for name, old in before.items()},
+            "pings_left_out": scale.threshold.left_out,
             "independent_cells": scale.threshold.cells,
             "range_extent": scale.box[1] * spacing[1],
             "azimuth_extent": scale.box[0] * spacing[0],
         }
-        if self.measured["images"] - self._begin >= TRIAL:
+        if images - self._begin >= TRIAL:
             self._scales = [scale]
-        return _scan_of_detector(image, echoes)
+        return _scan_of_detector(image, echoes, standing)
+
+    def _moved(self, image: SonarImage, spacing: tuple[float, float]) -> Moved | None:
+        """Where cells of the image before are in this one, once the sensor has moved.
+
+        From then on there is a second background, on a grid of the fixed frame. The one that
+        predicts more is used, since poses may be wrong.
+        """
+        pose = np.broadcast_to(np.asarray(image.sensor_pose, float), (len(image.azimuth), 3))
+        if self._grid is None:
+            self._first_pose = pose if self._first_pose is None else self._first_pose
+            change = pose - self._first_pose
+            turned, gone = np.abs(wrap(change[:, 2])).max(), np.abs(change[:, :2]).max()
+            if turned <= spacing[0] and gone <= spacing[1]:
+                return None
+            self._grid = FixedGrid(image.azimuth, image.range)
+            for scale in self._scales:
+                scale.backgrounds.append(Background(self._grid))
+            self._grid.look(pose)
+            return None
+        grid, before = self._grid, copy.copy(self._grid)
+        grid.look(pose)
+        return lambda cells: grid.cells(before.places(cells))
+
+    def kinds(self) -> str:
+        """The numbers of both kinds of detections, in words."""
+        moving, standing = (self.measured.get(name, 0.0) for name in ("detections", "standing"))
+        return f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
+
+    def _say(self, sentences: list[str]) -> None:
+        self.notes += [sentence for sentence in sentences if sentence not in self.notes]
 
     def _prepare(self, image: SonarImage) -> tuple[tuple[float, float], bool]:
         """Spacing of the cells, rad and m, and whether the bearings are a full turn.
 
         All is learned anew where the cells are others than before.
         """
-        azimuth, distance = (
+        azimuth, distance = spacing = [
             float(np.median(np.abs(np.diff(axis)))) if len(axis) > 1 else 1.0
             for axis in (image.azimuth, image.range)
-        )
-        axes = (*image.intensity.shape, azimuth, distance, float(image.range[0]))
-        if not np.allclose(axes, self._axes, rtol=SAME_CELLS):
+        ]
+        axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])
+        if not self._are_known(axes):
+            self._say([ANEW] * bool(len(self._axes)))
+            self._axes, self._begin = axes, int(self.measured["images"])
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [
                 tuple(
@@ -170,22 +302,32 @@ class Detector:
             self._scales = [
                 _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
             ]
-            self._axes, self._begin = axes, int(self.measured["images"])
+            self._profile = self._grid = self._first_pose = None
+            self._bright = BrightLines(*image.intensity.shape)
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
         return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
 
+    def _are_known(self, axes: FloatArray) -> bool:
+        """Whether the cells are those of before: their number, sizes, and the first, by a cell."""
+        before = self._axes
+        if not len(before) or not np.allclose(axes[:4], before[:4], rtol=SAME_CELLS, atol=0.0):
+            return False
+        turned, moved = wrap(axes[4] - before[4]), axes[5] - before[5]
+        return bool(abs(turned) <= 1.01 * axes[2] and abs(moved) <= 1.01 * axes[3])
+
     def _best(self) -> int:
         """The smallest scale at which about as many echoes recur as at any."""
-        least = MIN_CELLS * self.options.false_detections_per_ping
-        thresholds = [scale.threshold for scale in self._scales]
-        recurring = [
-            threshold.recurring if threshold.cells >= least else 0.0 for threshold in thresholds
-        ]
-        pings = self.measured["images"] + 1 - self._begin
-        if max(recurring) < MIN_RECURRING * pings:
+        if len(self._scales) == 1:
             return 0
-        good = [k for k, number in enumerate(recurring) if number >= ENOUGH * max(recurring)]
-        return min(good, key=lambda k: math.prod(self._scales[k].box))
+        few = np.array([[one.threshold.cells] for one in self._scales]) >= MIN_CELLS * TRIALS
+        recurring = np.maximum([one.recurring for one in self._scales], 0.0) * few
+        recurring = recurring[:, few.all(axis=0)] if few.all(axis=0).any() else recurring
+        most = recurring.max(axis=0)
+        if most.max() < MIN_RECURRING * (self.measured["images"] + 1 - self._begin):
+            return 0
+        share = (recurring / np.maximum(most, 1e-9)).mean(axis=1)
+        good = np.flatnonzero(share >= ENOUGH * share.max())
+        return int(min(good, key=lambda k: math.prod(self._scales[k].box)))
 
 
 def make_detector(**options: Any) -> Detector:
@@ -201,6 +343,9 @@ def make_detector(**options: Any) -> Detector:
     ValueError
         If an option is unknown or not allowed.
     """
+    for name in NO_LONGER.keys() & options.keys():
+        warnings.warn(f"{name}: {NO_LONGER[name]}", stacklevel=2)
+        del options[name]
     known = {
         row.name: group for group in (DetectorOptions, Coverage) for row in parameter_table(group)
     }
@@ -211,15 +356,24 @@ def make_detector(**options: Any) -> Detector:
     return Detector(DetectorOptions(**options), Coverage(**limits))
 
 
-def _scan_of_detector(image: SonarImage, echoes: Echoes) -> Scan:
+def _distinct(evidence: FloatArray, cell: IntArray) -> float:
+    """Evidence of peaks at cells (n, 2), of which an echo of the largest scale counts one."""
+    _, group = np.unique(cell // np.array(SCALES[-1]), axis=0, return_inverse=True)
+    largest = np.zeros(group.max(initial=-1) + 1)
+    np.maximum.at(largest, group, evidence)
+    return float(largest.sum() + np.minimum(evidence, 0.0).sum())
+
+
+def _scan_of_detector(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
-    features = {"intensity": 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)}
+    intensity = 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)
+    features = {"intensity": intensity, "standing": standing}
     for name, axis, column in (("azimuth", image.azimuth, 0), ("range", image.range, 1)):
-        cell, cells = echoes.cell[:, column], np.arange(len(axis))
+        place, cells = echoes.cell[:, column], np.arange(len(axis))
         step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.ones(1)
-        spacing = np.interp(cell, cells, step)
-        fields[name] = np.interp(cell, cells, axis)
+        spacing = np.interp(place, cells, step)
+        fields[name] = np.interp(place, cells, axis)
         fields[f"{name}_std"] = echoes.deviation[:, column] * spacing
         features[f"{name}_width"] = echoes.width[:, column] * spacing
     row = np.clip(np.rint(echoes.cell[:, 0]).astype(int), 0, len(image.azimuth) - 1)

@@ -18,6 +18,8 @@ from tsepm_ros.tracker.sensor import Coverage
 TURN = 2 * math.pi + 1e-6
 COVERAGE = tuple(row.name for row in parameter_table(Coverage))
 """Fields of the tracker's `SensorModel` that follow the images."""
+NO_LONGER = {"clutter_map": "no longer used: each cell learns its background by itself"}
+"""Options of the last release that are taken without effect."""
 COVERAGE_CHANGE = 0.02
 """Relative difference of a coverage from which on it is another."""
 
@@ -27,9 +29,9 @@ class DetectorOptions(ParameterGroup):
     """Options of the detector."""
 
     false_detections_per_ping: float = parameter(
-        20.0,
-        "False detections per ping that the threshold keeps, at most a tenth of the independent "
-        "cells of an image",
+        5.0,
+        "False detections per ping that the threshold keeps, of those that do not stand; at most "
+        "a tenth of the independent cells of an image",
         minimum=0.1,
         maximum=1e4,
     )
@@ -42,13 +44,6 @@ class DetectorOptions(ParameterGroup):
         unit="rad",
         minimum=0.0,
         maximum=math.pi,
-    )
-    clutter_map: int = parameter(
-        0,
-        "Pings over which a map of each cell's mean is learned and subtracted, for a sensor that "
-        "does not move; 0: no map. Whatever stands still vanishes",
-        minimum=0,
-        maximum=100_000,
     )
 
 

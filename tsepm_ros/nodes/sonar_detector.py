@@ -7,29 +7,34 @@ from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import detections_cloud, diagnostics, make_header
+from msg_adapters import MessageError, detections_cloud, diagnostics, make_header
 from msg_adapters.image_messages import BEARINGS, IMAGES, normalised_image, plan_message, plan_of
 from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
-from tsepm_ros.detector.image import COVERAGE, ImageCoverage
+from tsepm_ros.detector.image import COVERAGE, DetectorOptions, ImageCoverage
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
-from tsepm_ros.nodes.base_node import BaseNode, run_node
+from tsepm_ros.nodes.base_node import BaseNode, ParameterError, run_node
 from tsepm_ros.nodes.pace import MAX_BACKLOG, Pace, newest_at_pace, pace_seconds_in_queue
-from tsepm_ros.nodes.subscriptions import DetectionsSubscription, SubscriptionQos
+from tsepm_ros.nodes.subscriptions import (
+    DetectionsSubscription,
+    OfferedSubscription,
+    SubscriptionQos,
+)
+from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tracker.scan import Scan
 
-IMAGE, DETECTIONS = "image", "detections"
+IMAGE, DETECTIONS, OWN_SHIP_TOPIC = "image", "detections", "own_ship/odometry"
 DEPTH, BEARINGS_DEPTH = 10, 1000
 TOO_FAST = "images were passed over, because they come faster than they are processed"
 PERIOD = 1.0
@@ -66,9 +71,35 @@ class SonarDetector(BaseNode):
             readable=tuple(IMAGES),
             least_depth=dict.fromkeys(BEARINGS, BEARINGS_DEPTH),
         )
+        self._subscribe_own_ship(options)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self.steady_timer(PERIOD, self._report)
         self.refuse_unused_overrides()
+
+    def _subscribe_own_ship(self, options: SonarDetectorNodeOptions) -> None:
+        self._tf: Any = None
+        if options.own_ship_source == "tf":
+            if not options.fixed_frame:
+                raise ParameterError("fixed_frame must be given where own_ship_source is tf")
+            self._tf = tf_buffer(self)
+        elif options.own_ship_source == "odometry":
+            self._own_ship = OfferedSubscription(
+                self,
+                Odometry,
+                OWN_SHIP_TOPIC,
+                DEPTH,
+                self._input.take_own_ship,
+                SubscriptionQos(self),
+            )
+
+    def _look_up(self, header: Any) -> None:
+        """Take the pose of the sensor at a message, or the newest before, from tf."""
+        stamp = header.stamp.sec + 1e-9 * header.stamp.nanosec
+        frame = self.options[SonarDetectorNodeOptions].fixed_frame
+        try:
+            self._input.add_pose(tf_own_ship(self._tf, frame, header.frame_id, stamp))
+        except MessageError as error:
+            self.warn_once(f"the background is that of the image's cells: {error}")
 
     def _hear(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest image, or turn."""
@@ -85,6 +116,8 @@ class SonarDetector(BaseNode):
     def take_image(self, message: Any, waited: float = 0.0) -> None:
         """Take a message, of any supported type, that waited for a time, s."""
         self._pace.arrived = time.monotonic() - waited
+        if self._tf is not None:
+            self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
             self._follow(ping)
             self._publish(scan, ping)
@@ -156,6 +189,7 @@ class SonarDetector(BaseNode):
         self._ask()
         turns, pace = self._input.turns, self._pace
         values = self._input.detector.measured | {
+            "stated": self.options[DetectorOptions].false_detections_per_ping,
             "bearings_unused": turns.unused,
             "coverage_changes": self._input.coverage_changes,
             "time_per_image_s": pace.time,
@@ -176,7 +210,7 @@ class SonarDetector(BaseNode):
             (turns.state, Level.WARN, turns.state),
             (not values["images"], Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"),
             (self.dropped.total(), Level.WARN, "images were dropped; the log says why"),
-            (True, Level.OK, "detections are made of images"),
+            (True, Level.OK, f"an image has {self._input.detector.kinds()}"),
         )
         _, level, message = next(state for state in states if state[0])
         status = Status(OVERALL, level, message, values)

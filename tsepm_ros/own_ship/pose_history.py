@@ -252,6 +252,19 @@ class PoseHistory:
             poses[beyond, :3] = np.where(np.isnan(predicted), poses[beyond, :3], predicted)
         return poses
 
+    def held_poses(self, times: FloatArray) -> FloatArray:
+        """Poses (n, 5) at times (n,), s: beyond those that are known, as at their ends.
+
+        Raises
+        ------
+        ValueError
+            If no pose is known, or there is a gap.
+        """
+        if not self._samples:
+            raise ValueError("no pose is known")
+        last = self._samples[-1].stamp + self.max_extrapolation
+        return self.poses(np.clip(times, self._samples[0].stamp, last))
+
     def rates(self, times: FloatArray, last: float) -> FloatArray:
         """Velocities and yaw rates at the given times, in the fixed frame.
 

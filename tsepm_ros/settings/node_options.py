@@ -583,6 +583,16 @@ class SonarDetectorNodeOptions(ParameterGroup):
         "images, also after its restart; empty: none",
         read_only=True,
     )
+    own_ship_source: str = parameter(
+        "none",
+        "Source of the pose of a sonar that moves, so that the background is that of the ground: "
+        "none, odometry or tf, as for track_initiator",
+        choices=OWN_SHIP_SOURCES,
+        read_only=True,
+    )
+    fixed_frame: str = parameter(
+        "", "Frame of the poses; empty: the odometry's. With tf it must be given", read_only=True
+    )
     publish_normalised: bool = parameter(
         False, "Publish the normalised image on image/normalised, 32FC1, a row per beam"
     )

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.detector.image import DetectorOptions
+from tsepm_ros.detector.image import NO_LONGER, DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, registered_method
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import (
@@ -54,6 +54,7 @@ SONAR_DETECTOR: Groups = (
     ("", DetectorOptions),
     ("image.", ImageLayout),
     ("sensor.", Coverage),
+    ("mounting.", Mounting),
 )
 NODES: dict[str, Groups] = {
     "track_initiator": TRACK_INITIATOR,
@@ -176,6 +177,8 @@ def why_settings_unused(name: str, rows: Collection[str]) -> str:
     rows : collection of str
         Full names of the node's parameters.
     """
+    if name in NO_LONGER and "range_extent" in rows:
+        return NO_LONGER[name]
     group, _, own = name.partition(".")
     if "method" in rows and group in METHODS:
         return "another method is chosen" * _has_setting(registered_method(group).Options, own)

@@ -56,6 +56,8 @@ class ScanStatistics:
         target became one cluster.
     on_land : int
         Detections in the coverage that are on land; they are not used.
+    standing : int
+        Detections that stand, and so start no track.
     """
 
     scans: int = 0
@@ -74,6 +76,7 @@ class ScanStatistics:
     outside_coverage: int = 0
     plots: int = 0
     on_land: int = 0
+    standing: int = 0
 
     def __add__(self, other: ScanStatistics) -> ScanStatistics:
         """Sum of the counts; of the potential tracks kept the larger."""

@@ -55,6 +55,13 @@ class CommonOptions(ParameterGroup):
         "the method score alone. Confirmed tracks are limited in any case",
         choices=("auto", "on", "off"),
     )
+    start_standing: str = parameter(
+        "off",
+        "Whether detections that stand start tracks, with the method score. A detection stands "
+        "where its feature standing, of sonar_detector, is above 0.8. off: they are hits of tracks "
+        "that are there",
+        choices=("on", "off"),
+    )
     max_detections: int = parameter(
         200_000, "Maximum number of detections of a scan; a scan with more is refused", minimum=1
     )

@@ -29,8 +29,10 @@ MIN_MAGNITUDE = {"range": 1e-3, "range_std": 1e-6, "azimuth_std": 1e-9}
 
 ECHO_FEATURES = ("intensity", "range_width", "azimuth_width")
 """What is measured of an echo beside its place and its range rate."""
-FEATURES = (*ECHO_FEATURES, "range_rate")
+FEATURES = (*ECHO_FEATURES, "range_rate", "standing")
 """Names allowed in `Scan.features`."""
+STANDING = 0.8
+"""The feature standing above which a detection stands."""
 
 
 @dataclass(frozen=True, eq=False)

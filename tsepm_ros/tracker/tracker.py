@@ -37,7 +37,7 @@ from tsepm_ros.tracker.measurement import (
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY
-from tsepm_ros.tracker.scan import Scan, check_scan, scan_of_rows, scan_positions
+from tsepm_ros.tracker.scan import STANDING, Scan, check_scan, scan_of_rows, scan_positions
 from tsepm_ros.tracker.sensor import (
     SensorEchoPoses,
     SensorModel,
@@ -58,6 +58,8 @@ LEAST_ROOM = 10
 """Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
+STANDING_PROBABILITY = 0.98
+"""That a detection that stands is no start of a target's track."""
 
 
 class Tracker:
@@ -228,6 +230,11 @@ class Tracker:
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
+        starts = self.common.start_standing == "on" or not self.method.most_tracks_true
+        if "standing" in scan.features and not starts:
+            stands = scan.features["standing"][detections["index"]] > STANDING
+            confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
+            self._received["standing"] = int(np.count_nonzero(stands))
         tracks = self.maintenance.confirmed.tracks
         return Observation(
             stamp=scan.stamp,

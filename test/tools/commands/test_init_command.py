@@ -167,13 +167,20 @@ def test_for_images_one_file_has_both_nodes_with_one_coverage(capsys, tmp_path):
     tracker = given_parameters_for(path, "/track_initiator")
     make_groups(SONAR_DETECTOR, detector)
     make_groups(TRACK_INITIATOR, tracker)
-    assert {name: tracker[name] for name in SHARED} == {name: detector[name] for name in SHARED}
+    shared, own = (
+        {name: v for name, v in values.items() if name.startswith(SHARED)}
+        for values in (tracker, detector)
+    )
+    assert shared == own and len(own) >= 4
     assert tracker["sensor.max_range"] == 40.0
     assert "sensor.max_range" not in detector, "images reach as far as the driver's range setting"
-    assert detector["false_detections_per_ping"] == 20.0
-    assert tracker["sensor.clutter_density"] == pytest.approx(20.0 / (0.5 * 40.0**2 * 2.2689), 0.01)
+    assert detector["false_detections_per_ping"] == 5.0
+    assert "start_standing" not in tracker
+    assert tracker["sensor.clutter_density"] == pytest.approx(5.0 / (0.5 * 40.0**2 * 2.2689), 0.01)
     assert main(["init", str(out), "--yes", *given, "--false-detections", "1e5"]) == 2
     assert "false_detections_per_ping" in capsys.readouterr().err
+    assert main(["init", str(out), "--yes", *given, "--standing", "yes"]) == 0
+    assert given_parameters_for(out, "/track_initiator")["start_standing"] == "on"
 
 
 @pytest.mark.usefixtures("no_expectation")

@@ -63,6 +63,19 @@ def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, tex
     assert sentence in capsys.readouterr().err
 
 
+def test_images_have_the_poses_of_own_ship_and_its_mounting(folder):
+    rows = ["time_s,east_m,north_m,heading_rad", "0,0,0,0", "11,22,0,0"]
+    (folder / "own_ship.csv").write_text("\n".join(rows))
+    (folder / "geometry.yaml").write_text(GEOMETRY + "mounting.x: 3.0\n")
+    _, times, images = read_image_folder(folder, [])
+    poses = [image.sensor_pose.tolist() for image in images]
+    expected = [[2.0 * time, 3.0, np.pi / 2] for time in times]
+    np.testing.assert_allclose(poses, expected, atol=1e-9)
+    (folder / "own_ship.csv").write_text("time_s,east_m\n0,0\n")
+    with pytest.raises(ValueError, match=r"own_ship.csv has no column 'north_m'"):
+        read_image_folder(folder, [])
+
+
 def huge_array(shape: str) -> bytes:
     """A file .npy whose header promises a shape."""
     head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"

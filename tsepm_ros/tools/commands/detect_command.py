@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tsepm_ros.detector.detector import Stages
-from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.detector.image import NO_LONGER, SonarImage
 from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder_argument, seed
 from tsepm_ros.tools.replay.image_folder import write_image_folder_detections
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
@@ -17,14 +17,13 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.whole_files import written_whole
 
 OPTIONS = {
-    "false_detections_per_ping": "kept by the threshold; default 20",
+    "false_detections_per_ping": "kept by the threshold; default 5",
     "range_extent": "of an echo, m; default learned",
     "azimuth_extent": "of an echo, rad; default learned",
     "min_range": "nearest range that is used, m; default 0",
     "max_range": "farthest range that is used, m; default all",
     "azimuth_min": "start of the sector that is used, rad; default all round",
     "azimuth_max": "end of it, counter-clockwise, rad",
-    "clutter_map": "pings of a map of what stands, which is subtracted; default none",
 }
 """Options of the detector, in place of those in the folder."""
 
@@ -33,8 +32,9 @@ def add_detect_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `tsepm detect`."""
     parser.add_argument("folder", type=Path, help="geometry.yaml, times.csv and the images")
     for name, text in OPTIONS.items():
-        kind = int if name == "clutter_map" else float
-        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
+        parser.add_argument(f"--{name.replace('_', '-')}", type=float, help=text)
+    for name, text in NO_LONGER.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", help=text)
     parser.add_argument(
         "--out", type=in_folder_argument, default=Path(DETECTIONS_FILE), help="CSV file"
     )
@@ -55,22 +55,25 @@ def run_detect(options: argparse.Namespace) -> None:
         If there is no image.
     """
     given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
-    detection_count, drawn, notes = 0, None, list[str]()
+    found, drawn = 0, None
+    notes = [f"{one}: {NO_LONGER[one]}" for one in NO_LONGER if getattr(options, one) is not None]
     outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
         write_image_folder_detections(options.folder, options.out, notes, outputs, **given)
     ):
-        detection_count += len(scan)
+        found += len(scan)
         if k <= options.image and detector.stages is not None:
             drawn = image, detector.stages, scan
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
-    if not detection_count or drawn is None:
+    if not found or drawn is None:
         raise CommandFailed(f"{options.folder} has no image with an echo")
     if options.picture:
         draw_detect(options.picture, *drawn)
     measured = ", ".join(f"{name} {value:.3g}" for name, value in detector.measured.items())
-    print(f"{detection_count} detections in {options.out}; {measured}", file=sys.stderr)
+    number = detector.options.false_detections_per_ping
+    print(f"{found} detections in {options.out}; {measured}", file=sys.stderr)
+    print(f"a ping: {detector.kinds()}; {number:g} false ones are stated", file=sys.stderr)
 
 
 def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:
@@ -88,9 +91,9 @@ def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> No
     figure = Figure(figsize=(12, 9), layout="constrained")
     panels = {
         "image": image.intensity,
-        "background, standardised": stages.background,
+        "background of the ring and of each cell": stages.background,
         f"smoothed; black: above the threshold {stages.threshold:.2f}": stages.smoothed,
-        f"{len(scan)} detections": stages.conditioned,
+        f"{len(scan)} detections": stages.standardised,
     }
     degrees, all_axes = np.degrees(image.azimuth), figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (title, values) in zip(all_axes.flat, panels.items(), strict=True):

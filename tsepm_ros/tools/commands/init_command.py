@@ -38,11 +38,14 @@ Sections = dict[str, dict[str, Value]]
 """Values of parameters by the key of their section."""
 LEARNED = """the node learns the clutter density by place, the detection probability, and whether
 targets have several detections in a ping"""
-OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column")
+OF_IMAGES = ("rows", "near_range", "far_range", "near_row", "first_column", "standing")
 """Questions that are asked where the driver publishes images."""
-SHARED = ("sensor.min_range", "sensor.azimuth_min", "sensor.azimuth_max", "sound_speed")
-"""Parameters that both nodes have. The farthest range of the detector is that of the images, which
-grows with the driver's range setting."""
+SHARED = (
+    *("sensor.min_range", "sensor.azimuth_min", "sensor.azimuth_max", "sound_speed"),
+    *("own_ship_source", "mounting."),
+)
+"""Beginnings of parameters that both nodes have. The farthest range of the detector is that of the
+images, which grows with the driver's range setting."""
 UNIT_NAMES = {"degrees": ("degree", "deg", "°"), "%": ("percent",)}
 CELL_TO_STD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value anywhere in a cell, as a share of the cell's width."""
@@ -312,6 +315,14 @@ QUESTIONS = (
         choices=("port", "starboard"),
     ),
     InitQuestion(
+        "standing",
+        "Image: do things that stand still matter",
+        "no or yes",
+        "no: what stands in the images starts no track; a target that stops keeps its own.",
+        0.0,
+        choices=("no", "yes"),
+    ),
+    InitQuestion(
         "false_detections",
         "False detections per ping, over the whole coverage",
         "per ping",
@@ -442,6 +453,8 @@ def init_parameters(answers: Answers, *, known_interval: bool = False) -> dict[s
         }
     if answers["extent"]:
         values["plots"] = "on"
+    if answers["standing"]:
+        values["start_standing"] = "on"
     if answers["false_detections"]:
         sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
         values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
@@ -479,7 +492,7 @@ def init_sections(answers: Answers, values: dict[str, Value]) -> Sections:
         "image.near_first": bool(answers["near_row"]),
         "image.port_first": not answers["first_column"],
         "image.clockwise": False,
-        **{name: values[name] for name in SHARED if name in values},
+        **{name: value for name, value in values.items() if name.startswith(SHARED)},
     }
     make_groups(SONAR_DETECTOR, detector)
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}

@@ -25,26 +25,36 @@ import yaml
 from numpy.typing import NDArray
 
 from msg_adapters.image_messages import grey_image, image_by_beam, image_in_words, located_image
-from msg_adapters.sonar_images import LOOKS, FirstLook
+from msg_adapters.sonar_images import FirstLook
+from tsepm_ros.detector.bright_lines import LOOKS
 from tsepm_ros.detector.detector import Detector
-from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseHistory
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import Parameter, shown_parameter
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
-from tsepm_ros.tools.replay.recording import DETECTIONS_FILE, check_recording_times
+from tsepm_ros.tools.replay.recording import (
+    DETECTIONS_FILE,
+    check_recording_times,
+    read_recorded_own_ship,
+)
 from tsepm_ros.tools.terminal import terminal_progress
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import Coverage
 from tsepm_ros.whole_files import opened_whole, spare_files
 
 GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
 IMAGE_COLUMNS = (
     "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
-    "azimuth_width_rad"
+    "azimuth_width_rad,standing"
 )
-FOLDER: Groups = (("", DetectorOptions), ("", Coverage), ("", ImageLayout))
+FOLDER: Groups = (
+    *(("", group) for group in (DetectorOptions, Coverage, ImageLayout)),
+    ("mounting.", Mounting),
+)
 """Parameters that ``geometry.yaml`` may have."""
 AXES = (
     Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
@@ -76,6 +86,7 @@ def read_image_folder(
     try:
         values, axes = _image_folder_geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
         groups = make_groups(FOLDER, {**values, **options})
+        notes.extend(f"{GEOMETRY}: {one}: {NO_LONGER[one]}" for one in NO_LONGER if one in values)
         with (folder / TIMES).open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
         times = np.array([float(row.get("time_s") or "nan") for row in rows])
@@ -91,6 +102,10 @@ def read_image_folder(
         raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
     spare_files([*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs)
     layout: ImageLayout = groups[ImageLayout]
+    mounting: Mounting = groups[Mounting]
+    poses = PoseHistory()
+    for sample in read_recorded_own_ship(folder):
+        poses.add(sample)
     look = FirstLook(min(LOOKS, len(times)))
 
     def images() -> Iterator[SonarImage]:
@@ -98,7 +113,8 @@ def read_image_folder(
             picture = grey_image(
                 np.asarray(_image_folder_stored(one) if isinstance(one, Path) else one)
             )
-            image = SonarImage(time, *_image_folder_placed(picture, layout, axes))
+            pose = mounting.sensor_poses(poses.held_poses(np.array([time])))[0] if poses else None
+            image = SonarImage(time, *_image_folder_placed(picture, layout, axes), sensor_pose=pose)
             words = image_in_words(picture, layout, image.range, image.azimuth)
             notes.extend([words] * (words not in notes))
             notes.extend(look.add(image, layout.rows))
@@ -162,9 +178,10 @@ def write_image_folder_detections(
         file.write(IMAGE_COLUMNS + "\n")
         for number, image in enumerate(terminal_progress(images, len(times), "detection", "image")):
             scan = detector.process(image)
+            notes.extend(one for one in detector.notes if one not in notes)
             columns = (
                 *(scan.range, scan.azimuth, scan.range_std, scan.azimuth_std),
-                *map(scan.features.__getitem__, ("intensity", "range_width", "azimuth_width")),
+                *map(scan.features.__getitem__, (*ECHO_FEATURES, "standing")),
             )
             for row in zip(*columns, strict=True):
                 file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")

@@ -120,6 +120,8 @@ def offline_bag_results(
             given.take_detections(content, now)
         elif role == OWN_SHIP:
             given.take_own_ship(content)
+            if images is not None:
+                images.take_own_ship(content)
         elif role == LAND:
             given.take_land(content)
         else:

@@ -9,7 +9,7 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
   ``elevation_rad`` (above the sensor's x-y plane; the range is then the slant range),
   ``range_std_m``, ``azimuth_std_rad``, ``time_offset_s`` (after ``time_s``; or
   ``two_way_travel_time_s``, twice that, which is used if there is no ``time_offset_s``),
-  ``intensity``, ``range_width_m``, ``azimuth_width_rad`` and ``range_rate_mps``;
+  ``intensity``, ``range_width_m``, ``azimuth_width_rad``, ``range_rate_mps`` and ``standing``;
 - optionally ``own_ship.csv``: ``time_s``, ``east_m``, ``north_m``; optionally ``east_mps``,
   ``north_mps``, ``heading_rad`` (clockwise from north), ``roll_rad`` (above 0 with the port side
   up), ``pitch_rad`` (above 0 with the bow down), both as in `own_ship.registration`, and ``scan``:
@@ -91,6 +91,7 @@ DETECTION_COLUMNS = {
     "range_width_m": "range_width",
     "azimuth_width_rad": "azimuth_width",
     "range_rate_mps": "range_rate",
+    "standing": "standing",
 }
 """Columns of ``detections.csv`` and the corresponding fields."""
 MAX_TIME = 2.0**31
@@ -517,6 +518,18 @@ def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     zero = np.zeros_like(table["time_s"])
     columns = np.stack([table.get(name, zero) for name in names], axis=1)
     return columns[np.argsort(table["time_s"], kind="stable")]
+
+
+def read_recorded_own_ship(folder: Path) -> list[PoseSample]:
+    """The poses of a folder's ``own_ship.csv``; none if there is no such file.
+
+    Raises
+    ------
+    ValueError
+        If it is malformed.
+    """
+    table = _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION)
+    return _recording_poses(table) if table else []
 
 
 def _recording_poses(table: Table) -> list[PoseSample]:

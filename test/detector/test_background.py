@@ -1,0 +1,131 @@
+"""The background of each cell: how far the past predicts, what enters, and what leaves."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros.detector.background import FIRST, HOLD, Background, power, predicted
+from tsepm_ros.detector.fixed_frame import FixedGrid
+
+B, M = 48, 120
+ALL = np.ones((B, M), bool)
+
+
+def noise(rng, deviation=1.0):
+    return (deviation * rng.standard_normal((B, M))).astype(np.float32)
+
+
+def learned(pictures, background=None):
+    """A background, with the last image less what it predicts, and scaled."""
+    background = background or Background()
+    for x in pictures:
+        z = x - background.expected(x)
+        even = background.scaled(z)
+        background.learn(x, z, ALL)
+    return background, z, even
+
+
+def walls():
+    x = np.zeros((B, M), np.float32)
+    x[20:24, 30:90] = 6.0
+    return x
+
+
+def test_the_past_predicts_walls_and_no_noise():
+    rng = np.random.default_rng(1)
+    background, z, _ = learned(noise(rng) for _ in range(40))
+    assert background.share < 0.5 and background.power < 0.3
+    assert z.std() == pytest.approx(1.0, abs=0.05)
+    background, z, _ = learned(walls() + noise(rng) for _ in range(40))
+    assert background.share > 0.9
+    assert abs(z[20:24, 30:90].mean()) < 0.5
+
+
+def test_a_sensor_that_moves_has_no_background():
+    rng = np.random.default_rng(2)
+    ground = np.kron(rng.standard_normal((12, 400)), np.full((4, 4), 2.0))
+    background, _, _ = learned(
+        (ground[:, 30 * k : 30 * k + M] + noise(rng)).astype(np.float32) for k in range(40)
+    )
+    assert background.share < 0.5
+    shares = [predicted(np.roll(walls(), k, axis=1), walls()) for k in (0, 30, 60)]
+    assert [share for share, _ in shares] == pytest.approx([1.0, 0.5, 0.0], abs=0.1)
+    assert [part for _, part in shares] == pytest.approx([1.0, 0.25, 0.0], abs=0.1)
+
+
+def test_on_a_grid_of_the_fixed_frame_the_ground_below_a_moving_sensor_is_background():
+    rng = np.random.default_rng(2)
+    azimuth, distance = np.linspace(-0.7, 0.7, B), np.linspace(1.0, 25.0, M)
+    ground = 2.0 * np.kron(rng.standard_normal((80, 80)), np.ones((4, 4)))  # cells of 0.5 m
+    explained = {}
+    for known in (True, False):
+        grid = FixedGrid(azimuth, distance)
+        background = Background(grid)
+        for k in range(40):
+            pose = np.tile([0.4 * k, 5.0, 0.01 * k], (B, 1))
+            bearing = pose[:, 2] + azimuth
+            index = [
+                ((pose[:, :1] if axis == 0 else pose[:, 1:2]) + np.outer(f(bearing), distance))
+                for axis, f in ((0, np.cos), (1, np.sin))
+            ]
+            x = ground[tuple((2.0 * place).astype(int) + 100 for place in index)]
+            x = (x + noise(rng)).astype(np.float32)
+            grid.look(pose if known else np.zeros((B, 3)))
+            z = x - background.expected(x)
+            background.scaled(z)
+            background.learn(x, z, ALL)
+        explained[known] = background.explained
+    assert explained[True] > 0.6 and explained[False] < 0.2
+
+
+def test_cells_that_tremble_are_made_as_even_as_the_others():
+    rng = np.random.default_rng(3)
+    deviation = np.ones((B, M))
+    deviation[:, :40] = 4.0
+    background, _, even = learned(noise(rng, deviation) for _ in range(60))
+    assert background.power > 0.7
+    assert even[:, :40].std() < 1.6 * even[:, 40:].std()
+
+
+def test_the_power_is_the_slope_of_the_logarithms():
+    rng = np.random.default_rng(4)
+    deviation = np.exp(0.5 * rng.standard_normal((B, M))).astype(np.float32)
+    assert power(noise(rng, deviation), deviation, 1.0) > 0.8
+    assert power(noise(rng), deviation, 1.0) < 0.1
+    assert power(noise(rng), np.ones((B, M), np.float32), 1.0) == pytest.approx(0.0, abs=1e-3)
+
+
+def with_one(picture, strength=8.0):
+    picture[10:13, 50:55] += strength
+    return picture
+
+
+def test_what_enters_is_not_learned_for_long_and_what_stays_for_ever_is():
+    rng = np.random.default_rng(5)
+    background, _, _ = learned(walls() + noise(rng) for _ in range(60))
+    background, z, _ = learned((with_one(walls() + noise(rng)) for _ in range(60)), background)
+    assert z[10:13, 50:55].mean() > 6.0
+    background, z, _ = learned((walls() + noise(rng) for _ in range(3)), background)
+    assert abs(z[10:13, 50:55].mean()) < 2.0, "no hole where it was"
+    _, z, _ = learned((with_one(walls() + noise(rng)) for _ in range(HOLD + 60)), background)
+    assert z[10:13, 50:55].mean() < 4.0
+
+
+def test_cells_that_something_has_left_learn_in_a_few_images():
+    rng = np.random.default_rng(6)
+    background, z, _ = learned(with_one(walls() + noise(rng)) for _ in range(60))
+    assert abs(z[10:13, 50:55].mean()) < 1.0, "it stood from the start"
+    background, z, _ = learned([walls() + noise(rng)], background)
+    assert z[10:13, 50:55].mean() < -5.0
+    _, z, _ = learned((walls() + noise(rng) for _ in range(25)), background)
+    assert z[10:13, 50:55].mean() > -1.5
+
+
+def test_all_is_learned_anew_where_the_scene_is_another():
+    rng = np.random.default_rng(7)
+    one, other = (np.kron(rng.standard_normal((6, 12)), np.full((8, 10), 4.0)) for _ in range(2))
+    one, other = one.astype(np.float32), other.astype(np.float32)
+    background, _, _ = learned(one + noise(rng) for _ in range(60))
+    before = background.images
+    background, z, _ = learned((other + noise(rng) for _ in range(40)), background)
+    assert background.images < before
+    assert background.images > FIRST and z.std() < 1.5

@@ -1,0 +1,79 @@
+"""The grid of the fixed frame: axes of images, places from poses, and a grid that follows."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros.detector.fixed_frame import FixedGrid, ImageAxis
+
+AXES = {
+    "even": np.linspace(1.0, 40.0, 60),
+    "descending": np.linspace(0.7, -0.7, 33),
+    "finer to one side": np.cumsum(np.linspace(0.01, 0.05, 50)),
+    "one": np.array([0.3]),
+}
+AZIMUTH, RANGE = np.linspace(0.9, -0.9, 64), np.linspace(1.0, 30.0, 90)
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_the_nearest_cell_of_an_axis_and_numbers_of_values_are_right(name):
+    centres, rng = AXES[name], np.random.default_rng(1)
+    axis, number = ImageAxis(centres), rng.uniform(-0.49, len(centres) - 0.51, 500)
+    value = axis.values(number)
+    np.testing.assert_allclose(axis.numbers(value), number, atol=1e-9)
+    apart = np.abs(centres - value[:, None])
+    step = np.abs(np.diff(centres)).min() if len(centres) > 1 else 1.0
+    assert (apart[np.arange(500), axis.nearest(value)] <= apart.min(axis=1) + 0.2 * step).all()
+    beyond = np.array([centres.min() - 2.0 * np.ptp(centres) - 2.0, centres.max() + 99.0])
+    assert (axis.nearest(beyond) == -1).all() and np.isinf(axis.numbers(beyond)).all()
+
+
+def poses(x=0.0, y=0.0, yaw=0.0, sweep=0.0):
+    """Poses of bearings between which the sensor moves so far along x, m."""
+    along = x + sweep * np.linspace(0.0, 1.0, len(AZIMUTH))
+    return np.stack([along, np.full_like(along, y), yaw + 0.1 * (along - x)], axis=1)
+
+
+@pytest.mark.parametrize("sweep", [0.0, 1.0])
+def test_places_of_cells_lead_back_to_the_cells_by_the_poses_of_their_bearings(sweep):
+    grid, rng = FixedGrid(AZIMUTH, RANGE), np.random.default_rng(2)
+    grid.look(poses(500.0, -80.0, 3.0, sweep))
+    cell = np.stack([rng.uniform(2, 61, 300), rng.uniform(30, 88, 300)], axis=1)
+    place = grid.places(cell)
+    assert np.abs(grid.cells(place) - cell).max() < (1e-6 if not sweep else 0.5)
+    ahead = poses(500.0, -80.0, 3.0, sweep)[32]
+    straight = ahead[:2] + 20.0 * np.array([np.cos(ahead[2]), np.sin(ahead[2])])
+    assert np.linalg.norm(grid.places(np.array([[31.5, 58.31]]))[0] - straight) < 0.1 + sweep
+    assert np.isinf(grid.cells(np.array([[500.0, 900.0]]))).any()
+
+
+def test_what_a_sensor_sees_of_the_ground_stays_in_its_place_while_it_drives_and_turns():
+    """The ground is a plane wave of 12 m, so that interpolation has no part in it."""
+    grid = FixedGrid(AZIMUTH, RANGE)
+    state, origin = np.zeros(grid.shape, np.float32), grid.origin
+    errors = []
+    for k in range(60):
+        grid.look(poses(1.5 * k, 3.0, 0.02 * k, sweep=0.3))
+        state, origin = grid.moved_along(state, origin, 9.0), grid.origin
+        cells = np.stack(np.meshgrid(np.arange(64.0), np.arange(90.0), indexing="ij"), axis=-1)
+        place = grid.places(cells.reshape(-1, 2)).reshape(64, 90, 2)
+        image = np.sin(place @ np.array([0.5, 0.2])).astype(np.float32)
+        if k >= 30:
+            seen = grid.at_cells(state)[8:-8, 4:50]
+            errors.append(np.abs(seen - image[8:-8, 4:50])[np.abs(seen) < 2.0].max())
+        x, _, there = grid.sampled(image, image, np.ones(image.shape, bool))
+        part = state[grid.box]
+        part[there] = x[there]
+    assert max(errors) < 0.5, "of an amplitude of 1"
+    assert np.median(errors) < 0.3
+
+
+def test_the_grid_is_bounded_and_forgets_what_it_leaves():
+    grid = FixedGrid(AZIMUTH, RANGE)
+    assert np.prod(grid.shape) < 10 * len(AZIMUTH) * len(RANGE)
+    grid.look(poses())
+    state, origin = np.ones(grid.shape, np.float32), grid.origin
+    grid.look(poses(1e5))
+    assert (grid.moved_along(state, origin, 0.5) == 0.5).all()
+    far = FixedGrid(np.linspace(-3.1, 3.1, 3), np.linspace(1e3, 1e5, 5000))
+    far.look(np.zeros((3, 3)))
+    assert max(far.shape) <= 2002

@@ -1,0 +1,90 @@
+"""The profile over range, an image's own gain, and streaks."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros.detector.range_profile import LIMIT, standardised, streaks, without_streaks
+
+B, M = 64, 200
+ALL = np.ones((B, M), bool)
+TVG = np.logspace(0, -2, M)
+
+
+def speckle(rng, gain=1.0):
+    return (gain * rng.rayleigh(1.0, (B, M))).astype(np.float32)
+
+
+def after(pictures):
+    """The last of some images, standardised by the profile of those before."""
+    profile = None
+    for picture in pictures:
+        profile, x, defined = standardised(profile, np.asarray(picture, np.float32), ALL)
+    return profile, x, defined
+
+
+OWN = {
+    "gain": lambda a: 3.0 * a,
+    "offset": lambda a: a + 0.5,
+    "none": lambda a: a,
+}
+
+
+@pytest.mark.parametrize("own", OWN)
+def test_each_range_has_mean_0_and_deviation_1_also_in_an_image_of_another_gain(own):
+    rng = np.random.default_rng(1)
+    pictures = [speckle(rng, TVG) for _ in range(20)]
+    _, x, _ = after([*pictures, OWN[own](speckle(rng, TVG))])
+    assert abs(x.mean()) < 0.05
+    assert x.std() == pytest.approx(1.0, abs=0.1)
+    assert np.abs(x.mean(axis=0)).max() < 0.6
+    assert x.min() >= -LIMIT
+
+
+def test_an_echo_that_fills_a_range_of_one_image_hardly_moves_the_profile():
+    rng = np.random.default_rng(2)
+    quiet, _, _ = after([speckle(rng) for _ in range(20)])
+    loud = speckle(rng)
+    loud[:, 50] += 20.0
+    profile, x, _ = standardised(quiet, loud, ALL)
+    assert x[:, 50].mean() > 20.0, "the images before do not know it"
+    assert profile.mean[0, 50] < quiet.mean[0, 50] + 0.2
+
+
+def test_a_profile_of_another_shape_is_learned_anew_at_once():
+    rng = np.random.default_rng(3)
+    _, x, _ = after([*[speckle(rng, TVG) for _ in range(20)], speckle(rng, TVG[::-1])])
+    assert np.abs(x.mean(axis=0)).max() < 0.6
+
+
+def test_ranges_of_one_value_are_not_defined_until_they_vary_and_an_empty_image_is_forgotten():
+    rng = np.random.default_rng(4)
+    pictures = [speckle(rng) for _ in range(12)]
+    for picture in pictures[:6]:
+        picture[:, :5] = 9.0
+    _, x, defined = after(pictures[:6])
+    assert not defined[:, :5].any() and defined[:, 5:].all() and not x[:, :5].any()
+    profile, _, defined = after(pictures)
+    assert defined.all()
+    kept, _, defined = standardised(profile, np.full((B, M), 3.0, np.float32), ALL)
+    assert kept is profile and not defined.any()
+
+
+def test_a_streak_is_found_and_a_wall_and_a_shadow_are_none():
+    x = np.random.default_rng(5).standard_normal((B, M)).astype(np.float32)
+    assert len(streaks(x, wraps=False)) <= 1
+    x[20, 60:] += 2.0
+    x[30:33, 100:140] += 6.0
+    x[40:43, 60:] -= 1.5
+    assert streaks(x, wraps=False).tolist() == [20]
+
+
+def test_a_streak_that_grows_with_range_is_as_even_as_other_bearings_and_an_echo_in_it_stays():
+    rng = np.random.default_rng(6)
+    x = rng.standard_normal((B, 400)).astype(np.float32)
+    x[20] += 5.0 * rng.rayleigh(1.0, 400) * np.linspace(0.5, 4.0, 400)
+    x[20, 210:214] = 80.0
+    even = without_streaks(x, np.ones(x.shape, bool), wraps=False)
+    thirds = np.delete(even[20], range(205, 219)).reshape(2, -1)
+    assert np.abs(thirds.mean(axis=1)).max() < 0.4 and thirds.std(axis=1).max() < 1.5
+    assert even[20, 210:214].min() > 2.0
+    np.testing.assert_array_equal(np.delete(even, 20, axis=0), np.delete(x, 20, axis=0))

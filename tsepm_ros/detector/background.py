@@ -1,0 +1,194 @@
+"""The background that each cell has of its own: what its past predicts of it.
+
+A wall, a pile, its shadow and the texture of the ground stand in the same cells of every image of a
+sensor that does not move. Each cell has a running mean ``m`` of the values ``x`` and a running mean
+``e`` of the absolute deviations of the smoothed ones; ``s`` is the median of ``e`` over the cells::
+
+    z  = smoothed(normalised(x - b m)),    z' = z ((e + K s) / s)^-c
+
+The data say how far the past predicts: ``b`` and ``c`` are regressions over the cells of each
+image, in 0 to 1. Both are near 0 in noise and where the sensor moves, and ``b`` is near 1 at walls.
+
+Values count up to `REACH` mean deviations. A cell that something has *entered* is frozen, up to
+`HOLD` images; a cell that it has *left* learns in a few images; all cells are learned anew where
+many have changed at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsepm_ros.detector.fixed_frame import FixedGrid
+from tsepm_ros.detector.range_profile import Image
+from tsepm_ros.numerics.arrays import BoolArray
+
+MEMORY = 40
+"""Images over which a cell's mean and deviation are learned."""
+FIRST = 4
+"""Images of which means are learned before they predict, and deviations from them are."""
+PRIOR = 8
+"""Images as many as which the median deviation counts for each cell's own."""
+SETTLED = 15
+"""Images before cells are frozen."""
+REACH = 3.1
+"""Mean deviations up to which a value counts, 2.5 standard deviations of a normal law."""
+LEAST = 0.5
+"""Part of the median deviation that is the least reach of a cell is counted in."""
+KAPPA = 0.1
+"""Part of the median deviation that is added to each."""
+RECENT = 5.0
+"""Images over which it is said that something entered, or left."""
+CHANGE = 2.0
+"""Mean deviations by which the mean of these images is another then."""
+EACH = 30
+"""Images after which a cell learns with every second one."""
+OFTEN = 4
+"""Images of which one makes the scale of the cells anew."""
+HOLD = 400
+"""Most images for which a cell is frozen."""
+CHANGED = 0.25
+"""Part of the cells that have changed from which on all are learned anew."""
+BLOCK = 4
+"""Cells, each way, of a block of the regression of means: their noise lowers it."""
+MOST = 9.0
+"""Largest mean of a block that counts there."""
+ALIKE = 1e-4
+"""Variance of the logarithms of deviations that are alike."""
+STEP = 3
+"""Cells, each way, of which one is taken for the regression of deviations."""
+
+
+def predicted(x: Image, mean: Image) -> tuple[float, float]:
+    """How far means predict an image, over blocks of cells: ``b = sum x m / sum m^2``.
+
+    Second, the part of the image that is explained: ``1 - sum (x - b m)^2 / sum x^2``.
+    """
+    now, past = (np.clip(_blocks(a), -MOST, MOST) for a in (x, mean))
+    common, square, whole = (
+        float(np.vdot(*pair)) for pair in ((now, past), (past, past), (now, now))
+    )
+    share = min(max(common / max(square, 1e-9), 0.0), 1.0)
+    return share, share * (2.0 * common - share * square) / max(whole, 1e-9)
+
+
+def _blocks(a: Image) -> Image:
+    """Means of blocks of cells (b, m)."""
+    b, m = (min(BLOCK, n) for n in a.shape)
+    rows = a[: len(a) // b * b, : a.shape[1] // m * m].reshape(len(a) // b, b, -1).sum(axis=1)
+    return np.asarray(rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), np.float32))
+
+
+def power(z: Image, deviation: Image, median: float) -> float:
+    """How far deviations predict the absolute values of an image: the slope of the logarithms.
+
+    ``c = sum log|z| (v - mean v) / sum (v - mean v)^2``, with ``v = log(e + K s)``.
+    """
+    some = slice(None, None, STEP)
+    v = np.log(deviation[some, some] + np.float32(KAPPA * median))
+    u = np.log(np.maximum(np.abs(z[some, some]), np.float32(KAPPA * median)))
+    v -= v.mean()
+    return float(np.clip(np.vdot(u, v) / (float(np.vdot(v, v)) + ALIKE * v.size), 0.0, 1.0))
+
+
+class Background:
+    """Learns the background of the cells from image to image, for one box of an echo.
+
+    Parameters
+    ----------
+    grid : FixedGrid, optional
+        Of a sensor that moves: cells are those of the fixed frame. Else cells are the image's.
+
+    Attributes
+    ----------
+    images : int
+        Learned since the beginning, or since all was learned anew.
+    share : float
+        The regression of means, b.
+    explained : float
+        Part of the last image that the means explain.
+    power : float
+        That of deviations, c.
+    """
+
+    def __init__(self, grid: FixedGrid | None = None) -> None:
+        self._grid = grid
+        self.images, self.share, self.explained = 0, 0.0, 0.0
+        self.power, self._median, self._origin = 0.0, 0.0, np.zeros(2, int)
+
+    def expected(self, x: Image) -> Image:
+        """What the past predicts of an image, ``b m``."""
+        grid = self._grid
+        if not self.images:
+            shape = x.shape if grid is None else grid.shape
+            self._state = [np.zeros(shape, np.float32) for _ in range(5)]
+            self._scale = np.ones((1, 1), np.float32)
+        elif grid is not None:
+            self._state = [
+                grid.moved_along(state, self._origin, self._median * (k == 1))
+                for k, state in enumerate(self._state)
+            ]
+        if grid is not None:
+            self._origin = grid.origin
+        mean = self._at_cells(0)
+        self.share, self.explained = predicted(x, mean) if self.images >= FIRST else (0.0, 0.0)
+        return mean * np.float32(self.share)
+
+    def _at_cells(self, k: int) -> Image:
+        """A state at the cells of the image."""
+        return self._state[k] if self._grid is None else self._grid.at_cells(self._state[k])
+
+    def scaled(self, z: Image) -> Image:
+        """A smoothed image whose deviations are alike, as far as the past predicts them."""
+        if self.images < FIRST or self._median < 1e-6:
+            return z
+        deviation = self._at_cells(1)
+        now = power(z, deviation, self._median)
+        self.power += (now - self.power) / min(self.images - FIRST + 1, RECENT)
+        if self._grid is not None or self.images % OFTEN == FIRST % OFTEN:
+            even = deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
+            self._scale = np.power(even, np.float32(-self.power), out=even)
+        return np.asarray(z * self._scale)
+
+    def learn(self, x: Image, z: Image, defined: BoolArray) -> None:
+        """Learn an image and its smoothed values, which `scaled` was given."""
+        cells, prior = self._state, 1.0
+        if self._grid is not None:
+            x, z, defined = self._grid.sampled(x, z, defined)
+            cells, prior = [state[self._grid.box] for state in cells], 2.0
+        step = 1 if self.images <= EACH or self._grid is not None else 2
+        rows = slice(self.images % step, None, step)
+        mean, e, age, changed, held = (state[rows] for state in cells)
+        size, least = np.abs(z[rows]), np.float32(LEAST * self._median + 1e-6)
+        far = z[rows] / np.maximum(e, least)
+        counted = np.float32(REACH) / np.maximum(np.abs(far), np.float32(REACH))
+        far *= counted
+        far *= (age >= FIRST) & defined[rows]
+        changed += (far - changed) * np.float32(step / RECENT)
+        entered, left = changed > CHANGE, changed < -CHANGE
+        many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
+        frozen = entered & (age >= SETTLED / step) & (held < HOLD)
+        held += step
+        held *= entered
+        again = left | (held >= HOLD)
+        if again.any():
+            age[again], changed[again] = 2.0, 0.0
+        free = defined[rows] & ~frozen
+        if self.images < FIRST:
+            known = size[defined[rows]][:: STEP**2]
+            self._state[1][:] = np.median(known) if len(known) else 0.0
+        else:
+            limited = size * counted
+            limited -= e
+            limited *= np.float32(step / min(self.images - FIRST + PRIOR, MEMORY))
+            limited *= free
+            e += limited
+        rate = np.where(age < FIRST, np.float32(1.0), counted)
+        rate *= free
+        rate /= age + np.float32(prior)
+        rate *= x[rows] - mean
+        mean += rate
+        np.minimum(age + defined[rows], np.float32(MEMORY / step), out=age)
+        self._median = float(np.median(self._at_cells(1)[::STEP, ::STEP]))
+        self.images += 1
+        if many:
+            self.images, self.share, self.power = 0, 0.0, 0.0

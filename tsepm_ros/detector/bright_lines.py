@@ -1,0 +1,104 @@
+"""Bearings and ranges that are bright in every image: bytes of gain, lines of a display.
+
+What stands in the same column of every image at nearly all ranges is no echo. Such a line is left
+out from the first images on, and named once it was bright in each of them. Of ranges these are
+thin lines whose cells keep their values: the ring of the transmission, a wall and a flat bottom
+may fill a range, with speckle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tsepm_ros.numerics.arrays import FloatArray
+
+LOOKS = 10
+"""Images in each of which a line must be bright, and images from look to look afterwards."""
+BRIGHT = 0.95
+"""Share of an image's cells below a level that most cells of a bright line are above."""
+SOME = 64
+"""Cells of a line by which its median is found."""
+STEADY = 0.15
+"""Part of the median of a range by which most of its cells change from image to image."""
+THIN = 4
+"""Most ranges of a line."""
+MOST_NAMED = 8
+"""Most bearings, or ranges, of a sentence."""
+ALWAYS = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
+
+
+def measured_values(image: NDArray[Any]) -> NDArray[Any]:
+    """An image (b, m) with its lowest value where nothing was measured."""
+    finite = np.isfinite(image)
+    return np.where(finite, image, image.min(initial=0, where=finite))
+
+
+def medians(values: NDArray[Any]) -> list[FloatArray]:
+    """Median of each bearing, (b,), and of each range, (m,), by some cells of each."""
+    steps = [max(n // SOME, 1) for n in values.shape]
+    return [
+        np.quantile(part, 0.5, axis=axis, method="lower")
+        for part, axis in ((values[:, :: steps[1]], 1), (values[:: steps[0]], 0))
+    ]
+
+
+class BrightLines:
+    """What is bright in every image of a shape.
+
+    Attributes
+    ----------
+    bearings : (b,) ndarray of bool
+        Bright bearings.
+    ranges : (m,) ndarray of bool
+        Bright ranges whose cells keep their values, in lines of at most `THIN`.
+    """
+
+    def __init__(self, b: int, m: int) -> None:
+        self._images = 0
+        self.bearings, self._all_ranges = np.ones(b, bool), np.ones(m, bool)
+        self._steady, self.ranges = np.ones(m, bool), np.zeros(m, bool)
+        self._before: NDArray[Any] = np.zeros((0, 0))
+
+    def add(self, image: NDArray[Any], azimuth: FloatArray, distance: FloatArray) -> list[str]:
+        """Take an image (b, m); sentences with the last of the first images."""
+        self._images += 1
+        if self._images > LOOKS and self._images % LOOKS:
+            return []
+        values = measured_values(image).astype(np.float32)
+        some = tuple(slice(None, None, max(n // SOME, 1)) for n in values.shape)
+        level = np.quantile(values[some], BRIGHT, method="lower")
+        along, across = medians(values)
+        self.bearings &= along > level
+        self._all_ranges &= across > level
+        before, self._before = self._before, values
+        if before.shape == values.shape:
+            change = medians(np.abs(values - before))[1]
+            self._steady &= change <= STEADY * across
+            runs, count = ndimage.label(self._all_ranges & self._steady)
+            self.ranges = (runs > 0) & (np.bincount(runs, minlength=count + 1) <= THIN)[runs]
+        return self._sentences(azimuth, distance) if self._images == LOOKS else []
+
+    def _sentences(self, azimuth: FloatArray, distance: FloatArray) -> list[str]:
+        beams, cells = np.flatnonzero(self.bearings), np.flatnonzero(self.ranges)
+        wide = np.flatnonzero(self._all_ranges & ~self.ranges)
+        named = ", ".join(f"{k} ({math.degrees(azimuth[k]):.1f})" for k in beams[:MOST_NAMED])
+        near = ", ".join(f"{distance[k]:.4g}" for k in cells[:MOST_NAMED])
+        span = distance[wide].min(initial=np.inf), distance[wide].max(initial=0.0)
+        sentences = {
+            f"{len(beams)} of {len(azimuth)} bearings are left out, since they are {ALWAYS}; "
+            f"numbers from 0 (azimuths in degrees): {named}. Bytes of gain before each row, and "
+            "lines of a display, count as bearings and shift the others: cut them off the "
+            "image": beams,
+            f"{len(cells)} of {len(distance)} ranges are left out, since they are {ALWAYS}: "
+            f"{near} m. Bytes of gain, and lines of a display, count as ranges and shift the "
+            "others: cut them off the image": cells,
+            f"{len(wide)} of {len(distance)} ranges are {ALWAYS}, from {span[0]:.4g} to "
+            f"{span[1]:.4g} m. If that is the ring of the transmission, give sensor.min_range "
+            "beyond it": wide,
+        }
+        return [words for words, lines in sentences.items() if len(lines)]

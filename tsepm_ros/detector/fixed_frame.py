@@ -1,0 +1,168 @@
+"""A grid of the fixed frame around a sensor that moves, on which backgrounds are learned.
+
+The cell of an image at range r and azimuth a lies at ``p + r (cos(yaw + a), sin(yaw + a))``, with
+the pose of its bearing. A cell of the grid is as large as those of the image on the mean of their
+area. The grid follows the sensor by whole cells, and forgets what leaves it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tsepm_ros.detector.range_profile import Image
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.tracker.scan import wrap
+
+MARGIN = 0.25
+"""Part of the largest range by which the grid reaches further."""
+EACH = 30
+"""Images after which the grid is looked at in every second row."""
+MOST_CELLS = 2000
+"""Cells of a side, at most."""
+FINE = 8
+"""Parts of the smallest spacing by which the nearest cell of an axis is looked up."""
+MOST_FINE = 100_000
+"""Of these, at most."""
+
+
+class ImageAxis:
+    """Cells of an axis of an image, in any spacing: numbers of values, and values of numbers."""
+
+    def __init__(self, centres: FloatArray) -> None:
+        self._sign = -1.0 if centres[-1] < centres[0] else 1.0
+        rising = self._sign * centres
+        step = float(np.median(np.diff(rising))) if len(centres) > 1 else 1.0
+        ends = rising[0] - step, rising[-1] + step
+        self._values = np.concatenate([ends[:1], rising, ends[1:]])
+        self._numbers = np.arange(-1.0, len(centres) + 1.0)
+        parts = FINE * (ends[1] - ends[0]) / np.diff(self._values).min()
+        self._fine = np.linspace(*ends, int(min(parts, MOST_FINE)))
+        self._nearest = np.rint(np.interp(self._fine, self._values, self._numbers)).astype(np.int32)
+        self._nearest[self._nearest == len(centres)] = -1
+
+    def nearest(self, value: FloatArray) -> IntArray:
+        """Number of the nearest cell to each value; -1 beyond the ends."""
+        low, last = self._fine[0], len(self._fine) - 1
+        place = (self._sign * value - low) * (last / (self._fine[-1] - low))
+        return np.asarray(self._nearest[np.clip(np.rint(place), 0, last).astype(np.int32)])
+
+    def numbers(self, value: FloatArray) -> FloatArray:
+        """Fractional numbers of values; beyond the ends infinite."""
+        numbers = np.interp(self._sign * value, self._values, self._numbers)
+        beyond = (numbers <= -1.0) | (numbers >= self._numbers[-1])
+        return np.where(beyond, np.inf, numbers)
+
+    def values(self, number: FloatArray) -> FloatArray:
+        """Values of fractional numbers."""
+        return np.asarray(self._sign * np.interp(number, self._numbers, self._values))
+
+
+class FixedGrid:
+    """Where the cells of the images of a moving sensor are on a grid of the fixed frame.
+
+    Attributes
+    ----------
+    shape : (int, int)
+    origin : (2,) ndarray of int
+        Numbers of the first cell in the fixed frame.
+    box : (slice, slice)
+        The part of the grid that the last image is in: every second row after `EACH` images.
+    """
+
+    def __init__(self, azimuth: FloatArray, distance: FloatArray) -> None:
+        self._azimuth, self._distance = azimuth, distance
+        self._axes = ImageAxis(azimuth), ImageAxis(distance)
+        reach, cells = float(distance[-1]), len(azimuth) * len(distance)
+        area = 0.5 * float(np.ptp(azimuth)) * (reach**2 - float(distance[0]) ** 2)
+        side = 2.0 * (1.0 + MARGIN) * reach
+        self._cell = max(math.sqrt(area / cells), side / MOST_CELLS)
+        n = math.ceil(side / self._cell) + 2
+        self.shape, self.origin, self._images = (n, n), np.zeros(2, int), 0
+
+    def look(self, pose: FloatArray) -> None:
+        """Take the poses (b, 3) of an image."""
+        self._pose, n = pose, self.shape[0]
+        middle = pose[len(pose) // 2, :2]
+        home = np.rint(middle / self._cell).astype(int) - n // 2
+        far = np.abs(home - self.origin) * self._cell > 0.5 * MARGIN * self._distance[-1]
+        if far.any() or not self._images:
+            self.origin = home
+        bearing = pose[:, 2] + self._azimuth
+        u, v = (
+            (
+                pose[:, axis, None] / self._cell
+                - self.origin[axis]
+                + np.outer(f(bearing), self._distance / self._cell)
+            ).astype(np.float32)
+            for axis, f in ((0, np.cos), (1, np.sin))
+        )
+        for of_axis in (u, v):
+            np.clip(of_axis, 0.0, n - 2.0, out=of_axis)
+        i, j = u.astype(np.int32), v.astype(np.int32)
+        self._corner, p, q = i * n + j, u - i, v - j
+        self._weights = (1 - p) * (1 - q), (1 - p) * q, p * (1 - q), p * q
+        ends = [(int(k.min()), int(k.max()) + 2) for k in (i, j)]
+        step = 1 if self._images < EACH else 2
+        self.box = slice(ends[0][0] + self._images % step, ends[0][1], step), slice(*ends[1])
+        x, y = (
+            (np.arange(part.start, part.stop, part.step) + start) * self._cell
+            for part, start in zip(self.box, self.origin, strict=True)
+        )
+        polar = self._polar(x[:, None], y)
+        self._row, self._column = (
+            axis.nearest(of_axis) for axis, of_axis in zip(self._axes, polar, strict=True)
+        )
+        self._images += 1
+
+    def _polar(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Azimuth and range of places, from the poses of their bearings."""
+        pose, middle = self._pose, 0.5 * (self._azimuth[0] + self._azimuth[-1])
+        at = pose[len(pose) // 2]
+        moves = np.ptp(pose, axis=0).any()
+        for last in (False, True)[not moves :]:
+            dx, dy = x - at[..., 0], y - at[..., 1]
+            azimuth = middle + wrap(np.arctan2(dy, dx) - at[..., 2] - middle)
+            if not last:
+                at = pose[np.maximum(self._axes[0].nearest(azimuth), 0)]
+        return azimuth, np.hypot(dx, dy)
+
+    def at_cells(self, state: Image) -> Image:
+        """Values of the grid at the cells of the image, (b, m): between four cells of the grid."""
+        flat, n, values = state.ravel(), self.shape[0], np.zeros(self._corner.shape, np.float32)
+        for offset, weight in zip((0, 1, n, n + 1), self._weights, strict=True):
+            values += flat[self._corner + np.int32(offset)] * weight
+        return values
+
+    def sampled(self, x: Image, z: Image, defined: BoolArray) -> tuple[Image, Image, BoolArray]:
+        """Images (b, m) at the cells of the grid in the box: of the nearest cell of the image."""
+        row, column = self._row, self._column
+        seen = (row >= 0) & (column >= 0)
+        return x[row, column], z[row, column], defined[row, column] & seen
+
+    def moved_along(self, state: Image, origin: IntArray, value: float) -> Image:
+        """A state of the grid's cells as it was at an origin; a value where the grid is new."""
+        n, shift = self.shape[0], np.clip(self.origin - origin, -self.shape[0], self.shape[0])
+        if not shift.any():
+            return state
+        there, here = (
+            tuple(slice(max(sign * s, 0), n + min(sign * s, 0)) for s in shift.tolist())
+            for sign in (1, -1)
+        )
+        moved = np.full_like(state, value)
+        moved[here] = state[there]
+        return moved
+
+    def places(self, cell: FloatArray) -> FloatArray:
+        """Places (n, 2) in the fixed frame of fractional rows and columns of the image."""
+        bearing, distance = (axis.values(cell[:, k]) for k, axis in enumerate(self._axes))
+        row = np.clip(np.rint(cell[:, 0]), 0, len(self._pose) - 1).astype(int)
+        at = self._pose[row]
+        turned = at[:, 2] + bearing
+        return at[:, :2] + distance[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
+
+    def cells(self, place: FloatArray) -> FloatArray:
+        """Fractional rows and columns (n, 2) of places; infinite beyond the image."""
+        polar = self._polar(place[:, 0], place[:, 1])
+        return np.stack([axis.numbers(p) for axis, p in zip(self._axes, polar, strict=True)], 1)
