@@ -90,7 +90,7 @@ def run(
             starts.append(Start(number, target, nees))
         if initiator.extended_targets.active:
             on = min(on, number)
-    return Run(on, starts, len(initiator.current))
+    return Run(on, starts, len(initiator.current.sure))
 
 
 def mean_nees(runs: list[Run]) -> str:
@@ -228,7 +228,7 @@ def watched(scene: Pool, seed: int, **options: object) -> Watched:
             on = min(on, number + 1 - scene.enter)
         if 2 * number < scene.pings:
             continue
-        apart = ping.truth[:, None, 0::2] - initiator.current.state[:, 0::2]
+        apart = ping.truth[:, None, 0::2] - initiator.current.sure.state[:, 0::2]
         distance = np.hypot(apart[..., 0], apart[..., 1])
         held.append(np.mean(distance.min(axis=1, initial=np.inf) < 1.5))
         elsewhere.append(np.sum(distance.min(axis=0, initial=np.inf) > 3.0))

@@ -117,7 +117,7 @@ def watches_of(
         made, watch = make_initiator("score", **{"plots": options.plots, **given}), Watch(gate)
         for scan, truth in seen(np.random.default_rng([options.seed, index])):
             made.process(scan)
-            watch.take(truth, sure(made.current, gate) if options.sure else made.current)
+            watch.take(truth, sure(made.current, gate) if options.sure else made.current.sure)
         found.append(watch)
     return found
 

@@ -281,7 +281,7 @@ def tracked(target: np.ndarray, strength: float, number: float, seed: int) -> np
             for state in truth:
                 held[row] = any(
                     np.hypot(t.state[0] - state[0], t.state[2] - state[2]) < 1.0
-                    for t in initiator.current
+                    for t in initiator.current.sure
                 )
     return held
 
@@ -349,7 +349,9 @@ def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -
         ranges = (np.arange(image.shape[1]) + 0.5) * 0.04
         scan = detector.process(SonarImage(last, ranges, bearing * np.pi / 200, image))
         initiator.process(scan)
-        tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
+        tracks = {
+            track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current.sure
+        }
         place, own = places(scan), np.zeros(len(scan), bool)
         ids |= set(tracks)
         for truth in labels[k]:

@@ -86,7 +86,7 @@ def quay_run(kind: Scene, seed: int, args: argparse.Namespace) -> tuple[int, int
             scan = scan_of_rows(scan, np.flatnonzero(ping.origin != len(places)))
         away = [np.hypot(*(place - track.position)) for track in initiator.process(scan)]
         elsewhere += [number for distance in away if not (present and distance < NEAR)]
-        tracks = initiator.current.state[:, 0::2]
+        tracks = initiator.current.sure.state[:, 0::2]
         near.append(bool(np.hypot(*(tracks - place).T).min(initial=np.inf) < 5.0))
     early = sum(number < LEARNING for number in elsewhere)
     first = near.index(True, ENTERS) if True in near[ENTERS:] else kind.pings

@@ -214,11 +214,11 @@ def watched_recording(
     session = Session(settings)
     for index, result in enumerate(offline_recording_results(recording, session, "north")):
         truth = truth_at(recording, result.stamp)
-        watched.take(result.stamp, truth, result.new, result.current)
+        watched.take(result.stamp, truth, result.new, result.current.sure)
         of_confirmed.take(
             result.stamp, truth, result.new, session.tracker.maintenance.confirmed.tracks
         )
-        for track in result.current:
+        for track in result.current.sure:
             shown.setdefault(track.track_id, []).append((index, track))
     lines = elsewhere_lines(watched, shown, recording)
     return watched, of_confirmed, [f"{folder.name} {line}" for line in lines]
@@ -395,7 +395,7 @@ def scenes(given: argparse.Namespace) -> None:
                         for target, path in enumerate(paths)
                         if np.hypot(*path[index, 0::2]) < sonde.sensor.max_range
                     }
-                    watched.take(scan.stamp, truth, new, made.current)
+                    watched.take(scan.stamp, truth, new, made.current.sure)
                 parts.append(watched)
             rows.append(row_of(name, parts))
             whole = Watched(0.0)

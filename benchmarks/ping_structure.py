@@ -83,7 +83,7 @@ def main() -> None:
         message = detections_cloud(header, range=scan.range, azimuth=scan.azimuth)
         with counted() as (every, within):
             node.take_detections(message)
-        if index >= FIRST and len(node._session.tracker.current) == 1:
+        if index >= FIRST and len(node._session.tracker.current.sure) == 1:
             print(f"ping {index}, message to publication: {described(every)}")
             print(f"of these in process: {described(within)}")
             break

@@ -72,8 +72,8 @@ node without diagnostics publishes the entry `overall` with the level error from
 """
 
 DIAGNOSTICS_FIGURES = {
-    "`tracks.published`, `tracks.withheld`, `tracks.fixed`": "confirmed tracks now, by their "
-    "state: docs/use_the_tracks.md; `tracks` is the number of published ones",
+    "`tracks.confirmed`, `tracks.coasting`, `tracks.stands_still`": "confirmed tracks now, by "
+    "their status: docs/how_it_decides.md; `tracks` is the number of published ones",
     "`ended.REASON`": "published tracks that ended, by reason: "
     "docs/how_it_decides.md#one-target-one-track",
     "`latency_ms`": "time from the callback to the publication of `tracks`",

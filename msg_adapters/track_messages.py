@@ -18,6 +18,7 @@ field                          datatype meaning
 ``revision``                   UINT16   0 as first published, then how often a start continued it
 ``existence_probability``      FLOAT64  that the target exists; nan where not known
 ``time_since_hit``             FLOAT64  time since the target was last detected, s
+``status``                     UINT8    0: confirmed; 1: coasting; 2: stands still (`TrackStatus`)
 ============================== ======== =======================================================
 
 What other messages cannot take is left out: radar_msgs/RadarTracks has no existence, age or hits
@@ -47,7 +48,7 @@ from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 
 STATE_FIELDS = ("state_x", "state_vx", "state_y", "state_vy")
 COVARIANCE_FIELDS = tuple(f"cov_{row}{column}" for row in range(4) for column in range(4))
@@ -64,6 +65,7 @@ TRACK_DTYPE = np.dtype(
         ("revision", "<u2"),
         ("existence_probability", "<f8"),
         ("time_since_hit", "<f8"),
+        ("status", "u1"),
     ],
     align=True,  # each float64 at a multiple of 8; the item size too
 )
@@ -75,6 +77,7 @@ OPTIONAL_FIELDS = {
     "revision": 0,
     "existence_probability": np.nan,
     "time_since_hit": 0.0,
+    "status": TrackStatus.CONFIRMED,
 }
 """Fields that clouds of earlier versions lack, and their values then."""
 
@@ -90,7 +93,7 @@ _BLOCKS_DTYPE = np.dtype(
 )
 """The bytes of `TRACK_DTYPE` with fields of equal type combined, for assignment of blocks."""
 
-_PLAIN = ("age", *(name for name in OPTIONAL_FIELDS if name != "revision"))
+_PLAIN = ("age", *(name for name in OPTIONAL_FIELDS if name not in ("revision", "status")))
 MAX_AGE = 1e9
 """Largest age that is read, s: the square of a larger one could overflow."""
 _MAX_COUNT = int(np.iinfo(np.uint16).max)
@@ -112,8 +115,9 @@ ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Semi-axes of the 95 % ellipse in standard deviations, sqrt(chi2(2, 0.95)) = 2.4477."""
 _LABEL_HEIGHT = 3.0  # in sizes of the position marker: readable if that is a few pixels
 _ELLIPSE_OPACITY = 0.25
-_COASTING_OPACITY = 0.5  # of every marker of a track without a detection in the last scan
-_DASHES, _DASH_WIDTH = 24, 0.1  # of a coasting track's ellipse; the width in sizes
+_MISSED_OPACITY = 0.5  # of every marker of a track without a detection in the last scan
+_COASTING_OPACITY = 0.25  # of every marker of a track that coasts
+_DASHES, _DASH_WIDTH = 24, 0.1  # of the ellipses of both; the width in sizes
 _MAX_POTENTIAL = 1000  # drawn; nested messages are slow to build in Python
 _POTENTIAL_OPACITY = 0.3, 1.0  # as for the colours
 _POTENTIAL_LINE = 0.25  # width, in sizes of the points
@@ -184,6 +188,7 @@ def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:
     for name in _PLAIN:
         records[name] = getattr(arrays, name)
     records["revision"] = np.minimum(arrays.revision, _MAX_COUNT)
+    records["status"] = arrays.status
     is_dense = bool(np.isfinite(numbers).all() and np.isfinite(arrays.age).all())
     return records.view(TRACK_DTYPE), is_dense
 
@@ -260,6 +265,7 @@ def track_arrays(records: NDArray[Any], stamp: float) -> TrackArrays:
         hit_count=records["hit_count"].astype(np.int64),
         scan_count=records["scan_count"].astype(np.int64),
         revision=records["revision"].astype(np.int64),
+        status=records["status"].astype(np.int64),
         **{name: records[name].copy() for name in ("evaluation", "score", *_PLAIN)},
     )
 
@@ -290,7 +296,7 @@ def track_uuid(instance: uuid.UUID, track_id: int) -> NDArray[np.uint8]:
 def radar_tracks(
     header: messages.Header, tracks: TrackArrays, instance: uuid.UUID
 ) -> messages.RadarTracks:
-    """Make a message of tracks.
+    """Make a message of tracks but those that coast: it has no existence.
 
     Parameters
     ----------
@@ -307,7 +313,7 @@ def radar_tracks(
     """
     message = messages.RadarTracks(header=header)
     unknown = _upper_track_covariance(UNOBSERVED_VARIANCE * np.eye(2))
-    for track in tracks:
+    for track in tracks.where(tracks.status != TrackStatus.COASTING):
         made, stands = messages.RadarTrack(), track.stationary_probability
         made.uuid.uuid = track_uuid(instance, track.track_id)
         position, velocity = made.position, made.velocity
@@ -414,8 +420,8 @@ def track_markers(
 
     Each track has a sphere at its position, an arrow to its predicted position, its 95 % ellipse,
     and a label with id, speed, the largest standard deviation of the position, and the revision of
-    a track that was continued. Those of a track that coasts, without a detection in the last scan,
-    are fainter, and its ellipse is dashed.
+    a track that was continued. Those of a track without a detection in the last scan are fainter,
+    and its ellipse is dashed; those of a track that coasts are faint, and its label says so.
 
     Parameters
     ----------
@@ -604,10 +610,11 @@ def _track_shapes(
 ) -> list[messages.Marker]:
     """Position, velocity, ellipse and label of a track."""
     major, minor, angle = track_ellipses(track.position_covariance[None])[0].tolist()
-    sigma, coasting = major / ELLIPSE_SCALE, track.time_since_hit > 0.0
+    sigma, coasts = major / ELLIPSE_SCALE, track.status == TrackStatus.COASTING
     size = max(minimum_size, sigma, _THICKNESS)
     height, dash = _LABEL_HEIGHT * size, _DASH_WIDTH * size
-    opacity = _COASTING_OPACITY if coasting else 1.0
+    missed = coasts or track.time_since_hit > 0.0
+    opacity = _COASTING_OPACITY if coasts else _MISSED_OPACITY if missed else 1.0
     own: dict[str, Any] = {"number": track.track_id, "color": color, "opacity": opacity}
     position, (x, y) = track.position, track.position.tolist()
     sphere = _track_marker(
@@ -616,7 +623,7 @@ def _track_shapes(
     # Scale of an arrow between two points: diameters of shaft and head, length of the head.
     arrow = _track_marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
     arrow.points = _track_marker_points(np.array([position, position + lead_time * track.velocity]))
-    if coasting:  # every second segment, along the ellipse
+    if missed:  # every second segment, along the ellipse
         scale = (dash, 0.0, 0.0)
         ellipse = _track_marker(
             header, "ellipse", kind="LINE_LIST", scale=scale, place=position, **own
@@ -642,6 +649,8 @@ def _track_shapes(
     )
     if track.revision:
         label.text += f", revision {track.revision}"
+    if coasts:
+        label.text += f", coasting, exists {track.existence_probability:.0%}"
     return [sphere, arrow, ellipse, label]
 
 

@@ -36,7 +36,7 @@ from msg_adapters.track_messages import (
     tracked_objects,
 )
 from tsepm_ros.tracker.scan import FEATURES
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 
 LAYOUT = [
     *(("x", 0, "f"), ("y", 4, "f"), ("z", 8, "f"), ("track_id", 12, "I")),
@@ -45,10 +45,10 @@ LAYOUT = [
     *(("evaluation", 176, "d"), ("score", 184, "d"), ("hit_count", 192, "H")),
     *(("scan_count", 194, "H"), ("age", 200, "d"), ("stationary_probability", 208, "d")),
     *(("signal_to_clutter_db", 216, "d"), ("revision", 224, "H")),
-    *(("existence_probability", 232, "d"), ("time_since_hit", 240, "d")),
+    *(("existence_probability", 232, "d"), ("time_since_hit", 240, "d"), ("status", 248, "B")),
 ]
 
-POINT_STEP = 248
+POINT_STEP = 256
 
 UNSYMMETRIC = np.arange(16.0).reshape(4, 4) + 0.125
 
@@ -64,6 +64,7 @@ def test_fields_and_bytes_stand_at_the_offsets_of_the_contract(header, make_trac
             revision=2,
             existence_probability=0.75,
             time_since_hit=3.5,
+            status=TrackStatus.COASTING,
         ),
         make_track(track_id=2**32 - 1, score=math.nan),
     ]
@@ -84,10 +85,11 @@ def test_fields_and_bytes_stand_at_the_offsets_of_the_contract(header, make_trac
         expected = [track.state[0], track.state[2], 0.0, track.track_id, *track.state]
         expected += [*track.covariance.ravel(), track.evaluation, track.score, 5, 7, 72.0]
         expected += [track.stationary_probability, track.signal_to_clutter_db, track.revision]
-        expected += [track.existence_probability, track.time_since_hit]
+        expected += [track.existence_probability, track.time_since_hit, track.status]
         np.testing.assert_array_equal(found, expected)
         assert data[start + 196 : start + 200] == bytes(4)
         assert data[start + 226 : start + 232] == bytes(6)
+        assert data[start + 249 : start + 256] == bytes(7)
 
 
 EARLIER = {
@@ -96,6 +98,7 @@ EARLIER = {
     "revision": 0,
     "existence_probability": math.nan,
     "time_since_hit": 0.0,
+    "status": TrackStatus.CONFIRMED,
 }
 
 
@@ -293,15 +296,15 @@ def test_a_degenerate_ellipse_has_no_scale_of_zero(header, make_track, covarianc
     assert min(scale.x, scale.y, scale.z) > 0
 
 
-def test_the_ellipse_of_a_track_that_coasts_is_dashed_and_its_markers_are_fainter(
+def test_the_ellipse_of_a_track_that_was_missed_is_dashed_and_its_markers_are_fainter(
     header, make_track, over_the_wire
 ):
     covariance = _covariance([[5.0, 4.0], [4.0, 5.0]])  # variances 9 and 1 at 45 degrees
-    seen, coasting = (
+    seen, missed = (
         _by_kind(over_the_wire(track_markers(header, [track])))
         for track in (make_track(covariance=covariance, time_since_hit=t) for t in (0.0, 0.1))
     )
-    dashes = coasting["ellipse"]
+    dashes = missed["ellipse"]
     assert (seen["ellipse"].type, dashes.type) == (Marker.CYLINDER, Marker.LINE_LIST)
     assert dashes.pose == seen["ellipse"].pose and dashes.scale.x > 0
     points = np.array([[point.x, point.y] for point in dashes.points])
@@ -310,7 +313,22 @@ def test_the_ellipse_of_a_track_that_coasts_is_dashed_and_its_markers_are_fainte
     turns = np.unwrap(np.arctan2(*(points / semi_axes).T[::-1])).reshape(-1, 2)
     np.testing.assert_allclose(turns[1:, 0] - turns[:-1, 1], np.diff(turns[:-1], axis=1)[:, 0])
     for kind in ("position", "velocity", "label"):
-        assert coasting[kind].color.a < seen[kind].color.a
+        assert missed[kind].color.a < seen[kind].color.a
+
+
+def test_markers_of_a_track_that_coasts_are_faintest_and_say_so_whenever_it_was_detected(
+    header, make_track, over_the_wire
+):
+    vague = {"status": TrackStatus.COASTING, "existence_probability": 0.034}
+    missed, *coasting = (
+        _by_kind(over_the_wire(track_markers(header, [make_track(time_since_hit=t, **more)])))
+        for t, more in ((0.1, {}), (0.1, vague), (0.0, vague))
+    )
+    for shown in coasting:
+        assert shown["ellipse"].type == Marker.LINE_LIST
+        assert shown["label"].text.endswith(", coasting, exists 3%")
+        assert all(shown[kind].color.a < missed[kind].color.a for kind in shown)
+    assert "coasting" not in missed["label"].text
 
 
 def test_arrow_leads_where_the_velocity_takes_the_track(header, make_track):
@@ -503,6 +521,13 @@ def test_a_radar_track_has_state_covariances_and_a_uuid_of_its_run():
 def test_a_radar_track_is_static_or_dynamic_where_that_is_known(probability, kind):
     (one,) = radar_tracks(HEADER, tracks(stationary_probability=probability), INSTANCE).tracks
     assert one.classification == kind
+
+
+def test_a_track_that_coasts_is_no_radar_track_but_an_object_with_its_existence():
+    coasts = tracks(status=TrackStatus.COASTING, existence_probability=0.03)
+    assert radar_tracks(HEADER, coasts, INSTANCE).tracks == []
+    (one,) = tracked_objects(HEADER, coasts, INSTANCE).objects
+    assert one.existence_probability == 0.03
 
 
 def test_a_tracked_object_moves_along_its_own_x_axis():

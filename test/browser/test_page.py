@@ -206,7 +206,7 @@ def test_a_click_on_a_track_shows_its_history_and_reason(replay):
     replay.click(*place(replay, 1200.0, 0.0))
     replay.until("!byId('selected').hidden")
     shown = text(replay, "#selected")
-    assert "Track 3" in shown and "held" in shown
+    assert "Track 3" in shown and "confirmed" in shown
     assert "Confirmed at 48.0 s: 3 hits in 4 pings by the test." in shown
     assert "Speed8.0 ± 1.0 m/s" in shown and "Course090°" in shown
     assert "Range1.30 km" in shown and "Bearing113°" in shown
@@ -217,31 +217,58 @@ def test_a_click_on_a_track_shows_its_history_and_reason(replay):
     replay.until("byId('selected').hidden")
 
 
-def test_a_track_without_a_detection_is_dashed_and_says_for_how_long_it_coasts(replay):
+def test_a_track_without_a_detection_is_dashed_and_says_for_how_long(replay):
     replay.click(*place(replay, 1200.0, 0.0))
     replay.until("!byId('selected').hidden")
-    assert "Track 3held" in text(replay, "#selected")
+    assert "Track 3confirmed" in text(replay, "#selected")
     replay.value(
         "window.dashes = []; const set = plan.context.setLineDash;"
         "plan.context.setLineDash = function (d) { dashes.push(String(d)); set.call(this, d); };"
         "scene.frames[page.index].tracks[0][Row.SINCE_HIT] = 3; redraw(); showPanels()"
     )
     settled(replay)
-    assert "Track 3coasting 3.0 s" in text(replay, "#selected")
+    assert "Last detection3.0 s ago" in text(replay, "#selected")
+    title = replay.value("document.querySelector('#tracks tbody tr').title")
+    assert title == "no detection for 3.0 s"
     assert not replay.value("document.querySelector('#selected .chip').classList.contains('ok')")
     assert "5,4" in replay.value("dashes.join(' ')"), "the truth has other dashes"
 
 
-def test_a_trail_is_dashed_where_the_track_coasted_and_broken_where_it_was_withheld(replay):
+def test_a_track_that_coasts_is_faint_says_so_is_counted_apart_and_is_no_part_of_the_view(replay):
+    named = "plan.colour.track"
+    for layer in ("trails", "labels"):
+        replay.press(f"#layer-{layer}")
+    settled(replay)
+    assert replay.value(named) in colours(replay, 1200.0, 0.0)
+    box = replay.value("scene.bounds(scene.frames)")
     replay.value(
-        "scene.histories.get(3)[2].coasts = true; scene.histories.get(3).splice(4, 1);"
+        "const row = scene.frames[page.index].tracks[0];"
+        "row[Row.STATUS] = COASTING; row[Row.EXISTENCE] = 0.031;"
+        "scene.take({ ...scene.frames.pop() }); select(3); show(scene.frames.length - 1)"
+    )
+    settled(replay)
+    assert replay.value(named) not in colours(replay, 1200.0, 0.0)
+    assert text(replay, "#tracks-title") == "Tracks (0, 1 coasting)"
+    label = replay.value("plan.canvas.getAttribute('aria-label')")
+    assert label.startswith("Plan position: 0 tracks, 1 coasting, 1 standing still, ")
+    assert replay.value("document.querySelectorAll('#tracks tr.coasting').length") == 1
+    assert "Track 3coasting" in text(replay, "#selected")
+    assert "Exists with3 %" in text(replay, "#selected")
+    assert replay.value("tracksAsCsv(scene, 12)").splitlines()[-1].endswith(",coasting")
+    replay.value("scene.frames.at(-1).tracks[0][Row.X] = 1e6")
+    assert replay.value("scene.bounds(scene.frames)") == box
+
+
+def test_a_trail_is_dashed_where_the_track_was_missed_and_broken_where_it_was_not_published(replay):
+    replay.value(
+        "scene.histories.get(3)[2].missed = true; scene.histories.get(3).splice(4, 1);"
         "window.parts = []; const { context } = plan;"
         "for (const name of ['lineTo', 'moveTo', 'setLineDash']) {"
         " const old = context[name]; context[name] = function (...given) {"
         " parts.push(name[0]); old.apply(this, given); }; }"
         "plan.drawTrail(scene.frames.at(-1), scene.frames.at(-1).tracks[0], new Map([[3, '#000']]))"
     )
-    # Nine scans from the fourth on: two detected, one coasting, one detected, one withheld, four.
+    # Nine scans from the fourth on: two detected, a missed one, one detected, none, four.
     assert "".join(replay.value("parts")) == "s" + "mlmlmlll" + "s" + "mmlmmmmm" + "s"
 
 
@@ -261,9 +288,9 @@ def test_a_track_of_the_list_that_has_ended_says_so(replay):
     replay.value("showPanels()")
     assert "Track 5ended" in text(replay, "#selected")
     assert "Reasonits target was missed too often" in text(replay, "#selected")
-    # Before its end, or without a fact of it, it is withheld.
+    # Before its end, or without a fact of it, it is not published.
     replay.value("show(5); scene.frames[5].tracks.pop(); showPanels()")
-    assert "Track 5withheld" in text(replay, "#selected")
+    assert "Track 5not published" in text(replay, "#selected")
     replay.value("scene.frames[5].fixed[0][Row.ID] = 5; showPanels()")
     assert "Track 5fixed echo" in text(replay, "#selected")
     assert "Last held72.0 s" in text(replay, "#selected")
@@ -528,11 +555,11 @@ def test_latitude_and_longitude_are_shown_where_the_origin_is_known(replay):
 
 def test_the_tracks_are_saved_as_csv_and_geojson(replay):
     lines = replay.value("tracksAsCsv(scene, 5)").splitlines()
-    assert lines[0] == "track_id,time,x,y,vx,vy,time_since_hit,latitude,longitude"
+    assert lines[0] == "track_id,time,x,y,vx,vy,time_since_hit,latitude,longitude,status"
     assert [line.split(",")[:2] for line in lines[1:]] == [
         *([["5", f"{12 * k}.000"] for k in range(2, 6)] + [["3", "48.000"], ["3", "60.000"]])
     ]
-    assert lines[-1] == "3,60.000,500.00,0.00,8.000,0.000,0.000,,"
+    assert lines[-1] == "3,60.000,500.00,0.00,8.000,0.000,0.000,,,confirmed"
     replay.value(
         "scene.info.geographic = { origin: [59.5, -179.994], reach: 1e5,"
         " terms: [[0, 1, 1, 0], [1, 0, 0, -1]] }"
@@ -544,6 +571,7 @@ def test_the_tracks_are_saved_as_csv_and_geojson(replay):
     assert cut["type"] == "MultiLineString", "it crosses 180 degrees"
     assert [cut["coordinates"][0][-1][0], cut["coordinates"][1][0][0]] == [-180.0, 180.0]
     assert len(collection["features"][1]["properties"]["times"]) == 9
+    assert collection["features"][1]["properties"]["status"] == ["confirmed"] * 9
     replay.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () {"
         " saved.push(this.download); }"

@@ -291,7 +291,7 @@ def test_a_lost_target_keeps_its_alarm_and_its_sign_until_it_is_acknowledged(bro
         put(state, 2, still)
         for tab in (one, other):
             tab.until("scene.frames.length === 2")
-            assert text(tab, "alarm-words") == "", "it may be withheld for a scan"
+            assert text(tab, "alarm-words") == "", "it may be vague for a scan"
         put(state, 3, still)
         words = "Lost: track 7, 1.00 km, 037°, at 36.0 s"
         for tab in (one, other):
@@ -333,6 +333,28 @@ def test_what_has_become_a_fixed_echo_or_another_s_or_comes_back_is_not_lost(tab
             })()"""
         )
     assert found == [["lost 3", "lost 4"], ["lost 3"]]
+
+
+def test_a_track_that_coasts_raises_no_alarm_but_that_it_is_lost(tab):
+    with served(live_state(1)) as server:
+        tab.open(server.url)
+        found = tab.value(
+            """(() => {
+                const row = (id, x, status) => [id, x, 0, -1, 0, 20, 20, 0, 1, 0, status, 0.1];
+                const one = new Alarm(), histories = new Map([[1, []], [2, []]]);
+                one.settings = { ...NO_ALARM, lost_targets: true, cpa_limit: 60 };
+                const take = (number, ...tracks) =>
+                    one.update({ number, stamp: number, tracks, fixed: [] },
+                        { ownShip: () => [0, 0, 0, 0, 0], histories });
+                take(1, row(1, 500, COASTING), row(2, 5000, 0));
+                const coasting = [...one.known.keys()];
+                for (const number of [2, 3]) take(number, row(1, 499, COASTING), row(2, 5000, 1));
+                const lost = [...one.known.keys()];
+                take(4, row(1, 498, 0), row(2, 5000, 0));
+                return [coasting, lost, [...one.known.keys()]];
+            })()"""
+        )
+    assert found == [[], ["lost 2"], ["cpa 1"]]
 
 
 def test_a_target_that_is_new_in_the_guard_zone_raises_an_alarm_and_the_zone_is_drawn(browser):
@@ -575,7 +597,7 @@ def test_past_positions_are_points_at_equal_times(tab):
                 ({ stamp, order: k < 3 ? k : k + 1, x: 2 * stamp, y: -stamp })), 5)"""
         )
     assert np.array(found) == pytest.approx(np.array([[90, -45], [20, -10], [10, -5]]), abs=1e-9), (
-        "none while the track was withheld"
+        "none while the track was not published"
     )
 
 

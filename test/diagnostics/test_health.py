@@ -76,13 +76,13 @@ class Run:
 
 def test_states_and_ends_of_tracks_are_counted_by_name():
     run = Run()
-    run.set(tracks=3, states={"published": 3, "withheld": 2}, ends={"missed": 4, "left": 1})
+    run.set(tracks=3, states={"confirmed": 3, "coasting": 2}, ends={"missed": 4, "left": 1})
     values = dict(run.status("track initiation", 0.0).values)
     counts = {name: values[name] for name in values if name.startswith(("tracks", "ended"))}
     assert counts == {
         "tracks": 3,
-        "tracks.published": 3,
-        "tracks.withheld": 2,
+        "tracks.confirmed": 3,
+        "tracks.coasting": 2,
         "ended.left": 1,
         "ended.missed": 4,
     }

@@ -21,7 +21,8 @@ from support.sonar_driver import START_NS, Ping, cloud, pings, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tsepm_ros.nodes.track_initiator import TrackInitiator
-from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.tracks import TrackStatus
 
 SECOND = 10**9
 
@@ -499,11 +500,13 @@ def test_the_markers_of_a_track_that_is_not_published_any_more_are_deleted(world
     tracker = Tracker(world, boat)
     tracker.say(0.0, 7, 8)
     assert ids(tracker.held_at(12.0)) == [7, 8]
-    monkeypatch.setattr(ConfirmedTracks, "statuses", lambda held, *_: np.array([Status.FIXED, 0]))
+    monkeypatch.setattr(
+        ConfirmedTracks, "statuses", lambda held, *_: np.array([TrackStatus.STANDS_STILL, 0])
+    )
     assert ids(tracker.held_at(24.0)) == [8]
     assert tracker.shown_at(24.0) == ({8}, {7})
     figures = world.figures()
-    assert (figures["tracks.published"], figures["tracks.fixed"]) == ("1", "1")
+    assert (figures["tracks.confirmed"], figures["tracks.stands_still"]) == ("1", "1")
     monkeypatch.undo()
     tracker.say(25.0, 8)
     assert ids(tracker.held_at(36.0)) == [8]

@@ -58,7 +58,7 @@ def test_targets_that_vanish_are_not_missed():
     before = initiator.estimated_detection_probability
     for index in range(80, 110):
         initiator.process(Scan(12.0 * index, [], []))
-    assert not len(initiator.current)
+    assert not len(initiator.current.sure)
     assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
 
 

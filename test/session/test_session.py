@@ -36,6 +36,7 @@ from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.tracks import TrackStatus
 
 
 @pytest.mark.internal_error
@@ -320,8 +321,9 @@ def test_a_gap_drops_potential_tracks_and_keeps_the_held_also_before_a_dropped_s
     assert one.heard == ["gap"]
     assert [len(result.new) for result in results] == [0, 0, 1, 0, 0, 0, 0, 1]
     # Its place is not known well enough after the gap, and then it is again.
-    published = [[track.track_id for track in result.current] for result in results]
-    assert published[4:7] == [[0], [], [0]]
+    published = [[(track.track_id, track.status) for track in r.current] for r in results]
+    sure, coasts = [(0, TrackStatus.CONFIRMED)], [(0, TrackStatus.COASTING)]
+    assert published[4:7] == [sure, coasts, sure]
     assert results[7].new[0].scan_count == 3
     one = moving(max_gap=100.0)
     sail(one, 0.0, 30.0)

@@ -11,11 +11,11 @@ import numpy as np
 from support.plain_confirmed_tracks import Branch, PlainStep, PlainTrack, Rule
 from support.plain_tsepm import Parameters
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
-from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks, Status
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 SCENES = 42
 
@@ -31,7 +31,7 @@ OPTIONS = ("sector", "moving", "offsets", "rates", "own_errors", "pose_errors")
 
 ENDS = "not_detected", "missed", "left"
 
-STATES = "published", "withheld", "back"
+STATES = "sure", "coasting", "back"
 
 MODES = "probability", "state", "covariance"
 
@@ -145,7 +145,7 @@ def plain_tracks(held: ConfirmedTracks) -> list[PlainTrack]:
             (held.fits.state[i], held.fits.covariance[i]),
             float(held.fits.change_odds[i]),
             *(float(getattr(held, name)[i]) for name in FIGURES),
-            bool(held.status[i] == Status.PUBLISHED),
+            bool(held.status[i] == TrackStatus.CONFIRMED),
         )
         for i in range(len(held))
     ]
@@ -196,14 +196,14 @@ def compare(seed: int) -> Counter[str]:
             stamp, found, clutter, detectable, sensor, MAX_SPEED, whole=whole
         )
         if plain.tracks:
-            published = {t.track_id for t in plain.tracks if t.published}
+            before = {t.track_id for t in plain.tracks if t.sure}
             plain.take(values, elapsed, clutter, detectable, whole, noise)
             assert_same(maintenance, plain)
             np.testing.assert_allclose(probability, plain.probability, rtol=1e-6, atol=1e-8)
-            shown = {t.track_id for t in plain.tracks if t.published}
+            shown = {t.track_id for t in plain.tracks if t.sure}
             counts.update(plain.ended.values())
-            counts += Counter(back=len(shown - published), published=len(shown))
-            counts += Counter(withheld=len(plain.tracks) - len(shown), tracks=len(plain.tracks))
+            counts += Counter(back=len(shown - before), sure=len(shown))
+            counts += Counter(coasting=len(plain.tracks) - len(shown), tracks=len(plain.tracks))
             counts += Counter(own=len(plain.own), empty=not len(clutter), branched=plain.branched)
             counts += Counter(outside=sum(not t.seen for t in plain.tracks))
     return counts + Counter({name: 1 for name, has in scene.has.items() if has})
@@ -215,7 +215,7 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainStep) -> None:
     assert maintenance.ended == plain.ended
     assert [t.track_id for t in held] == [t.track_id for t in plain.tracks]
     for one, other in zip(held, plain.tracks, strict=True):
-        assert one.published == other.published
+        assert one.sure == other.sure
         assert len(one.branches) == len(other.branches)
         for name in (*FIGURES, "odds"):
             np.testing.assert_allclose(
@@ -235,8 +235,9 @@ def assert_same(maintenance: TrackMaintenance, plain: PlainStep) -> None:
         assert_close((tracks.state[row], tracks.covariance[row]), track.mean())
         assert tracks.time_since_hit[row] == tracks.stamp[row] - track.last_detected
         assert tracks.existence_probability[row] == track.existence
-    shown = [t.track_id for t in held if t.published]
-    assert maintenance.current.track_id.tolist() == shown
+    shown = [t.track_id for t in held if t.sure]
+    assert maintenance.current.sure.track_id.tolist() == shown
+    assert maintenance.current.track_id.tolist() == [t.track_id for t in held], "the others coast"
     assert sorted(zip(*maintenance.probable_detections, strict=True)) == sorted(plain.own)
     found = np.transpose(maintenance.covered)
     np.testing.assert_allclose(found, np.reshape(plain.covered, (-1, 2)), rtol=1e-6, atol=1e-12)

@@ -73,7 +73,7 @@ class PlainTrack:
     covered_scans: float
     last_detected: float
     hit_sigma: float
-    published: bool
+    sure: bool
     seen: bool = True
 
     def mean(self) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +156,7 @@ class PlainStep:
                 t.fit, t.odds = t.mean(), 0.0
         self.end(lambda t: t.existence >= 1e-5, lambda t: "missed" if t.seen else "left")
         for t in self.tracks:
-            t.published = self.shown(t)
+            t.sure = self.shown(t)
 
     def end(self, kept: Callable[[PlainTrack], bool], why: Callable[[PlainTrack], str]) -> None:
         self.ended |= {t.track_id: why(t) for t in self.tracks if not kept(t)}
@@ -255,14 +255,14 @@ class PlainStep:
             t.last_detected = stamp
 
     def shown(self, t: PlainTrack) -> bool:
-        """Whether a track is published, not withheld.
+        """Whether a track is sure, and does not coast.
 
         The place is as well known as the last detection's, up to 4.5 times, or as the extent of a
-        target, and to a quarter of the range; it exists with 0.5, or with 0.9 if it was withheld.
+        target, and to a quarter of the range; it exists with 0.5, or with 0.9 if it coasted.
         """
         error = sigma(t.mean()[1][np.ix_([0, 2], [0, 2])])
         known = min(max(4.5 * t.hit_sigma, self.rule.target_extent), self.rule.max_range / 4.0)
-        return t.existence >= (0.5 if t.published else 0.9) and error <= known
+        return t.existence >= (0.5 if t.sure else 0.9) and error <= known
 
 
 def mixture(

@@ -226,22 +226,23 @@ def test_merged_are_the_tracks_of_one_target_in_a_scan():
     assert (counts.merged, counts.confirmed) == (0, 2)
 
 
-def test_held_is_a_track_while_it_probably_exists_and_then_remembered_for_some_scans():
+def test_a_track_is_sure_while_it_probably_exists_and_then_coasts_for_some_scans():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(6)])
     (track,) = made.current
     assert track.existence_probability > 0.9
-    published, remembered = [], []
+    sure, published, remembered = [], [], []
     for k in range(6, 60):
         made.process(scan_at(12.0 * k, []))
         published += made.current.existence_probability.tolist()
+        sure += made.current.sure.existence_probability.tolist()
         remembered += made.maintenance.confirmed.existence.tolist()
         if not len(made.maintenance.confirmed):
             break
-    assert (2 < len(published) < 10, len(remembered)) == (True, 50)
-    assert published == remembered[: len(published)]
+    assert (2 < len(sure) < 10, len(remembered)) == (True, 50)
+    assert published == remembered and sure == remembered[: len(sure)]
     assert remembered == sorted(remembered, reverse=True)
-    assert min(published) >= 0.5 > remembered[len(published)] > remembered[-1]
+    assert min(sure) >= 0.5 > remembered[len(sure)] > remembered[-1]
     assert made.maintenance.ended == {track.track_id: "not_detected"}
 
 

@@ -215,7 +215,7 @@ class TrackPublishers:
         if self._is_heard("tracks/odometry"):
             for track in result.starts:
                 self._publish("tracks/odometry", track_odometry(header, track))
-        # Those that ended, and those that are withheld or have become fixed echoes.
+        # Those that ended, and those that have become fixed echoes.
         gone = np.setdiff1d(self._shown[1].track_id, result.current.track_id).tolist()
         self._shown, self._echoes = (header, result.current), result.fixed_echoes
         if self._is_heard("tracks/markers"):

@@ -45,11 +45,10 @@ from tsepm_ros.session.inputs import (
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.maintenance.confirmed_tracks import Status
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +64,7 @@ class SessionSnapshot:
     tracks : int
         Number of published confirmed tracks.
     states : mapping of str to int
-        Number of confirmed tracks by the name of their `Status`.
+        Number of confirmed tracks by the name of their `TrackStatus`.
     ends : mapping of str to int
         Number of tracks that ended since the start or the last reset, by the reason, a key of
         `track_maintenance.ENDS`.
@@ -410,7 +409,7 @@ class Session:
             totals=self.totals,
             potential_tracks=tracker.statistics.potential_tracks,
             tracks=len(tracker.current),
-            states={state.name.lower(): states[state] for state in Status},
+            states={state.name.lower(): states[state] for state in TrackStatus},
             ends=dict(self._ends),
             fixed_echoes=len(tracker.fixed_echoes),
             detection_probability=tracker.detection_probability,

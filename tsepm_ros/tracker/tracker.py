@@ -438,7 +438,7 @@ class Tracker:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
             if self.method.most_tracks_true:
-                current, origin = self.maintenance.current, self._poses.middle[:2]
+                current, origin = self.maintenance.current.sure, self._poses.middle[:2]
                 step = step.where(~self.extended_targets.waits(step.tracks, current, origin))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
+from enum import IntEnum
 from typing import Any, overload
 
 import numpy as np
@@ -24,6 +25,18 @@ PROBABLE = 0.5
 """Probability above which something is more probable than not."""
 MIN_EXISTENCE = 1e-5
 """Probability of existence below which a track ends."""
+
+
+class TrackStatus(IntEnum):
+    """The state of a confirmed track.
+
+    It coasts while its target probably exists no more, or its place is not known well enough to be
+    recognised; with a `min_speed` it may stand still, as a fixed echo.
+    """
+
+    CONFIRMED = 0
+    COASTING = 1
+    STANDS_STILL = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +75,8 @@ class ConfirmedTrack:
         Probability that the target exists; nan where it is not known.
     time_since_hit : float
         Time since the last scan in which the target was probably detected, s.
+    status : int
+        A value of `TrackStatus`.
     """
 
     track_id: int
@@ -78,6 +93,7 @@ class ConfirmedTrack:
     revision: int = 0
     existence_probability: float = math.nan
     time_since_hit: float = 0.0
+    status: int = TrackStatus.CONFIRMED
 
     @property
     def since(self) -> float:
@@ -167,7 +183,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
     Attributes
     ----------
     track_id, stamp, evaluation, score, scan_count, age, stationary_probability,
-    signal_to_clutter_db, revision, existence_probability, time_since_hit : (n,) ndarray
+    signal_to_clutter_db, revision, existence_probability, time_since_hit, status : (n,) ndarray
         As in `ConfirmedTrack`.
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
@@ -192,6 +208,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
     revision: NDArray[np.int64]
     existence_probability: NDArray[np.float64]
     time_since_hit: NDArray[np.float64]
+    status: NDArray[np.int64]
 
     @classmethod
     def from_tracks(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -206,6 +223,11 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         numbers["covariance"] = numbers["covariance"].reshape(-1, 4, 4)
         hits = np.fromiter([track.hits for track in tracks], object)
         return cls(hits=hits, hit_count=np.array(list(map(len, hits)), np.int64), **numbers)
+
+    @property
+    def sure(self) -> TrackArrays:
+        """The tracks that neither coast nor stand still."""
+        return self.where(self.status == TrackStatus.CONFIRMED)
 
     def proper(self) -> TrackArrays:
         """The tracks with positive definite covariances, see `gaussian.proper_covariance`."""
@@ -333,4 +355,5 @@ def tracks_from_hits(
         revision=np.zeros(len(hits), np.int64),
         existence_probability=np.full(len(hits), np.nan),
         time_since_hit=np.zeros(len(hits)),
+        status=np.full(len(hits), TrackStatus.CONFIRMED, np.int64),
     )

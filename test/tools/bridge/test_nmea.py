@@ -7,6 +7,7 @@ import json
 import math
 import re
 import uuid
+from dataclasses import replace
 from datetime import datetime
 from types import SimpleNamespace
 
@@ -305,6 +306,17 @@ def test_deltas_have_place_course_speed_and_name_and_null_at_the_end(longitude):
         "navigation.courseOverGroundTrue": None,
         "navigation.speedOverGround": None,
     }
+
+
+@pytest.mark.parametrize("form", ["nmea", "signalk"])
+def test_a_track_that_coasts_is_written_as_lost_once(form):
+    found, file = tracks([10.0, 0.0, 0.0, 0.0]), io.StringIO()
+    writer = nmea.nmea_report_writer(file, GeographicReference(10.0, 20.0), {}, form)
+    for status in (0, 1, 1, 0):
+        held = replace(found, status=np.array([status]))
+        writer(SimpleNamespace(current=held, stamp_ns=round(STAMP * 1e9)))
+    ends = [",L," in line or "null" in line for line in file.getvalue().splitlines()]
+    assert ends == [False, True, False]
 
 
 def test_numbers_are_free_at_a_tracks_end_and_beyond_100_tracks_that_is_noted():

@@ -7,6 +7,7 @@ import math
 import select
 import socket
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pynmea2
@@ -26,7 +27,7 @@ from tsepm_ros.nodes.base_node import ParameterError
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.bridge.track_bridge import TrackBridge
-from tsepm_ros.tracker.tracks import ConfirmedTrack
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackStatus
 
 STAMP = 1_700_000_000.0
 
@@ -70,8 +71,8 @@ def plotter():
     made.socket.close()
 
 
-def track(track_id, x, vx, y, vy):
-    return ConfirmedTrack(track_id, STAMP, np.array([x, vx, y, vy]), np.eye(4), (), 0.0)
+def track(track_id, x, vx, y, vy, **more):
+    return ConfirmedTrack(track_id, STAMP, np.array([x, vx, y, vy]), np.eye(4), (), 0.0, **more)
 
 
 class Boat:
@@ -171,6 +172,20 @@ def test_reports_keep_their_period_and_a_track_that_is_gone_is_lost_once(world, 
     world.until_connected()
     ends = [one for one in plotter.read() if "L" in one.data]
     assert [one.data[0] for one in ends] == ["00"]
+
+
+def test_a_track_that_coasts_is_lost_once_and_tracked_again_under_its_number(world, plotter):
+    boat = connected(world, plotter, own_ship_source="none")
+    sure = track(8, 50.0, 1.0, 0.0, 0.0)
+    sentences(world, plotter, 1, lambda: boat.hold(sure))
+
+    def told():
+        return [(one.data[0], one.data[11]) for one in plotter.read()]
+
+    for status, word in ((TrackStatus.COASTING, "L"), (TrackStatus.CONFIRMED, "T")):
+        boat.hold(replace(sure, status=status))
+        world.until(lambda word=word: told()[-1] == ("00", word), word)
+    assert told().count(("00", "L")) == 1
 
 
 def test_of_more_than_100_tracks_the_others_are_counted(world, plotter):

@@ -67,9 +67,9 @@ def test_hits_are_those_of_the_scans_since_the_last_restart():
     np.testing.assert_array_equal(hits[7], [[3, 3.0, 1.0], [4, 4.0, 0.0]])
 
 
-def test_a_way_says_where_the_track_coasted_and_was_withheld():
-    coasting = replace(track_at(7, 6.0), time_since_hit=0.1)
-    held = [[track_at(7, 5.0)], [coasting], [], [track_at(7, 8.0)]]
+def test_a_way_says_where_the_track_was_missed_and_not_held():
+    missed = replace(track_at(7, 6.0), time_since_hit=0.1)
+    held = [[track_at(7, 5.0)], [missed], [], [track_at(7, 8.0)]]
     scene = RunScene("run", [view(number, held=held[number]) for number in range(4)])
     gap = [np.nan] * 3
     expected = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.1], gap, [8.0, 0.0, 0.0]]

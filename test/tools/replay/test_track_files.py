@@ -21,7 +21,7 @@ def lines(steps):
     with track_lines_file(file, GeographicReference(10.0, 179.99)) as made:
         for number, (east, north) in enumerate(steps):
             state = np.array([east, 1.0, north, 0.0])
-            track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
+            track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0, status=number)
             held = TrackArrays.from_tracks([track])
             made(SimpleNamespace(current=held, stamp_ns=number * 10**9, ended={}))
         gone = TrackArrays.from_tracks([])
@@ -35,6 +35,7 @@ def test_geojson_has_a_line_with_times_and_end_a_point_or_lines_beside_180_degre
     assert feature["geometry"]["coordinates"][0] == [179.99, 10.0]
     found = feature["properties"]
     assert found["times"] == ["1970-01-01T00:00:00+00:00", "1970-01-01T00:00:01+00:00"]
+    assert found["status"] == ["confirmed", "coasting"]
     assert (found["course"], found["speed"], found["ended"]) == (90.0, 1.0, "missed")
     (feature,) = lines([(0.0, 0.0)])
     assert feature["geometry"] == {"type": "Point", "coordinates": [179.99, 10.0]}

@@ -9,7 +9,6 @@ import json
 import math
 import re
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,7 +50,7 @@ from tsepm_ros.tools.viewer.page_content import (
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 
 def potential(x: float, score: float, newest: int, threshold: float = 10.0):
@@ -60,13 +59,19 @@ def potential(x: float, score: float, newest: int, threshold: float = 10.0):
     )
 
 
-def test_a_track_s_row_has_its_state_ellipse_speed_error_and_time_since_the_last_detection():
-    track = replace(confirmed_track(12, 1000.126, -2000.0, 3.0, 4.0), time_since_hit=2.5)
+def test_a_track_s_row_has_its_state_ellipse_speed_error_last_detection_status_and_existence():
+    track = confirmed_track(
+        12,
+        *(1000.126, -2000.0, 3.0, 4.0),
+        time_since_hit=2.5,
+        status=TrackStatus.COASTING,
+        existence_probability=0.25,
+    )
     ((track_id, *numbers),) = page_track_rows([track])
     # Along (0.6, 0.8): 0.36 * 1 + 0.64 * 4 = 2.92 m^2/s^2.
     axes = 2.4477 * 30.0, 2.4477 * 20.0
-    expected = [1000.126, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92), 2.5]
-    units = [100, 100, 1000, 1000, 100, 100, 1000, 1000, 1000]
+    expected = [1000.126, -2000.0, 3.0, 4.0, *axes, math.pi / 2, math.sqrt(2.92), 2.5, 1, 0.25]
+    units = [100, 100, 1000, 1000, 100, 100, 1000, 1000, 1000, 1, 100]
     assert track_id == 12 and all(type(number) is int for number in numbers)
     assert np.abs(numbers) == pytest.approx(np.abs(expected) * units, abs=0.51)
 
@@ -88,7 +93,7 @@ def test_what_is_not_finite_is_left_out_and_what_is_far_beyond_any_sea_stays_a_n
     assert json.loads(encode_page_content(frame)) == frame
     assert frame["detections"] == [100, 200]
     assert [row[0] for row in frame["tracks"]] == [2]
-    assert frame["tracks"][0][5:] == [0, 0, 0, 0, 0]
+    assert frame["tracks"][0][5:] == [0, 0, 0, 0, 0, 0, 100]
     assert (frame["potential"], frame["fixed"]) == ([], [])
     assert frame["own_ship"] == [100, 200, None]
     assert make_page_frame(0.0, "", own_ship=(math.nan, 0.0, 0.0))["own_ship"] is None

@@ -14,7 +14,7 @@ from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 
 @pytest.fixture(autouse=True)
@@ -72,6 +72,24 @@ def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
     follow(hold, lambda t: (2300.0 + 3.0 * (t - 200.0), 1000.0), np.arange(200.0, 240.0), rng)
     assert (hold.current.track_id.tolist(), len(hold.fixed_echoes)) == ([1], 0)
     assert len(hold.released) == 0, "it is no new track"
+
+
+def test_a_track_that_coasts_keeps_its_id_and_states_its_growing_errors_until_it_ends():
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6))
+    hold.add(tracks(1), 0.9)
+    seen = []
+    while len(hold.confirmed):
+        step(hold, 12.0 * len(seen) + 12.0, detectable=0.5)
+        seen += list(hold.current)
+    assert hold.ended == {1: "missed"}
+    assert {track.track_id for track in seen} == {1}
+    status = [track.status for track in seen]
+    assert status == sorted(status) and set(status) == {TrackStatus.CONFIRMED, TrackStatus.COASTING}
+    assert [track.existence_probability >= 0.5 for track in seen] == [not one for one in status]
+    sigma = [np.linalg.eigvalsh(track.position_covariance)[-1] ** 0.5 for track in seen]
+    stamps = 12.0 * np.arange(1, len(seen) + 1)
+    assert np.all(sigma >= np.hypot(50.0, 2.0 * stamps)), "what the error of its velocity adds"
+    assert [track.age for track in seen] == stamps.tolist()
 
 
 LONG = CommonOptions(hold_time=1e6)

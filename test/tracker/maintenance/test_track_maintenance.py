@@ -18,7 +18,6 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import (
     SCANS_TO_VANISH,
     UNPROVEN,
     ConfirmedTracks,
-    Status,
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import (
     ExternalTracker,
@@ -27,7 +26,7 @@ from tsepm_ros.tracker.maintenance.track_maintenance import (
 )
 from tsepm_ros.tracker.measurement import HIT_KEYS
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
-from tsepm_ros.tracker.tracks import MIN_EXISTENCE, TrackArrays
+from tsepm_ros.tracker.tracks import MIN_EXISTENCE, TrackArrays, TrackStatus
 
 
 @pytest.mark.parametrize("interval", [0.1, 12.0])
@@ -138,13 +137,13 @@ def test_fixed_echoes_and_what_a_downstream_tracker_lists_are_not_continued():
     hold.follow(96.0, hold.confirmed.tracks)
     assert continued(hold, start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8) == [-1]
     hold = silent(8.0)
-    assert hold.confirmed.status.tolist() == [Status.FIXED]
+    assert hold.confirmed.status.tolist() == [TrackStatus.STANDS_STILL]
     assert continued(hold, start(hold, 0.0, (2, 0), (3, 0), (8, 1)), 1e8) == [-1]
 
 
 def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision():
     hold = silent()
-    assert hold.confirmed.status.tolist() == [Status.WITHHELD]
+    assert hold.confirmed.status.tolist() == [TrackStatus.COASTING]
     again = start(hold, 30.0, (6, 1), (7, 1), (8, 1)).numbered(np.array([1]))
     again = replace(again, age=np.array([24.0]), scan_count=np.array([3]))
     hold.confirmed = replace(hold.confirmed, proven=np.array([1e-4]))
@@ -174,7 +173,7 @@ def test_a_start_is_published_unless_it_more_probably_stands_still_and_fixed_onl
     confirmed = replace(ConfirmedTracks.from_tracks(one, 0.9), announced=np.array([announced]))
     assert confirmed.stands_still(CommonOptions(min_speed=0.5)).tolist() == [still]
     assert confirmed.stands_still(CommonOptions()).tolist() == [False]
-    expected = Status.FIXED if still else Status.PUBLISHED
+    expected = TrackStatus.STANDS_STILL if still else TrackStatus.CONFIRMED
     assert confirmed.statuses(CommonOptions(min_speed=0.5), 400.0).tolist() == [expected]
 
 

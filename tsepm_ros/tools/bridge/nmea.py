@@ -301,7 +301,7 @@ def nmea_report_writer(
 
     def write(result: ScanResult) -> None:
         nonlocal not_written
-        tracks = result.current
+        tracks = result.current.sure
         present = tracks.track_id.tolist()
         places = reference.geographic(tracks.state[:, 0::2])
         if form == "signalk":

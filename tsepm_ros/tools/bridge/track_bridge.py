@@ -193,7 +193,7 @@ class TrackBridge(BaseNode):
         self._frame = cloud.header.frame_id.lstrip("/")
         if due:
             self._reported = stamp
-            self._report(exchanged_after_registration(tracks, self._frame), stamp)
+            self._report(exchanged_after_registration(tracks.sure, self._frame), stamp)
 
     def _report(self, tracks: TrackArrays, stamp: float) -> None:
         """Send reports of tracks in east and north."""

@@ -320,7 +320,8 @@ class SimulatedRun(SimulatedScene):
     corrections : list of (int, ConfirmedTrack)
         Later revisions of starts, with the index of the scan that brought each.
     held : list of (n, 2) ndarray or None
-        Positions of the confirmed tracks after each scan; None if the starter holds no tracks.
+        Positions of the tracks after each scan that neither coast nor stand still; None if the
+        starter holds no tracks.
     """
 
     starts: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
@@ -357,4 +358,4 @@ def with_simulated_poses(scan: Scan, own_ship: Motion) -> Scan:
 
 def _simulated_held_positions(starter: SimulatedTrackStarter) -> FloatArray | None:
     held = getattr(starter, "current", None)
-    return None if held is None else np.array(held.state)[:, 0::2]
+    return None if held is None else np.array(getattr(held, "sure", held).state)[:, 0::2]

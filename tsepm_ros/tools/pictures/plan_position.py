@@ -65,8 +65,8 @@ BACKGROUND_COLOUR, INK_COLOUR, TRUTH_COLOUR, TRACK_COLOUR, FAINT_COLOUR, FIXED_C
     "#718096",
     "#2f855a",
 )
-COASTING_LINE: Any = (0, (3.0, 1.5))
-"""Line style of a track that coasts, dashed."""
+MISSED_LINE: Any = (0, (3.0, 1.5))
+"""Line style of a track without a detection, dashed."""
 
 
 class PointLabel(NamedTuple):
@@ -324,8 +324,8 @@ def plan_ship(heading: float) -> MarkerPath:
 
 
 def draw_plan_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
-    """Draw the way of a confirmed track, see `RunScene.ways`: dashed where it coasts."""
-    for line, left_out in ((COASTING_LINE, False), ("-", way[:, 2] > 0.0)):
+    """Draw the way of a confirmed track, see `RunScene.ways`: dashed where it was missed."""
+    for line, left_out in ((MISSED_LINE, False), ("-", way[:, 2] > 0.0)):
         axes.plot(
             *np.where(left_out, np.nan, way[:, :2].T),
             color=colour,
@@ -356,9 +356,9 @@ def draw_plan_track(
 ) -> None:
     """Draw a track: position, id, velocity over some seconds as an arrow, and 95 % ellipse.
 
-    Arrow and ellipse are dashed while the track coasts, without a detection in its scan.
+    Arrow and ellipse are dashed without a detection in its scan.
     """
-    line: Any = COASTING_LINE if track.time_since_hit > 0.0 else "-"
+    line: Any = MISSED_LINE if track.time_since_hit > 0.0 else "-"
     start = track.position
     end = start + track.velocity * velocity_seconds
     style = {"arrowstyle": "-|>", "color": colour, "alpha": alpha, "linewidth": width, "ls": line}
@@ -424,8 +424,8 @@ def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     start = f"{kind} at its start: id, 95 % ellipse, arrow: {seconds:g} s of travel"
     true_label, other = "true place when the track started", "false, misplaced or redundant track"
     few = panels or len(scene.starts_by(true=True)) <= HITS_SHOWN
-    coasts = any(view.held.time_since_hit.any() for view in scene.scans)
-    coasting = {"label": "trail where no detection came", "linestyle": COASTING_LINE}
+    missed = any(view.held.time_since_hit.any() for view in scene.scans)
+    dashed = {"label": "trail where no detection came", "linestyle": MISSED_LINE}
     ink, truth, track, faint = INK_COLOUR, TRUTH_COLOUR, TRACK_COLOUR, FAINT_COLOUR
     entries: list[tuple[Any, Line2D]] = [
         (True, entry_of(label="detections, fading with age", **plan_points(ink, "o", 3.0))),
@@ -445,9 +445,9 @@ def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
         (held, entry_of(label="held to the end: its trail", color=track)),
         (
             scene.ways().keys() - held,
-            entry_of(label="ended or withheld: its trail", color=faint),
+            entry_of(label="ended or coasting: its trail", color=faint),
         ),
-        (coasts, entry_of(color=ink, **coasting)),
+        (missed, entry_of(color=ink, **dashed)),
         (
             last is not None and len(last.fixed_echoes),
             entry_of(label="fixed echo", **FIXED_ECHOES),

@@ -69,7 +69,7 @@ class SceneScan:
             detections=convert_measurements(result.scan, sensor, 0)["position"],
             sensor=scene_vessel_pose(result.scan, mounting_yaw),
             new=result.new,
-            held=result.current,
+            held=result.current.sure,
             fixed_echoes=result.fixed_echoes.state[:, 0::2].reshape(-1, 2),
             restart=result.arrival is Arrival.RESTART,
         )
@@ -177,7 +177,7 @@ class RunScene:
         """Way of each confirmed track by its id.
 
         Each is an (m, 3) array: x and y (m), and the time since its target was detected (s). A row
-        of nan stands for scans in which the track was withheld.
+        of nan stands for scans in which the track coasted or stood still.
         """
         ways: dict[int, list[list[float]]] = {}
         before: set[int] = set()

@@ -22,7 +22,7 @@ from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.replay.bag import POINTS, mcap_bag_writer, message_types
 from tsepm_ros.tools.terminal import write_terminal_line
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 from tsepm_ros.whole_files import move_whole, naming_file, remove_whole_file, temporary_beside_file
 
 COLUMNS = (
@@ -31,6 +31,7 @@ COLUMNS = (
     *COVARIANCE_FIELDS,
     *("evaluation", "score", "hit_count", "scan_count", "age"),
     *("stationary_probability", "signal_to_clutter_db", "revision"),
+    *("existence_probability", "time_since_hit", "status"),
 )
 
 
@@ -85,6 +86,9 @@ def _track_file_row(track: ConfirmedTrack) -> list[object]:
         track.stationary_probability,
         track.signal_to_clutter_db,
         track.revision,
+        track.existence_probability,
+        track.time_since_hit,
+        TrackStatus(track.status).name.lower(),
     ]
 
 
@@ -210,10 +214,11 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
         for track, (latitude, longitude) in zip(result.current, places.tolist(), strict=True):
             if math.isnan(latitude):  # on no place of the earth
                 continue
-            identity: dict[str, Any] = {"track_id": track.track_id, "times": []}
+            identity: dict[str, Any] = {"track_id": track.track_id, "times": [], "status": []}
             line, properties = tracks.setdefault(track.track_id, ([], identity))
             line.append([round(longitude, DIGITS), round(latitude, DIGITS)])
             properties["times"].append(time)
+            properties["status"].append(TrackStatus(track.status).name.lower())
             vx, vy = track.velocity.tolist()
             existence = track.existence_probability
             properties |= {

@@ -16,7 +16,8 @@ field         meaning
 ``detections``  x and y of each detection in turn
 ``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
 ``tracks``    a row per confirmed track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the
-              angle of the major one, standard deviation of the speed, time since the last detection
+              angle of the major one, standard deviation of the speed, time since the last
+              detection, `TrackStatus`, existence in percent
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
 ``arrived``   when a live frame came, ms, of the clock of ``now``
@@ -178,6 +179,8 @@ def page_track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
                 page_speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
             ),
             _page_integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
+            arrays.status[:, None],
+            _page_integers(np.nan_to_num(arrays.existence_probability, nan=1.0)[:, None], PERCENT),
         ]
     )
     return list(numbers.tolist())

@@ -1,15 +1,13 @@
-"""The table of confirmed tracks: a row for each, and which are published.
+"""The table of confirmed tracks: a row for each, with its `TrackStatus`.
 
-A track is in one of three states. It is *published*; it is *withheld* while its target probably
-exists no more, or its place is no longer known well enough to be recognised; or it is a *fixed*
-echo, where a `min_speed` is given. It keeps its id in all of them.
+A track keeps its id in all states. Once it was published it stays so, also while it coasts, unless
+it stands still.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
@@ -25,7 +23,7 @@ from tsepm_ros.tracker.maintenance.stationary import (
 )
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
-from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
+from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays, TrackStatus
 
 LISTED = -math.inf
 """Value of the time since which a track is unlisted, for a listed track."""
@@ -58,6 +56,7 @@ _OF_START = (
     "score",
     "scan_count",
     "age",
+    "status",
 )
 """The fields of `TrackArrays` that a track has anew that a start continues."""
 _FOUND_AGAIN = (
@@ -69,18 +68,9 @@ _FOUND_AGAIN = (
     "covered_scans",
     "last_detected",
     "last_place",
-    "status",
     "announced",
 )
 """The fields of `ConfirmedTracks` that begin anew where a lost track is found again."""
-
-
-class Status(IntEnum):
-    """What becomes of a confirmed track: published, withheld while it is vague, or a fixed echo."""
-
-    PUBLISHED = 0
-    WITHHELD = 1
-    FIXED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +98,6 @@ class ConfirmedTracks(Rows):
         Its position then, m.
     unlisted_since : (n,) ndarray
         Time since which the downstream tracker has not listed the track, s; or `LISTED`.
-    status : (n,) ndarray of int
-        Whether the track is published: a value of `Status`.
     announced : (n,) ndarray of bool
         Whether the track was ever published.
     hit_sigma : (n,) ndarray
@@ -128,7 +116,6 @@ class ConfirmedTracks(Rows):
     last_detected: FloatArray
     last_place: FloatArray
     unlisted_since: FloatArray
-    status: IntArray
     announced: BoolArray
     hit_sigma: FloatArray
     amplitude_hits: FloatArray
@@ -164,7 +151,6 @@ class ConfirmedTracks(Rows):
             last_detected=tracks.stamp,
             last_place=tracks.state[:, 0::2],
             unlisted_since=tracks.stamp,
-            status=np.full(n, Status.PUBLISHED, np.int64),
             announced=np.ones(n, bool),
             hit_sigma=major_sigma(tracks.covariance[:, 0::2, 0::2])
             if hit_sigma is None
@@ -363,11 +349,11 @@ class ConfirmedTracks(Rows):
             last_detected=np.maximum(self.last_detected[row], new.stamp),
             last_place=new.state[:, 0::2],
             unlisted_since=LISTED,
-            status=Status.PUBLISHED,
             announced=True,
         )
         figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
-        return changed(confirmed, tracks=with_rows(self.tracks, row, age=age, **figures))
+        tracks = with_rows(self.tracks, row, age=age, status=TrackStatus.CONFIRMED, **figures)
+        return changed(confirmed, tracks=tracks)
 
     def judged(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows after an update, with the figures of their tracks that only maintenance knows.
@@ -413,26 +399,40 @@ class ConfirmedTracks(Rows):
         return np.asarray(self.tracks.stationary_probability > limit)
 
     def statuses(self, options: CommonOptions, max_range: float, extent: float = 0.0) -> IntArray:
-        """The `Status` of each track, (n,).
+        """The `TrackStatus` of each track, (n,).
 
-        It is located while the standard deviation of its position, along the major axis, is at most
-        `RECOGNISED` times that of its last detection, anywhere on a learned `extent` (m), or
-        `target_extent`, and at most
+        A track coasts unless it is located and exists. It is located while the standard deviation
+        of its position, along the major axis, is at most `RECOGNISED` times that of its last
+        detection, anywhere on a learned `extent` (m), or `target_extent`, and at most
         `SHARE_OF_RANGE` of `max_range` (m).
         """
         sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
         error = np.hypot(self.hit_sigma, extent / math.sqrt(12.0))
         limit = np.maximum(RECOGNISED * error, options.target_extent)
         located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
-        exists = self.existence >= np.where(self.status == Status.WITHHELD, SURE, PROBABLE)
-        status = np.where(located & exists, Status.PUBLISHED, Status.WITHHELD)
-        return np.where(self.stands_still(options), Status.FIXED, status)
+        exists = self.existence >= np.where(self.status == TrackStatus.COASTING, SURE, PROBABLE)
+        status = np.where(located & exists, TrackStatus.CONFIRMED, TrackStatus.COASTING)
+        return np.where(self.stands_still(options), TrackStatus.STANDS_STILL, status)
+
+    @property
+    def status(self) -> IntArray:
+        """The `TrackStatus` of each track, (n,), as it was stated last."""
+        return self.tracks.status
+
+    def with_status(self, status: IntArray) -> ConfirmedTracks:
+        """The rows with the `TrackStatus` of each track, (n,)."""
+        return changed(self, tracks=changed(self.tracks, status=status))
+
+    @property
+    def published(self) -> TrackArrays:
+        """The tracks that were announced and do not stand still now."""
+        return self.tracks.where(self.announced & (self.status != TrackStatus.STANDS_STILL))
 
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Fixed echoes that exist and stand still with more than 0.5, at their places."""
         still = self.existence * self.tracks.stationary_probability > PROBABLE
-        rows = np.flatnonzero(still & (self.status == Status.FIXED))
+        rows = np.flatnonzero(still & (self.status == TrackStatus.STANDS_STILL))
         state, covariance = self.fits[rows].places()
         return changed(self.tracks.where(rows), state=state, covariance=covariance)
 

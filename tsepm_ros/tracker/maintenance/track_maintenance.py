@@ -32,7 +32,6 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import (
     SCANS_TO_VANISH,
     SURE,
     ConfirmedTracks,
-    Status,
 )
 from tsepm_ros.tracker.maintenance.data_association import Pairs
 from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
@@ -45,6 +44,7 @@ from tsepm_ros.tracker.tracks import (
     NO_TRACKS,
     PROBABLE,
     TrackArrays,
+    TrackStatus,
 )
 
 REMEMBERED_SCANS = 16
@@ -58,7 +58,7 @@ MOST_PLACES = 500
 ENDS = {
     "missed": "its target was missed too often",
     "left": "its target left the coverage",
-    "not_detected": "its target was not detected for the longest coast",
+    "not_detected": "its target was not detected for too long",
     "duplicate": "it is of the same target as an older track",
     "tracker": "the downstream tracker does not list it",
     "forgotten": "fixed echoes that left the coverage later are remembered",
@@ -131,9 +131,11 @@ class TrackMaintenance:
 
     @property
     def current(self) -> TrackArrays:
-        """Published tracks, at the last scan's stamp; between `follow` and `step` at their own."""
-        confirmed = self._state()
-        return confirmed.tracks.where(confirmed.status == Status.PUBLISHED)
+        """Published tracks, those that coast too, at the last scan's stamp.
+
+        Between `follow` and `step` each is at its own stamp.
+        """
+        return self._state().published
 
     def _state(self) -> ConfirmedTracks:
         """Every confirmed track, with its probability to stand still."""
@@ -265,16 +267,16 @@ class TrackMaintenance:
         self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
 
     def _publish(self, max_range: float, extent: float) -> None:
-        """Publish, withhold or fix each track; those that are published for the first time."""
+        """State the status of each track, and which are published for the first time."""
         if self.options.min_speed:
             self._state()
         status = self.confirmed.statuses(self.options, max_range, extent)
         listed = self._kept_by_tracker(self.confirmed)
-        status = np.where(listed & (status == Status.WITHHELD), Status.PUBLISHED, status)
-        new = (status == Status.PUBLISHED) & ~self.confirmed.announced
+        sure, coasts = TrackStatus.CONFIRMED, TrackStatus.COASTING
+        status = np.where(listed & (status == coasts), sure, status)
+        new = (status == sure) & ~self.confirmed.announced
         self.confirmed = confirmed = changed(
-            self.confirmed,
-            status=status,
+            self.confirmed.with_status(status),
             announced=self.confirmed.announced | new,
             # A downstream tracker has known them from now on only.
             unlisted_since=np.where(
@@ -299,7 +301,7 @@ class TrackMaintenance:
         downstream tracker lists are left as they are.
         """
         confirmed, max_speed = self.confirmed, self.options.max_speed
-        may = (confirmed.status != Status.FIXED) & ~self._kept_by_tracker(confirmed)
+        may = (confirmed.status != TrackStatus.STANDS_STILL) & ~self._kept_by_tracker(confirmed)
         lost = confirmed[np.flatnonzero(may)]
         if not len(starts) or not len(lost):
             return np.full(len(starts), -1)
@@ -342,9 +344,9 @@ class TrackMaintenance:
         first = len(confirmed) - len(new)
         fixed = confirmed.stands_still(self.options)[first:]
         status, announced = confirmed.status.copy(), confirmed.announced.copy()
-        status[first:] = np.where(fixed, Status.FIXED, Status.PUBLISHED)
+        status[first:] = np.where(fixed, TrackStatus.STANDS_STILL, TrackStatus.CONFIRMED)
         announced[first:] = ~fixed
-        self.confirmed = changed(confirmed, status=status, announced=announced)
+        self.confirmed = changed(confirmed.with_status(status), announced=announced)
         return confirmed.tracks.where(first + np.flatnonzero(~fixed))
 
     def find_again(
@@ -393,7 +395,8 @@ class TrackMaintenance:
             since = np.maximum(since, stamp)
         self.tracker, self._last_report = ExternalTracker.ALIVE, stamp
         over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
-        over &= confirmed.announced & ((confirmed.status != Status.FIXED) | (since == LISTED))
+        moves = confirmed.status != TrackStatus.STANDS_STILL
+        over &= confirmed.announced & (moves | (since == LISTED))
         self.confirmed = changed(confirmed, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
         self.add(tracks[~np.isin(tracks.track_id, ids)], NEW_TRACK_EXISTENCE)
@@ -424,7 +427,7 @@ class TrackMaintenance:
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
         self._listen(stamp)
-        fixed = self.confirmed.status == Status.FIXED
+        fixed = self.confirmed.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
         if fixed.any():
             away &= detectable(self.confirmed.tracks.state[:, 0::2]) <= 0.0

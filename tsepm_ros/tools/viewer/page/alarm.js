@@ -47,7 +47,7 @@ class Alarm {
     this.last = frame.number;
     this.near.clear();
     const ship = scene.ownShip(frame), { settings } = this;
-    for (const row of frame.tracks) {
+    for (const row of sure(frame)) {
       const id = row[Row.ID], approach = closestApproach(row, ship);
       this.held.set(id, { row, missing: 0 });
       this.known.delete(`lost ${id}`);
@@ -61,7 +61,7 @@ class Alarm {
       this.note("zone", id, frame, inside, !inside);
     }
     for (const [id, track] of this.held) {
-      if (!again && !frame.tracks.some((row) => row[Row.ID] === id)) this.miss(id, track, frame);
+      if (!again && !sure(frame).some((row) => row[Row.ID] === id)) this.miss(id, track, frame);
     }
     for (const alarm of [...this.known.values()]) {
       const gone = alarm.kind === "lost" ? !this.isRaised(alarm) : alarm.id !== null && !scene.histories.has(alarm.id);
@@ -84,13 +84,13 @@ class Alarm {
     this.known.set(key, { key, kind, id, number: frame.number, stamp: frame.stamp, away: 0, ...more });
   }
 
-  /* A track that is missing is lost, unless it stands still or is in the place of another. */
+  /* A track that is missing or coasts is lost, unless it stands still or is in the place of another. */
   miss(id, track, frame) {
     track.missing += 1;
     if (track.missing < LOST_SCANS) return;
     this.held.delete(id);
     const [x, y] = [track.row[Row.X], track.row[Row.Y]];
-    const another = frame.fixed.some((row) => row[Row.ID] === id) || frame.tracks.some((row) =>
+    const another = frame.fixed.some((row) => row[Row.ID] === id) || sure(frame).some((row) =>
       Math.hypot(row[Row.X] - x, row[Row.Y] - y) < track.row[Row.MAJOR]);
     const watched = this.settings.lost_targets || this.known.has(`cpa ${id}`) || this.known.has(`zone ${id}`);
     if (watched && !another) this.begin(`lost ${id}`, "lost", id, frame, { x, y });
@@ -164,7 +164,7 @@ class Alarm {
         return [-1, "", `${stopped ? "No data" : "Data had stopped"} for ${wholeSeconds(seconds)}`];
       }
       if (kind === "lost") return [2e9, "Lost: ", `track ${id}${from([x, y])}, at ${clock(stamp)}`];
-      const row = frame.tracks.find((one) => one[Row.ID] === id);
+      const row = sure(frame).find((one) => one[Row.ID] === id);
       if (kind === "zone") return [1.5e9, "Guard zone: ", `track ${id}${row ? from([row[Row.X], row[Row.Y]]) : ""}`];
       const approach = row && closestApproach(row, ship);
       const what = !row ? "no longer seen" : approach ? approachWords(approach, elapsed) : "own ship is not known";

@@ -57,14 +57,14 @@ function geographicWords(info, x, y) {
 
 /* Positions of all tracks up to a frame, a line for each. */
 function tracksAsCsv(scene, number) {
-  const lines = ["track_id,time,x,y,vx,vy,time_since_hit,latitude,longitude"];
+  const lines = ["track_id,time,x,y,vx,vy,time_since_hit,latitude,longitude,status"];
   for (const [id] of scene.histories) {
     for (const point of scene.trail(id, number, Infinity)) {
       const place = geographic(scene.info, point.x, point.y) || ["", ""];
       lines.push([
         id, point.stamp.toFixed(3), ...[point.x, point.y].map((value) => value.toFixed(2)),
         ...[point.vx, point.vy, point.sinceHit].map((value) => value.toFixed(3)),
-        ...place.map((value) => value && value.toFixed(DEGREE_DIGITS)),
+        ...place.map((value) => value && value.toFixed(DEGREE_DIGITS)), point.status,
       ].join(","));
     }
   }
@@ -82,6 +82,7 @@ function tracksAsGeoJson(scene, number) {
     const last = points[points.length - 1];
     const properties = {
       track_id: id, times: points.map((point) => new Date(1000 * point.stamp).toISOString()),
+      status: points.map((point) => point.status),
       speed: Number(Math.hypot(last.vx, last.vy).toFixed(3)),
       course: Number(((Math.atan2(last.vx, last.vy) * 180 / Math.PI + 360) % 360).toFixed(1)),
     };

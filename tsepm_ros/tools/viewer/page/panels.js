@@ -113,7 +113,7 @@ class TrackList {
   show(frame, scene, selected, elapsed) {
     const tracks = frame ? frame.tracks : [];
     const north = scene.north(frame), ship = scene.ownShip(frame);
-    change(this.title, { textContent: `Tracks (${tracks.length})` });
+    change(this.title, { textContent: `Tracks (${frame ? countWords(frame) : 0})` });
     HEADS.forEach((head, k) => {
       const [words, title] = (!north && DIRECTIONS[k]) || head;
       const shown = words || units.speedName;
@@ -145,8 +145,8 @@ class TrackList {
       this.fill(row, track, ship, approaches.get(id), north, elapsed);
       row.classList.toggle("chosen", id === selected);
       row.classList.toggle("near", this.near.has(id));
-      row.classList.toggle("coasting", track[Row.SINCE_HIT] > 0);
-      change(row, { title: track[Row.SINCE_HIT] > 0 ? coasting(track, elapsed) : "" });
+      row.classList.toggle("coasting", coasts(track));
+      change(row, { title: track[Row.SINCE_HIT] > 0 ? missedWords(track, elapsed) : "" });
     }
     // A row that is moved loses the focus.
     if (focused && document.activeElement !== focused && focused.isConnected) focused.focus({ preventScroll: true });
@@ -242,12 +242,11 @@ class SelectedPanel {
   stateOf(id, row, last, frame, scene, elapsed) {
     const { ended } = scene.facts[id] || {};
     if (row && elapsed) return ["no data", "error"];
-    if (row && row[Row.SINCE_HIT] > 0) return [coasting(row), "warn"];
-    if (row) return ["held", "ok"];
+    if (row) return [coasts(row) ? "coasting" : "confirmed", coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
     if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
     if (ended && ended[0] <= frame.stamp + 1e-6) return ["ended", "stale"];
     if (!last) return ["not yet confirmed", "stale"];
-    return [scene.info.kind === "live" ? "ended or withheld" : "withheld", "stale"];
+    return [scene.info.kind === "live" ? "ended or not published" : "not published", "stale"];
   }
 
   why(facts, history, frame) {
@@ -278,6 +277,7 @@ class SelectedPanel {
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     const place = geographicWords(scene.info, x, y);
     if (place) rows.push(["Latitude, longitude", place]);
+    if (coasts(row)) rows.push(["Exists with", `${Math.round(100 * row[Row.EXISTENCE])} %`]);
     rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + elapsed)} ago`]);
     // Its axes, not their halves.
     rows.push(["95 % ellipse", `${distance(2 * row[Row.MAJOR])} by ${distance(2 * row[Row.MINOR])}`]);
@@ -321,8 +321,8 @@ class SelectedPanel {
   }
 }
 
-function coasting(row, elapsed = 0) {
-  return `coasting ${duration(row[Row.SINCE_HIT] + elapsed)}`;
+function missedWords(row, elapsed) {
+  return `${coasts(row) ? "coasting, " : ""}no detection for ${duration(row[Row.SINCE_HIT] + elapsed)}`;
 }
 
 function roundUp(value) {

@@ -7,12 +7,13 @@ const ARROW_TIMES = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200
 const MAX_POTENTIAL_LINE = 24; // px
 const RING_LABELS = [0, 0.5, -0.5, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6, 2.4, -2.4, Math.PI]; // rad
 const PICK_DISTANCE = 22; // px
-const DASHES = [5, 4]; // px, of a track that coasts
+const DASHES = [5, 4]; // px, of a track without a detection
+const FAINT = 0.4; // opacity of a track that coasts
 
 const LAYERS = [
   ["detections", "Detections, fading"],
   ["potential", "Potential tracks, by evidence"],
-  ["tracks", "Tracks, with velocity; dashed: coasting"],
+  ["tracks", "Tracks; dashed: no detection; faint: coasting"],
   ["ellipses", "95 % ellipses"],
   ["trails", "Past positions"],
   ["labels", "Track ids and speeds"],
@@ -544,14 +545,14 @@ class Plan {
       return;
     }
     const places = points.map((point) => this.screen(point.x, point.y));
-    for (const coasts of [false, true]) {
-      if (coasts && !points.some((point) => point.coasts)) continue;
-      context.setLineDash(coasts ? DASHES : []);
+    for (const missed of [false, true]) {
+      if (missed && !points.some((point) => point.missed)) continue;
+      context.setLineDash(missed ? DASHES : []);
       context.beginPath();
       points.forEach((point, place) => {
         const before = points[place - 1];
-        // No line where the track was withheld.
-        const joined = before && before.order === point.order - 1 && point.coasts === coasts;
+        // No line where the track was not published.
+        const joined = before && before.order === point.order - 1 && point.missed === missed;
         if (joined) context.lineTo(...places[place]);
         else context.moveTo(...places[place]);
       });
@@ -575,18 +576,18 @@ class Plan {
     context.globalAlpha = 1;
   }
 
-  /* Dashed and not filled without a detection in this scan. */
+  /* Dashed and not filled without a detection in this scan; faint where the track coasts. */
   drawEllipse(row, colour) {
     const { context } = this;
-    const coasts = row[Row.SINCE_HIT] > 0;
+    const missed = row[Row.SINCE_HIT] > 0;
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.beginPath();
     context.ellipse(x, y, row[Row.MAJOR] * this.scale, row[Row.MINOR] * this.scale,
       -row[Row.ANGLE] - this.turn, 0, 2 * Math.PI);
     context.globalAlpha = 0.14;
     context.fillStyle = context.strokeStyle = colour;
-    if (coasts) context.setLineDash(DASHES); else context.fill();
-    context.globalAlpha = 0.7;
+    if (missed || coasts(row)) context.setLineDash(DASHES); else context.fill();
+    context.globalAlpha = coasts(row) ? FAINT : 0.7;
     context.lineWidth = 1;
     context.stroke();
     context.setLineDash([]);
@@ -605,13 +606,15 @@ class Plan {
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
-    const coasts = row[Row.SINCE_HIT] > 0;
-    context.setLineDash(coasts ? DASHES : []);
+    const missed = row[Row.SINCE_HIT] > 0 || coasts(row);
+    context.globalAlpha = coasts(row) ? FAINT : 1;
+    context.setLineDash(missed ? DASHES : []);
     this.arrow(x, y, ...this.screen(row[Row.X] + vx * this.arrowTime, row[Row.Y] + vy * this.arrowTime));
     context.setLineDash([]);
     context.beginPath();
     context.arc(x, y, 4, 0, 2 * Math.PI);
-    if (coasts || this.stale) context.stroke(); else context.fill();
+    if (missed || this.stale) context.stroke(); else context.fill();
+    context.globalAlpha = 1;
   }
 
   drawSelected(frame) {
@@ -653,7 +656,7 @@ class Plan {
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
-      const label = `${row[Row.ID]}  ${speedWords(row[Row.VX], row[Row.VY])}`;
+      const label = `${row[Row.ID]}  ${coasts(row) ? "coasting" : speedWords(row[Row.VX], row[Row.VY])}`;
       const width = context.measureText(label).width;
       const side = turned(row[Row.VX], row[Row.VY], this.turn)[1] > 0 ? 11 : -11; // first where the arrow is not
       const middle = -0.5 * width;

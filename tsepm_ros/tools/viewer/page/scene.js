@@ -4,7 +4,24 @@
 
 const MAX_FRAMES = 4000; // of a live source; a recording is kept whole
 
-const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9 };
+const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9, STATUS: 10, EXISTENCE: 11 };
+const COASTING = 1; // of the states of a track: see TrackStatus
+
+
+function coasts(row) {
+  return row[Row.STATUS] === COASTING;
+}
+
+/* The tracks of a frame that do not coast. */
+function sure(frame) {
+  return frame.tracks.filter((row) => !coasts(row));
+}
+
+/* How many tracks do not coast, in words; and how many do, if any. */
+function countWords(frame, words = String) {
+  const known = sure(frame).length, coasting = frame.tracks.length - known;
+  return words(known) + (coasting ? `, ${coasting} coasting` : "");
+}
 
 class Scene {
   constructor() {
@@ -48,7 +65,7 @@ class Scene {
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
       history.push({
         number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
-        coasts: row[Row.SINCE_HIT] > 0, sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+        missed: row[Row.SINCE_HIT] > 0, status: coasts(row) ? "coasting" : "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
     }
     if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
@@ -152,7 +169,7 @@ class Scene {
     for (const frame of frames) {
       const points = frame.detections;
       for (let i = 0; i < points.length; i += 2) include(points[i], points[i + 1]);
-      for (const row of frame.tracks) include(row[Row.X], row[Row.Y]);
+      for (const row of sure(frame)) include(row[Row.X], row[Row.Y]);
       for (const row of frame.fixed) include(row[Row.X], row[Row.Y]);
       if (frame.own_ship) include(frame.own_ship[0], frame.own_ship[1]);
     }
@@ -169,9 +186,9 @@ function convertedImage({ stamp, cell, levels }) {
 
 /* A frame in SI: the integers of page_content.py are cm, mm/s, mrad, ms and percent. */
 function converted(frame) {
-  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd, sinceHit = 0]) => [
+  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd, sinceHit = 0, status = 0, existence = 100]) => [
     id, 0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy,
-    0.01 * major, 0.01 * minor, 0.001 * angle, 0.001 * speedStd, 0.001 * sinceHit,
+    0.01 * major, 0.01 * minor, 0.001 * angle, 0.001 * speedStd, 0.001 * sinceHit, status, 0.01 * existence,
   ];
   const pose = frame.own_ship;
   return {

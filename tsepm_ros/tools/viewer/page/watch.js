@@ -118,8 +118,8 @@ function showTime() {
   const play = page.playing ? "Pause" : source === "live" ? "Live" : "Play";
   change(byId("play"), { textContent: play });
   const counts = frame
-    ? [plural(frame.tracks.length, "track"), plural(frame.detections.length / 2, "detection"),
-      plural(frame.potential.length, "potential track")].join(", ")
+    ? [countWords(frame, (number) => plural(number, "track")), `${frame.fixed.length} standing still`,
+      plural(frame.detections.length / 2, "detection"), plural(frame.potential.length, "potential track")].join(", ")
     : "nothing";
   plan.canvas.setAttribute("aria-label", `Plan position: ${counts}`);
 }
