@@ -24,6 +24,7 @@ METHODS: dict[str, type[Method] | str] = {
     "clutter_test": "tsepm_ros.studies.split_merge:SplitMergeClutterTest",
     "split_merge": "tsepm_ros.studies.split_merge:SplitMerge",
     "multiple_model": "tsepm_ros.studies.multiple_model:MultipleModel",
+    "kalman": "tsepm_ros.studies.kalman:Kalman",
 }
 """Every method: its class, or the place of its class, which is imported when it is chosen.
 

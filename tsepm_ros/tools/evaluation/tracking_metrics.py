@@ -180,16 +180,16 @@ class ClearMot:
         self.now, before = {}, self.now
         for target in sorted(targets, key=lambda target: target not in before):
             track = self.last.get(target, -1)
-            if track in tracks and track not in self.now.values():
-                if distance[rows[target], columns[track]] <= self.gate:
-                    self.now[target] = track
-        free = [target for target in targets if target not in self.now]
+            free = track in tracks and track not in self.now.values()
+            if free and distance[rows[target], columns[track]] <= self.gate:
+                self.now[target] = track
+        alone = [target for target in targets if target not in self.now]
         others = [track for track in tracks if track not in self.now.values()]
-        part = distance[np.ix_([rows[name] for name in free], [columns[name] for name in others])]
+        part = distance[np.ix_([rows[name] for name in alone], [columns[name] for name in others])]
         pairs = linear_sum_assignment(np.where(part <= self.gate, part, beyond))
         for row, column in zip(*pairs, strict=True):
             if part[row, column] <= self.gate:
-                self.now[free[row]] = others[column]
+                self.now[alone[row]] = others[column]
         switches = sum(self.last.get(target, track) != track for target, track in self.now.items())
         for target in targets:
             self.matches.setdefault(target, []).append(self.now.get(target))
