@@ -292,6 +292,8 @@ def simulated_operating_points(
     ValueError
         If no method has a given option; the message names the option.
     """
+    for name in measures:
+        outside_measure(name)
     given = given or {}
     methods = list(methods)
     known = {option for method in methods for option in registered_option_names(method)}

@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tsepm_ros.numerics.arrays import FloatArray
 
+Identity = Any
+"""Name of a target or id of a track."""
 ORDER = 2.0
 """p of both metrics."""
 
@@ -153,21 +156,21 @@ class ClearMot:
     ----------
     gate : float
         Largest distance of a match, m.
-    last, now : dict of int to int
+    last, now : dict
         Track of each target: the last one, and that in the last scan.
-    matches : dict of int to list
+    matches : dict
         Track of each target scan by scan; None without a track.
     switches : int
     """
 
     gate: float
-    last: dict[int, int] = field(default_factory=dict)
-    now: dict[int, int] = field(default_factory=dict)
-    matches: dict[int, list[int | None]] = field(default_factory=dict)
+    last: dict[Identity, Identity] = field(default_factory=dict)
+    now: dict[Identity, Identity] = field(default_factory=dict)
+    matches: dict[Identity, list[Identity | None]] = field(default_factory=dict)
     switches: int = 0
 
     def take(
-        self, targets: Mapping[int, FloatArray], tracks: Mapping[int, FloatArray]
+        self, targets: Mapping[Any, FloatArray], tracks: Mapping[Any, FloatArray]
     ) -> ClearMotCounts:
         """Take a scan: positions (2,), m, of the targets that are there and of the tracks."""
         beyond = self.gate * (1.0 + len(tracks) + len(targets))  # costs more than all other pairs
@@ -179,8 +182,8 @@ class ClearMot:
         )
         self.now, before = {}, self.now
         for target in sorted(targets, key=lambda target: target not in before):
-            track = self.last.get(target, -1)
-            free = track in tracks and track not in self.now.values()
+            track = self.last.get(target)
+            free = track is not None and track in tracks and track not in self.now.values()
             if free and distance[rows[target], columns[track]] <= self.gate:
                 self.now[target] = track
         alone = [target for target in targets if target not in self.now]
