@@ -16,7 +16,7 @@ import argparse
 import csv
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -93,18 +93,7 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
         raise ValueError(f"{path} is not a CSV file: {error}") from None
     if not lines:
         raise ValueError(f"{path} is empty: its first line names the columns")
-    header = [name.strip() for name in lines[0][1]]
-    if "reason" in header:
-        raise ValueError(f"{path} has the new tracks alone: give current.csv, which has every scan")
-    columns = []
-    for part, names in NAMES.items():
-        found = [header.index(name) for name in names if name in header]
-        if not found and not (truth and part == "identity"):
-            raise ValueError(
-                f"{path} has no column of the {part} ({' or '.join(names)}); it has "
-                f"{', '.join(header)}"
-            )
-        columns += found[:1]
+    columns = _columns_of_positions(path, [name.strip() for name in lines[0][1]], truth)
     rows: dict[str, list[tuple[float, ...]]] = {}
     for line, row in lines[1:]:
         try:
@@ -124,6 +113,22 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
     if truth and not rows:
         raise ValueError(f"{path} has no rows: without targets there is nothing to compare")
     return {identity: np.array(own) for identity, own in rows.items()}
+
+
+def _columns_of_positions(path: Path, header: list[str], truth: bool) -> list[int]:
+    """Columns of time, x, y and identity, if there is one."""
+    if "reason" in header:
+        raise ValueError(f"{path} has the new tracks alone: give current.csv, which has every scan")
+    columns = []
+    for part, names in NAMES.items():
+        found = [header.index(name) for name in names if name in header]
+        if not found and not (truth and part == "identity"):
+            raise ValueError(
+                f"{path} has no column of the {part} ({' or '.join(names)}); it has "
+                f"{', '.join(header)}"
+            )
+        columns += found[:1]
+    return columns
 
 
 def median_interval(positions: Positions) -> float:
@@ -157,25 +162,23 @@ def run_score(options: argparse.Namespace) -> None:
         If a file is malformed or a measure cannot be used.
     """
     measures = {name: outside_measure(name) for name in options.measure}
-    files = {
-        options.tracks: read_positions(options.tracks),
-        options.truth: read_positions(options.truth, truth=True),
-    }
-    times = np.unique(
-        np.concatenate([rows[:, 0] for file in files.values() for rows in file.values()])
-    )
+    files = [
+        (options.tracks, read_positions(options.tracks)),
+        (options.truth, read_positions(options.truth, truth=True)),
+    ]
+    _check_common_time(files)
+    times = np.unique(np.concatenate([rows[:, 0] for _, file in files for rows in file.values()]))
     scenes = []
-    for path, positions in files.items():
+    for path, positions in files:
         gap = options.gap or LONGEST_INTERVAL * median_interval(positions)
         scenes.append(positions_at(positions, times, gap))
         _note_file(path, positions, gap)
-    _check_common_time(files)
     clear, counts, rows = ClearMot(options.cutoff), [], []
     for tracks, targets in zip(*scenes, strict=True):
-        places = [np.reshape([*scene.values()], (-1, 2)) for scene in (tracks, targets)]
-        parts = vars(gospa(*places, options.cutoff)).values()
-        more = (measure(*places) for measure in measures.values())
-        rows.append((ospa(*places, options.cutoff), *parts, *more))
+        found, true = (np.reshape([*scene.values()], (-1, 2)) for scene in (tracks, targets))
+        parts = vars(gospa(found, true, options.cutoff)).values()
+        more = (measure(found, true) for measure in measures.values())
+        rows.append((ospa(found, true, options.cutoff), *parts, *more))
         counts.append(clear.take(targets, tracks))
     total = ClearMotCounts.total(counts)
     distance, localisation, missed, false, *others = np.array(rows).mean(axis=0)
@@ -198,29 +201,28 @@ def run_score(options: argparse.Namespace) -> None:
 
 
 def _note_file(path: Path, positions: Positions, gap: float) -> None:
-    """Say on stderr how often a file has rows, and how many gaps."""
+    """Say on stderr how often a file has rows, and its gaps."""
     gaps = sum(
         after - before > gap
         for rows in positions.values()
         for before, after in pairwise(rows[:, 0].tolist())
     )
-    print(
-        f"{path}: {len(positions)} identities, a row every {median_interval(positions):g} s, "
-        f"{gaps} gaps above {gap:g} s, in which they are not there",
-        file=sys.stderr,
-    )
+    absent = f"; not there in {gaps} gaps above {gap:g} s" if gaps else ""
+    every = f", a row every {median_interval(positions):g} s" if positions else ""
+    print(f"{path}: {len(positions)} identities{every}{absent}", file=sys.stderr)
 
 
-def _check_common_time(files: Mapping[Path, Positions]) -> None:
+def _check_common_time(files: Sequence[tuple[Path, Positions]]) -> None:
     """Refuse files without a common time: they are of different clocks."""
-    spans = {
-        path: (
+    spans = [
+        (
+            path,
             min(rows[0, 0] for rows in file.values()),
             max(rows[-1, 0] for rows in file.values()),
         )
-        for path, file in files.items()
+        for path, file in files
         if file
-    }
-    if max(first for first, _ in spans.values()) > min(last for _, last in spans.values()):
-        told = ", ".join(f"{path} {first:g} to {last:g} s" for path, (first, last) in spans.items())
+    ]
+    if max(first for _, first, _ in spans) > min(last for _, _, last in spans):
+        told = ", ".join(f"{path} {first:g} to {last:g} s" for path, first, last in spans)
         raise ValueError(f"the files have no common time: {told}")
