@@ -227,7 +227,10 @@ class RunMeasures:
         """The summary as lists of values, null for nan; see :meth:`from_json`."""
         starts, scans = (
             [
-                [None if value != value else value for value in vars(summary).values()]
+                [
+                    None if value != value else [*value] if isinstance(value, tuple) else value
+                    for value in vars(summary).values()
+                ]
                 for summary in summaries
             ]
             for summaries in (self.starts, self.scans)  # nan is not JSON
