@@ -17,3 +17,12 @@ class ClearMot(tracking_metrics.ClearMot):
         """Take a scan."""
         places = zip(tracks.track_id.tolist(), tracks.state[:, 0::2], strict=True)
         self.take({target: state[0::2] for target, state in truth.items()}, dict(places))
+
+    def held(self) -> tuple[int, int]:
+        """Scans with a track of its own, and all, of each target from its first track on."""
+        found = [0, 0]
+        for tracks in self.matches.values():
+            first = next((k for k, track in enumerate(tracks) if track is not None), len(tracks))
+            found[0] += sum(track is not None for track in tracks[first:])
+            found[1] += len(tracks) - first
+        return found[0], found[1]

@@ -207,12 +207,3 @@ class ClearMot:
             switches=switches,
             distance=sum(float(distance[rows[t], columns[k]]) for t, k in self.now.items()),
         )
-
-    def held(self) -> tuple[int, int]:
-        """Scans with a track of its own, and all, of each target from its first track on."""
-        found = [0, 0]
-        for tracks in self.matches.values():
-            first = next((k for k, track in enumerate(tracks) if track is not None), len(tracks))
-            found[0] += sum(track is not None for track in tracks[first:])
-            found[1] += len(tracks) - first
-        return found[0], found[1]
