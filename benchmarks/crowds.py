@@ -83,7 +83,7 @@ class Watch:
 
     def take(self, truth: Truth, current: Any) -> None:
         """Take a scan."""
-        self.clear.take(truth, current)
+        self.clear.take_states(truth, current)
         for target in truth:
             found = self.clear.matches[target]
             if found[-1] is not None:

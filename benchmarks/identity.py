@@ -73,7 +73,7 @@ class Watched:
 
     def take(self, stamp: float, truth: Truth, new: TrackArrays, current: TrackArrays) -> None:
         """Take a scan."""
-        self.clear.take(truth, current)
+        self.clear.take_states(truth, current)
         self.fastest_new = max([self.fastest_new, *np.hypot(*new.state[:, 1::2].T)])
         self.fastest_confirmed = max([self.fastest_confirmed, *np.hypot(*current.state[:, 1::2].T)])
         for track in new:

@@ -57,14 +57,14 @@ def test_a_change_of_id_is_counted_and_a_gap_without_a_track_is_not_held():
 def test_a_switch_is_counted_one_to_one_where_a_target_has_lost_its_track_for_another():
     clear = identity.ClearMot(10.0)
     truth = {1: np.zeros(4), 2: np.array([8.0, 0.0, 0.0, 0.0])}
-    clear.take(truth, tracks(n3=1.0, n4=7.0))
-    clear.take(
+    clear.take_states(truth, tracks(n3=1.0, n4=7.0))
+    clear.take_states(
         truth, tracks(n3=6.0, n4=3.0)
     )  # each nearer to the other target, but within the gate
     assert (clear.switches, clear.last) == (0, {1: 3, 2: 4})
-    clear.take(truth, tracks(n3=1.0))
+    clear.take_states(truth, tracks(n3=1.0))
     assert clear.now == {1: 3}  # one track is not on both
-    clear.take(truth, tracks(n3=1.0, n5=7.0))
+    clear.take_states(truth, tracks(n3=1.0, n5=7.0))
     assert (clear.switches, clear.held()) == (1, (7, 8))
 
 

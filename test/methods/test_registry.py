@@ -1,5 +1,7 @@
 """Methods by name: their classes, their options, and what is refused."""
 
+import sys
+
 import pytest
 
 from tsepm_ros import LandMask, SensorModel
@@ -63,8 +65,8 @@ def test_an_initiator_has_its_method_and_the_land():
 
 
 def test_an_unknown_method_is_refused_and_the_known_are_named():
-    with pytest.raises(ValueError, match=r"^method must be one of tsepm.*got 'kalman'"):
-        make_initiator("kalman", sensor=SensorModel())
+    with pytest.raises(ValueError, match=r"^method must be one of tsepm.*got 'unknown'"):
+        make_initiator("unknown", sensor=SensorModel())
 
 
 def test_an_option_that_the_method_does_not_have_is_refused_by_name():
@@ -76,3 +78,51 @@ def test_an_option_that_the_method_does_not_have_is_refused_by_name():
 def test_a_wrong_sensor_is_refused_by_name(sensor):
     with pytest.raises(TypeError, match="sensor must be a SensorModel"):
         make_initiator("tsepm", sensor=sensor)
+
+
+OUTSIDE = """
+from tsepm_ros.methods.score import Score
+from tsepm_ros.tracker.method import Method
+number = 3
+class Own(Score): ...
+class Unlike: ...
+class Bare(Method): ...
+class Broken(Score):
+    def __init__(self, *given):
+        raise RuntimeError("no licence")
+"""
+
+
+@pytest.fixture
+def outside(tmp_path, monkeypatch):
+    """A module in the working folder, which is not on Python's path."""
+    (tmp_path / "outside_methods.py").write_text(OUTSIDE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    sys.modules.pop("outside_methods", None)
+
+
+def test_a_method_from_outside_the_package_is_made_by_its_place(outside):
+    made = make_initiator("outside_methods:Own", sensor=SensorModel(), false_tracks_per_hour=3.0)
+    assert type(made.method).__name__ == "Own"
+    assert made.method.options.false_tracks_per_hour == 3.0
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("not_there:Own", "No module named 'not_there'"),
+        ("outside_methods:Absent", "has no attribute 'Absent'"),
+        ("outside_methods:", "expected module:name"),
+        (":Own", "expected module:name"),
+        ("outside_methods:Unlike", "is not a subclass of tsepm_ros.tracker.method.Method"),
+        ("outside_methods:number", "is not a subclass"),
+        ("outside_methods:Bare", "has no dataclass Options"),
+        ("outside_methods:Broken", "cannot be made: RuntimeError: no licence"),
+    ],
+)
+def test_what_is_no_method_from_outside_is_refused_by_its_place(outside, name, said):
+    with pytest.raises(ValueError, match=said) as refused:
+        make_initiator(name, sensor=SensorModel())
+    assert str(refused.value).startswith(name)

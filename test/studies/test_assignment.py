@@ -11,6 +11,7 @@ from tsepm_ros.studies.assignment import (
     assignment_within,
     best_assignment_of_each,
     disjoint_assignment,
+    global_assignment,
     nearest_first_assignment,
     oldest_first_assignment,
 )
@@ -88,3 +89,22 @@ def test_disjoint_rows_are_those_of_a_plain_loop(seed, block, monkeypatch):
     members = rng.integers(-1, 40, (100, 3))
     cost = rng.integers(0, 10, 100).astype(float)
     assert disjoint_assignment(members, cost).tolist() == plain_disjoint(members, cost)
+
+
+def test_the_global_assignment_has_the_least_sum_of_all_assignments():
+    rng = np.random.default_rng(8)
+    for _ in range(30):
+        near = np.argwhere(rng.random((4, 4)) < 0.6)
+        cost = rng.uniform(0.0, 9.0, len(near))
+        given = AssignmentPairs(near[:, 0], near[:, 1], cost)
+        found = global_assignment(given, 9.0)
+        for side in (found.parent, found.row):
+            assert len(set(side.tolist())) == len(side)
+        least = min(
+            cost[list(chosen)].sum() - 9.0 * len(chosen)
+            for size in range(5)
+            for chosen in itertools.combinations(range(len(near)), size)
+            if all(len(set(near[list(chosen), side].tolist())) == size for side in (0, 1))
+        )
+        assert found.cost.sum() - 9.0 * len(found) == pytest.approx(least)
+    assert len(global_assignment(AssignmentPairs.none(), 9.0)) == 0

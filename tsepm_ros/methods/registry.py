@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import pkgutil
+import sys
 from typing import Any
 
 from tsepm_ros.parameters import check_parameter, meant_parameter, parameter_table
@@ -24,6 +26,7 @@ METHODS: dict[str, type[Method] | str] = {
     "clutter_test": "tsepm_ros.studies.split_merge:SplitMergeClutterTest",
     "split_merge": "tsepm_ros.studies.split_merge:SplitMerge",
     "multiple_model": "tsepm_ros.studies.multiple_model:MultipleModel",
+    "kalman": "tsepm_ros.studies.kalman:Kalman",
 }
 """Every method: its class, or the place of its class, which is imported when it is chosen.
 
@@ -33,16 +36,46 @@ NODE_METHODS = ("tsepm", "score")
 """Methods whose parameters the node always has; those of another exist where it is chosen."""
 
 
+def outside_object(name: str) -> Any:
+    """A class or function from outside the package, by ``module:name``.
+
+    Its module is installed, on Python's path, or in the working folder.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be imported; the message names it.
+    """
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # last: it hides no installed module
+    try:
+        if not all(name.partition(":")):
+            raise ValueError("expected module:name")
+        return pkgutil.resolve_name(name)
+    except Exception as error:
+        raise ValueError(f"{name} cannot be imported: {type(error).__name__}: {error}") from error
+
+
 def registered_method(method: str) -> type[Method]:
-    """The class of a method.
+    """The class of a method: its name in the table, or ``module:Class`` from outside.
 
     Raises
     ------
     ValueError
         If there is no such method.
     """
+    if ":" in method:
+        outside = outside_object(method)
+        options = getattr(outside, "Options", None)
+        if not (isinstance(outside, type) and issubclass(outside, Method)):
+            raise ValueError(f"{method} is not a subclass of tsepm_ros.tracker.method.Method")
+        if not dataclasses.is_dataclass(options):
+            raise ValueError(f"{method} has no dataclass Options, the parameters of its own")
+        return outside
     if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+        raise ValueError(
+            f"method must be one of {', '.join(METHODS)}, or module:Class; got {method!r}"
+        )
     kind = METHODS[method]
     resolved: type[Method] = pkgutil.resolve_name(kind) if isinstance(kind, str) else kind
     return resolved
@@ -78,11 +111,16 @@ def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
     for name in options.keys() & rows.keys():
         check_parameter(name, options[name], rows)
     common = {field.name for field in dataclasses.fields(CommonOptions)}
-    return kind(
-        sensor,
+    groups = (
         CommonOptions(**{name: value for name, value in options.items() if name in common}),
         kind.Options(**{name: value for name, value in options.items() if name not in common}),
     )
+    try:
+        return kind(sensor, *groups)
+    except Exception as error:
+        if method in METHODS:
+            raise
+        raise ValueError(f"{method} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def make_initiator(
@@ -93,7 +131,7 @@ def make_initiator(
     Parameters
     ----------
     method : str
-        One of `available_methods()`.
+        One of `available_methods()`, or ``module:Class``, a subclass of `Method` from outside.
     sensor : SensorModel
         The sensor's errors and coverage.
     land : LandMask, optional

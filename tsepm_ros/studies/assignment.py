@@ -1,8 +1,8 @@
 """Association: pairs of potential tracks and detections, and their assignment.
 
-`assignment_within` gates pairs. `disjoint_assignment`, `nearest_first_assignment` and
-`oldest_first_assignment` assign each track and each detection once; `best_assignment_of_each`
-assigns each track once, and a detection to several tracks.
+`assignment_within` gates pairs. `disjoint_assignment`, `nearest_first_assignment`,
+`oldest_first_assignment` and `global_assignment` assign each track and each detection once;
+`best_assignment_of_each` assigns each track once, and a detection to several tracks.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows
 from tsepm_ros.tracker.initial_state import NO_HIT
@@ -98,6 +100,25 @@ def disjoint_assignment(members: IntArray, cost: FloatArray) -> IntArray:
 def nearest_first_assignment(pairs: AssignmentPairs) -> AssignmentPairs:
     """Assign each track and each detection at most once, the pair of least cost first."""
     return pairs[exclusive_assignment(pairs, pairs.cost)]
+
+
+def global_assignment(pairs: AssignmentPairs, alone: float) -> AssignmentPairs:
+    """Assign each track and each detection at most once, with the least sum of all costs.
+
+    A track that is assigned nothing costs `alone`, the most that a pair costs.
+    """
+    tracks, track = np.unique(pairs.parent, return_inverse=True)
+    detections, detection = np.unique(pairs.row, return_inverse=True)
+    every, number = np.arange(len(tracks)), len(detections)
+    # A column of its own for each track: it is assigned nothing. No weight may be 0.
+    weight = np.append(pairs.cost, np.full(len(tracks), alone)) + 1.0
+    place = np.append(track, every), np.append(detection, number + every)
+    cost = csr_matrix((weight, place), shape=(len(tracks), number + len(tracks)))
+    of_track = np.full(len(tracks), -1)
+    if len(tracks):
+        row, column = min_weight_full_bipartite_matching(cost)
+        of_track[row] = column
+    return pairs[of_track[track] == detection]
 
 
 def oldest_first_assignment(pairs: AssignmentPairs, first_scan: IntArray) -> AssignmentPairs:

@@ -163,6 +163,55 @@ class MultipleModelBanks(Paths):
         )
 
 
+def gated_by_filters(
+    state: FloatArray,
+    covariance: FloatArray,
+    detections: NDArray[np.void],
+    stamp: float,
+    gate_probability: float,
+    most_pairs: float,
+) -> tuple[AssignmentPairs, int]:
+    """Pairs of predictions and the detections in their gates, by normalised distance.
+
+    Parameters
+    ----------
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        Predicted to the scan.
+    detections : (d,) ndarray of DETECTION
+    stamp : float
+        The scan's, s.
+    gate_probability, most_pairs : float
+
+    Returns
+    -------
+    pairs : AssignmentPairs
+    cut : int
+        Pairs that a limit left out.
+    """
+    if not len(detections):
+        return AssignmentPairs.none(), 0
+    factor = gaussian.gaussian_gate_factor(gate_probability)
+    longest = np.abs(detections["time"] - stamp).max()
+    sigma = major_sigma(covariance[:, 0::2, 0::2])
+    sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
+    radius = factor * np.hypot(sigma, detections["major_sigma"].max())
+    radius += longest * np.hypot(state[:, 1], state[:, 3])
+    positions = np.ascontiguousarray(detections["position"])
+    centres = np.ascontiguousarray(state[:, 0::2])
+    parent, row, cut = splitting.splitting_neighbours(positions, centres, radius, most_pairs)
+
+    def distance(parent: IntArray, row: IntArray) -> FloatArray:
+        hits = taken(detections, row)
+        elapsed = hits["time"] - stamp
+        expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
+        predicted = motion.position_covariance_after(covariance[parent], elapsed)
+        return squared_mahalanobis_distance(
+            hits["position"] - expected, predicted + hits["covariance"]
+        )
+
+    return assignment_within(parent, row, distance, factor**2), cut
+
+
 class MultipleModel(PathFollower):
     """The multiple-model start: a filter for each cell of speed and heading, no splitting."""
 
@@ -195,31 +244,15 @@ class MultipleModel(PathFollower):
 
     def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
         """The detections in the gate of each weighted prediction, by normalised distance."""
-        if not len(detections):
-            return AssignmentPairs.none(), 0
         state, covariance = self.potential.output()
-        factor = gaussian.gaussian_gate_factor(self.options.gate_probability)
-        longest = np.abs(detections["time"] - self.stamp).max()
-        sigma = major_sigma(covariance[:, 0::2, 0::2])
-        sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
-        radius = factor * np.hypot(sigma, detections["major_sigma"].max())
-        radius += longest * np.hypot(state[:, 1], state[:, 3])
-        positions = np.ascontiguousarray(detections["position"])
-        centres = np.ascontiguousarray(state[:, 0::2])
-        parent, row, cut = splitting.splitting_neighbours(
-            positions, centres, radius, self.most_pairs
+        return gated_by_filters(
+            state,
+            covariance,
+            detections,
+            self.stamp,
+            self.options.gate_probability,
+            self.most_pairs,
         )
-
-        def distance(parent: IntArray, row: IntArray) -> FloatArray:
-            hits = taken(detections, row)
-            elapsed = hits["time"] - self.stamp
-            expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
-            predicted = motion.position_covariance_after(covariance[parent], elapsed)
-            return squared_mahalanobis_distance(
-                hits["position"] - expected, predicted + hits["covariance"]
-            )
-
-        return assignment_within(parent, row, distance, factor**2), cut
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """Each track and each detection is matched once, the nearest first."""

@@ -47,6 +47,19 @@ def test_an_evaluation_draws_the_operating_curves_of_each_scene(tmp_path):
     assert [path.name for path in tmp_path.glob("*.png")] == ["box_operating_curve.png"]
 
 
+def test_a_measure_from_outside_is_a_column_of_every_table(capsys, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "column_measures.py").write_text("def seven(tracks, targets): return 7.0\n")
+    name = "column_measures:seven"
+    evaluated(tmp_path / "out", "--defaults", "--measure", name)
+    header, _, row = capsys.readouterr().out.splitlines()[1:4]
+    assert header.split()[-1] == name and float(row.split()[-1]) == 7.0
+    assert name in (tmp_path / "out" / "evaluation.md").read_text()
+    titles, values = (tmp_path / "out" / "evaluation.csv").read_text().splitlines()
+    assert titles.endswith(f"{name},{name}_low,{name}_high")
+    assert values.endswith(",7.0,7.0,7.0")
+
+
 def test_without_matplotlib_there_are_tables_and_a_sentence(capsys, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "tsepm_ros.tools.pictures.operating_curve_picture", None)
     evaluated(tmp_path, "-p", "false_tracks_per_hour:=300.0")

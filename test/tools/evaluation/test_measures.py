@@ -211,6 +211,38 @@ def test_what_is_held_is_compared_with_the_truth():
     assert held_at([5000.0, 0.0, 5400.0, 0.0]).scans[0].held == 0
 
 
+def test_distances_of_confirmed_tracks_by_hand_and_unknown_without_them():
+    cutoff = 3.0 * 7071.07 * np.deg2rad(1.0)
+    run = held_at([5000.0, 0.0, 5300.0, 0.0], [0.0, 0.0, 0.0, 0.0])
+    distance, *parts = run.scans[0].distances
+    assert distance == pytest.approx(math.sqrt((300.0**2 + cutoff**2) / 2), rel=1e-3)
+    assert parts == pytest.approx([300.0**2, 0.0, cutoff**2 / 2], rel=1e-3)
+    assert run.scans[0].clear == (), "the tracks have no ids"
+    figures = measures_of(load_scenario("box", {"scans": 1}), [run, run])
+    assert figures.gospa.value**2 == pytest.approx(
+        sum(
+            getattr(figures, f"gospa_{part}").value ** 2
+            for part in ("localisation", "missed", "false")
+        )
+    )
+    assert figures.ospa.value == distance
+    assert math.isnan(figures.mota.value)
+    unknown = measures_of(SCENE, RUNS)
+    assert math.isnan(unknown.ospa.value) and math.isnan(unknown.gospa_false.value)
+
+
+def test_accuracy_and_precision_are_of_all_scans_of_all_runs():
+    # Values of ClearMotCounts: targets, matches, misses, false, switches, distance.
+    runs = [
+        run_of(false=(0,), clear=(2, 1, 1, 0, 0, 30.0), targets=2),
+        run_of(false=(0,), clear=(2, 2, 0, 1, 1, 30.0), targets=2),
+    ]
+    figures = measures_of(SCENE, runs, 1)
+    assert figures.mota.value == pytest.approx(1.0 - 3 / 4)
+    assert figures.motp.value == pytest.approx(20.0)
+    assert figures.switches_per_run.value == 0.5
+
+
 def test_a_start_on_hits_of_others_or_of_one_scan_has_no_bound():
     made = simulate_run(MOVING, [3, 2], point("tsepm"))
     mixed = next(one for one in made.judged() if one.target == 0 and not one.pure)

@@ -135,6 +135,18 @@ def test_every_method_takes_the_options_of_its_points(method):
             assert getattr(made.options, name) == value
 
 
+def test_defaults_are_one_point_a_method_with_the_options_given():
+    points = simulated_operating_points(["tsepm", "score"], {"min_hits": 4}, defaults=True)
+    told = [(point.method, point.label, dict(point.options)) for point in points]
+    assert told == [("tsepm", "as given", {"min_hits": 4}), ("score", "default", {})]
+
+
+@pytest.mark.parametrize("name", ["not_there:measure", "math:pi", "math:sin", "math:absent"])
+def test_a_measure_that_gives_no_number_is_refused_by_its_name(name):
+    with pytest.raises(ValueError, match=name):
+        simulated_operating_points(["score"], measures=[name])
+
+
 def test_an_option_goes_to_the_methods_that_have_it_and_replaces_what_their_sweep_varies():
     points = simulated_operating_points(
         ["tsepm", "score"], {"miss_probability": 0.01, "max_speed": 5.0}

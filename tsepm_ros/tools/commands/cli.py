@@ -193,6 +193,11 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
         f"{HERE}.evaluate_command:add_evaluate_arguments",
         f"{HERE}.evaluate_command:run_evaluate",
     ),
+    "score": (
+        "compare tracks with the truth, two CSV files: OSPA, GOSPA and CLEAR-MOT",
+        f"{HERE}.score_command:add_score_arguments",
+        f"{HERE}.score_command:run_score",
+    ),
     "reproduce": (
         "regenerate the published results and compare them with the published values",
         "studies.reproduction.report:add_report_arguments",

@@ -45,8 +45,19 @@ ARGUMENTS: Arguments = {
     },
     "--method": {
         "action": "append",
-        "choices": available_methods(),
-        "help": "default: every method",
+        "help": f"{', '.join(available_methods())}, or module:Class from outside the package; "
+        "may be repeated; default every method",
+    },
+    "--defaults": {
+        "action": "store_true",
+        "help": "each method with its default options alone, in place of its sweep of settings",
+    },
+    "--measure": {
+        "action": "append",
+        "default": [],
+        "metavar": "MODULE:FUNCTION",
+        "help": "a measure from outside the package: a number for the positions of the confirmed "
+        "tracks (n, 2) and of the targets (m, 2) after a scan; may be repeated",
     },
     "--scans": {"type": positive, "help": "scans of a run; default as in the scenario"},
     "--horizon": {
@@ -100,7 +111,12 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
     plan = PerformancePlan(
         scenarios=[load_scenario(name, changes) for name in options.scenario],
         points=[
-            *simulated_operating_points(methods, parse_parameter_file_values(options.parameter)),
+            *simulated_operating_points(
+                methods,
+                parse_parameter_file_values(options.parameter),
+                defaults=options.defaults,
+                measures=tuple(dict.fromkeys(options.measure)),
+            ),
             *more,
         ],
         runs=options.runs,

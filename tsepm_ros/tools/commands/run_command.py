@@ -79,6 +79,7 @@ from tsepm_ros.tools.replay.track_files import (
     track_lines_file,
     track_listing_file,
     track_table_file,
+    write_truth_table,
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tools.terminal import terminal_progress
@@ -103,6 +104,7 @@ TOPIC_OPTIONS = {
 OUTPUTS = (
     "tracks.csv",
     "current.csv",
+    "truth.csv",
     "tracks.mcap",
     "tracks.geojson",
     "tracks.nmea",
@@ -116,7 +118,8 @@ WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 RUN_ARGUMENTS: Arguments = {
     "--out": {
         "type": in_folder_argument,
-        "help": "folder for tracks.csv, current.csv (confirmed tracks), tracks.mcap, picture.png",
+        "help": "folder for tracks.csv, current.csv (confirmed tracks), tracks.mcap, picture.png, "
+        "and truth.csv where the targets are known",
     },
     "--as": {
         "choices": ("geojson", "nmea", "signalk"),
@@ -463,6 +466,10 @@ def _process_run(
                 scene.scans.append(
                     SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )
+        if options.out and run.truth and scene.scans:
+            span = scene.scans[0].stamp, scene.scans[-1].stamp
+            file = stack.enter_context(opened_whole(options.out / "truth.csv"))
+            write_truth_table(file, run.truth, span, result.frame_id)
     run.judge(scene)
     return scene
 

@@ -104,6 +104,15 @@ def root_mean_square_interval(values: ArrayLike) -> IntervalEstimate:
     return square.mapped(lambda value: math.sqrt(max(value, 0.0)))
 
 
+def ratio_interval(parts: ArrayLike, wholes: ArrayLike) -> IntervalEstimate:
+    """Sum of the parts over the sum of the wholes of independent runs, by the delta method."""
+    part, whole = np.asarray(parts, float), np.asarray(wholes, float)
+    if not whole.sum() > 0.0:
+        return IntervalEstimate.unknown()
+    ratio = float(part.sum() / whole.sum())
+    return mean_interval(ratio + (part - ratio * whole) / whole.mean())
+
+
 def rms_ratio_interval(errors: ArrayLike, bounds: ArrayLike) -> IntervalEstimate:
     """Ratio of the root mean squares of errors and of their bounds, pair by pair.
 

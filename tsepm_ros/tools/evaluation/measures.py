@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     mean_interval,
     proportion_interval,
     quantile_interval,
+    ratio_interval,
     rms_ratio_interval,
     root_mean_square_interval,
 )
@@ -33,6 +34,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     SimulatedRun,
     simulated_measurement_sigma,
 )
+from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts, gospa, ospa
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.sensor import SensorModel
@@ -166,6 +168,13 @@ class ScanSummary:
         Tracks that starts continued in this scan, as their next revisions.
     right : int
         Targets with a true start, or with a track that a later start made true, so far.
+    distances : tuple of float
+        Of the confirmed tracks: OSPA, m, and the parts of GOSPA squared, m^2; empty without tracks
+        or targets to compare. The cutoff is 3 sigma, the mean over the targets.
+    clear : tuple of float
+        Values of `ClearMotCounts`; empty without ids of the confirmed tracks, too.
+    measured : tuple of float
+        Measures from outside.
     """
 
     false: int
@@ -173,6 +182,9 @@ class ScanSummary:
     at: int = 0
     corrections: int = 0
     right: int = 0
+    distances: tuple[float, ...] = ()
+    clear: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -215,7 +227,10 @@ class RunMeasures:
         """The summary as lists of values, null for nan; see :meth:`from_json`."""
         starts, scans = (
             [
-                [None if value != value else value for value in vars(summary).values()]
+                [
+                    None if value != value else [*value] if isinstance(value, tuple) else value
+                    for value in vars(summary).values()
+                ]
                 for summary in summaries
             ]
             for summaries in (self.starts, self.scans)  # nan is not JSON
@@ -235,7 +250,7 @@ class RunMeasures:
             )
             for scan, time, outcome, pure, *more in content["starts"]
         )
-        scans = (ScanSummary(*values) for values in content["scans"])
+        scans = (ScanSummary(*values[:-3], *map(tuple, values[-3:])) for values in content["scans"])
         return cls(content["targets"], tuple(starts), tuple(scans))
 
 
@@ -259,6 +274,7 @@ def summarise_measures(run: SimulatedRun) -> RunMeasures:
     ]
     false = [scan for scan, judged_start in judged if judged_start.outcome is Outcome.FALSE]
     near = [(scan, target) for scan, judged_start in judged for target in judged_start.at]
+    clear = ClearMot(0.0)
     return RunMeasures(
         targets=len(run.simulator.targets),
         starts=tuple(
@@ -273,6 +289,8 @@ def summarise_measures(run: SimulatedRun) -> RunMeasures:
                 at=_measured_so_far(near, scan),
                 corrections=[at for at, _ in corrected].count(scan),
                 right=_measured_so_far(true, scan),
+                measured=run.measured[first + scan],
+                **_measured_distances(run, first + scan, clear),
             )
             for scan in range(run.scenario.scans)
         ),
@@ -336,20 +354,46 @@ def _measured_echo(
     return scan.stamp + offset, poses[row, :2], velocities[row]
 
 
-def _measured_targets_held(run: SimulatedRun, scan: int) -> int:
-    """Targets with a confirmed track within 3 sigma; -1 if the starter holds no tracks."""
-    index = run.scenario.warm_up + scan
-    held, stamp = run.held[index], run.scans[index].stamp
+def _measured_targets(run: SimulatedRun, index: int) -> tuple[FloatArray, FloatArray]:
+    """Positions (m, 2) of the targets in a scan, and 3 sigma of the measurement there, (m,), m."""
+    stamp = run.scans[index].stamp
     targets = run.simulator.truth(stamp)[:, 0::2]
-    if held is None or not len(targets):
-        return -1
     sensor = run.scenario.own_ship.pose(stamp)[:2]
     sigmas = [
         simulated_measurement_sigma(run.scenario.sensor, target - sensor) for target in targets
     ]
+    return targets, SIGMAS * np.array(sigmas)
+
+
+def _measured_targets_held(run: SimulatedRun, scan: int) -> int:
+    """Targets with a confirmed track within 3 sigma; -1 if the starter holds no tracks."""
+    index = run.scenario.warm_up + scan
+    held, (targets, limits) = run.held[index], _measured_targets(run, index)
+    if held is None or not len(targets):
+        return -1
     offset = held[:, None, :] - targets
-    near = np.hypot(offset[..., 0], offset[..., 1]) <= SIGMAS * np.array(sigmas)
+    near = np.hypot(offset[..., 0], offset[..., 1]) <= limits
     return int(near.any(axis=0).sum())
+
+
+def _measured_distances(
+    run: SimulatedRun, index: int, clear: ClearMot
+) -> dict[str, tuple[float, ...]]:
+    """Distances of the confirmed tracks from the targets after a scan; `clear` takes it."""
+    held, ids, (targets, limits) = (
+        run.held[index],
+        run.held_ids[index],
+        _measured_targets(run, index),
+    )
+    if held is None or not len(targets):
+        return {}
+    clear.gate = float(limits.mean())
+    parts = gospa(held, targets, clear.gate)
+    counts: tuple[float, ...] = ()
+    if ids is not None:
+        own = dict(zip(ids, held, strict=True))
+        counts = tuple(vars(clear.take(dict(enumerate(targets)), own)).values())
+    return {"distances": (ospa(held, targets, clear.gate), *vars(parts).values()), "clear": counts}
 
 
 def _shown_measure(heading: str, spec: str) -> dict[str, str]:
@@ -390,6 +434,17 @@ class Measures:
         Errors of the pure starts over the root mean square of their Cramer-Rao bounds.
     nees, pure_nees : IntervalEstimate
         Mean over the true and over the pure starts; 4 is ideal.
+    ospa : IntervalEstimate
+        OSPA of the confirmed tracks, mean over the scans, m; the cutoff is 3 sigma.
+    gospa, gospa_localisation, gospa_missed, gospa_false : IntervalEstimate
+        GOSPA of the confirmed tracks, root mean square over the scans, m, and its parts, whose
+        squares add up to its square.
+    mota, motp : IntervalEstimate
+        Accuracy and precision (m) of CLEAR-MOT.
+    switches_per_run : IntervalEstimate
+        Identity switches of CLEAR-MOT.
+    outside : mapping of str to IntervalEstimate
+        Measures from outside, means over the scans.
     """
 
     runs: int
@@ -446,10 +501,27 @@ class Measures:
     pure_nees: IntervalEstimate = field(
         metadata=_shown_measure("NEES of pure starts (ideal 4)", ".2f")
     )
+    ospa: IntervalEstimate = field(metadata=_shown_measure("OSPA [m]", ".1f"))
+    gospa: IntervalEstimate = field(metadata=_shown_measure("GOSPA, RMS [m]", ".1f"))
+    gospa_localisation: IntervalEstimate = field(
+        metadata=_shown_measure("of it localisation [m]", ".1f")
+    )
+    gospa_missed: IntervalEstimate = field(metadata=_shown_measure("of it missed [m]", ".1f"))
+    gospa_false: IntervalEstimate = field(metadata=_shown_measure("of it false [m]", ".1f"))
+    mota: IntervalEstimate = field(metadata=_shown_measure("MOTA", ".3f"))
+    motp: IntervalEstimate = field(metadata=_shown_measure("MOTP [m]", ".1f"))
+    switches_per_run: IntervalEstimate = field(
+        metadata=_shown_measure("identity switches per run", ".2f")
+    )
+    outside: Mapping[str, IntervalEstimate] = field(default_factory=dict)
+
+    def estimate(self, name: str) -> IntervalEstimate:
+        """A measure of the package or from outside."""
+        return self.outside[name] if name in self.outside else getattr(self, name)
 
     def text(self, name: str, *, interval: bool = True) -> str:
         """A measure as text in its format, or a dash without a value."""
-        text = getattr(self, name).text(SPECS[name])
+        text = self.estimate(name).text(SPECS.get(name, ".4g"))
         return text if interval else text.partition(" ")[0]
 
 
@@ -461,7 +533,10 @@ HEADINGS, SPECS = (
 
 
 def measures_of(
-    scenario: Scenario, runs: Iterable[RunMeasures], scans: int | None = None
+    scenario: Scenario,
+    runs: Iterable[RunMeasures],
+    scans: int | None = None,
+    outside: Sequence[str] = (),
 ) -> Measures:
     """Measures of a method over runs.
 
@@ -471,6 +546,8 @@ def measures_of(
     runs : iterable of RunMeasures
     scans : int, optional
         Number of scans after which the runs end; the scenario's if not given.
+    outside : sequence of str, optional
+        Names of the measures from outside.
     """
     scans = scenario.scans if scans is None else scans
     runs = [run.first(scans) for run in runs]
@@ -486,7 +563,36 @@ def measures_of(
         confirmation_median=quantile_interval(times, 0.5),
         confirmation_95=quantile_interval(times, 0.95),
         **_measured_errors(true, pure),
+        **_measured_tracking(runs),
+        outside={
+            name: mean_interval(_finite_means(runs, place)) for place, name in enumerate(outside)
+        },
     )
+
+
+def _finite_means(runs: Sequence[RunMeasures], place: int) -> list[float]:
+    """Mean of a measure from outside over the scans of each run that have a finite value."""
+    values = ([scan.measured[place] for scan in run.scans if scan.measured] for run in runs)
+    finite = ([value for value in run if math.isfinite(value)] for run in values)
+    return [math.fsum(run) / len(run) for run in finite if run]
+
+
+def _measured_tracking(runs: Sequence[RunMeasures]) -> dict[str, IntervalEstimate]:
+    """OSPA, GOSPA and CLEAR-MOT; without a value if the confirmed tracks are not known."""
+    known = [[scan.distances for scan in run.scans if scan.distances] for run in runs]
+    means = np.array([np.mean(run, axis=0) for run in known if run]).reshape(-1, 4)
+    clear = [[ClearMotCounts(*scan.clear) for scan in run.scans if scan.clear] for run in runs]  # type: ignore[arg-type]
+    counts = [ClearMotCounts.total(run) for run in clear if run]
+    return {
+        "ospa": mean_interval(means[:, 0]),
+        "gospa": root_mean_square_interval(np.sqrt(means[:, 1:].sum(axis=1))),
+        "gospa_localisation": root_mean_square_interval(np.sqrt(means[:, 1])),
+        "gospa_missed": root_mean_square_interval(np.sqrt(means[:, 2])),
+        "gospa_false": root_mean_square_interval(np.sqrt(means[:, 3])),
+        "mota": ratio_interval([run.right for run in counts], [run.targets for run in counts]),
+        "motp": ratio_interval([run.distance for run in counts], [run.matches for run in counts]),
+        "switches_per_run": mean_count_interval([run.switches for run in counts]),
+    }
 
 
 def _measured_counts(

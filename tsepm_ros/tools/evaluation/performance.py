@@ -9,7 +9,7 @@ import csv
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -41,6 +41,10 @@ SHORT = {
     "confirmation_median": "median s",
     "pure_nees": "NEES pure",
     "nees": "NEES true",
+    "ospa": "OSPA m",
+    "gospa": "GOSPA m",
+    "mota": "MOTA",
+    "switches_per_run": "switches/run",
 }
 """Measures of the terminal's table, with their headings."""
 NOTES = """\
@@ -58,6 +62,9 @@ farther from it. *redundant*: another true start of a target.
 Their errors are divided by the root mean square of the Cramer-Rao bounds for their own hits. The \
 ratio may be below 1 for a method that selects hits by their fit or uses a speed limit.
 - *NEES*: 4 is ideal; a larger value means an over-confident covariance.
+- *OSPA*, *GOSPA*, *MOTA*, *MOTP* and *identity switches* are of the confirmed tracks after each \
+scan, by their positions. Cutoff and gate: 3 sigma of the measurement error's larger axis. p is 2, \
+alpha of GOSPA 2; the squares of its parts add up to its square.
 """
 
 
@@ -167,7 +174,10 @@ class PerformanceEvaluated:
     ) -> PerformanceEvaluated:
         """Measures of each point's runs, as they are after a number of scans."""
         runs = [[summary.first(scans) for summary in summaries] for summaries in runs]
-        measures = [measures_of(scenario, summaries, scans) for summaries in runs]
+        measures = [
+            measures_of(scenario, summaries, scans, point.measures)
+            for point, summaries in zip(points, runs, strict=True)
+        ]
         return cls(scenario, scans, points, runs, measures)
 
 
@@ -233,6 +243,7 @@ def performance_run_file(
 ) -> ResultRunFile:
     """The file of an operating point's runs on a scenario."""
     header = {
+        "measures": list(point.measures),
         "version": point.version,
         "code": point.code,
         "method": point.method,
@@ -260,14 +271,37 @@ def performance_markdown(
         f"```\n{command}\n```\n",
         f"{plan.runs} runs of each point on each scenario, seed {plan.seed}. {NOTES}",
     ]
+    headings = _performance_headings(evaluated, HEADINGS)
     for result in evaluated:
         rows = [
-            [point.method, point.label, *(measures.text(name) for name in HEADINGS)]
+            [point.method, point.label, *_performance_texts(measures, headings)]
             for point, measures in zip(result.points, result.measures, strict=True)
         ]
-        table = terminal_markdown_table(["method", "point", *HEADINGS.values()], rows)
+        table = terminal_markdown_table(["method", "point", *headings.values()], rows)
         parts.append(f"## {result.scenario.name}, {result.scans} scans\n\n{table}\n")
     return "\n".join(parts)
+
+
+def _performance_headings(
+    evaluated: Sequence[PerformanceEvaluated], known: Mapping[str, str]
+) -> dict[str, str]:
+    """Headings of measures of the package, and of those from outside, which are their names."""
+    outside = {
+        n: n for result in evaluated for measures in result.measures for n in measures.outside
+    }
+    return {**known, **outside}
+
+
+def _performance_texts(
+    measures: Measures, names: Iterable[str], *, interval: bool = True
+) -> list[str]:
+    """Measures as texts; a dash for a measure from outside that a point does not have."""
+    return [
+        measures.text(name, interval=interval)
+        if name in HEADINGS or name in measures.outside
+        else "-"
+        for name in names
+    ]
 
 
 def write_performance_csv(
@@ -275,11 +309,13 @@ def write_performance_csv(
 ) -> None:
     """Write a row per scenario, horizon and point, each measure with low and high."""
     writer = csv.writer(file, lineterminator="\n")
-    names = [f"{name}{end}" for name in HEADINGS for end in ("", "_low", "_high")]
+    known = _performance_headings(evaluated, HEADINGS)
+    names = [f"{name}{end}" for name in known for end in ("", "_low", "_high")]
     writer.writerow(["scenario", "scans", "runs", "seed", "method", "point", "options", *names])
     for row in performance_rows(evaluated):
         which = [row["scenario"], row["scans"], plan.runs, plan.seed, row["method"], row["point"]]
-        numbers = ["nan" if end is None else end for name in HEADINGS for end in row[name]]
+        cells = [end for name in known for end in row.get(name, (None, None, None))]
+        numbers = ["nan" if end is None else end for end in cells]
         writer.writerow([*which, json.dumps(row["options"]), *numbers])
 
 
@@ -292,7 +328,10 @@ def performance_rows(evaluated: Sequence[PerformanceEvaluated]) -> list[dict[str
             "method": point.method,
             "point": point.label,
             "options": dict(point.options),
-            **{name: _performance_values(getattr(measures, name)) for name in HEADINGS},
+            **{
+                name: _performance_values(measures.estimate(name))
+                for name in (*HEADINGS, *measures.outside)
+            },
         }
         for result in evaluated
         for point, measures in zip(result.points, result.measures, strict=True)
@@ -309,13 +348,14 @@ def performance_table(
     evaluated: Sequence[PerformanceEvaluated], *, interval: bool = True
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows of one table with the measures of `SHORT`."""
-    header = ["scenario", "pings", "method", *SHORT.values()]
+    headings = _performance_headings(evaluated, SHORT)
+    header = ["scenario", "pings", "method", *headings.values()]
     rows = [
         [
             result.scenario.name,
             str(result.scans),
             f"{point.method} {point.label}",
-            *(measures.text(name, interval=interval) for name in SHORT),
+            *_performance_texts(measures, headings, interval=interval),
         ]
         for result in evaluated
         for point, measures in zip(result.points, result.measures, strict=True)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.methods.registry import (
-    METHODS,
     make_initiator,
+    outside_object,
     registered_method,
     registered_option_names,
 )
@@ -187,7 +187,7 @@ class SimulatedTrackStarter(Protocol):
 
     The evaluation reads `stamp`, `state`, `covariance` (nan if unknown) and `hits` of its tracks.
     With the optional attribute `current`, tracks with a `state` (n, 4) at the last scan's
-    stamp, the confirmed tracks are evaluated too.
+    stamp and, for CLEAR-MOT, a `track_id` (n,), the confirmed tracks are evaluated too.
     """
 
     def process(self, scan: Scan) -> Sequence[ConfirmedTrack]:
@@ -214,6 +214,8 @@ class SimulatedOperatingPoint:
         name, so that other processes can make it too.
     version : str
         Version of an installed package that the results depend on, too.
+    measures : tuple of str
+        Measures from outside the package, ``module:function``, see `outside_measure`.
     """
 
     method: str
@@ -223,6 +225,7 @@ class SimulatedOperatingPoint:
         make_simulated_method
     )
     version: str = ""
+    measures: tuple[str, ...] = ()
 
     def make(self, scenario: Scenario) -> SimulatedTrackStarter:
         """Make a new track starter for a run."""
@@ -231,12 +234,45 @@ class SimulatedOperatingPoint:
     @property
     def code(self) -> str:
         """Key of the code that makes it: of the package, and of what is not of the package."""
-        classes = map(registered_method, METHODS.keys() & {self.method})
-        return result_code_key(*result_outside_files(self.factory, *classes))
+        own = [registered_method(self.method)] if self.factory is make_simulated_method else []
+        measures = map(outside_measure, self.measures)
+        return result_code_key(*result_outside_files(self.factory, *own, *measures))
+
+
+Measure = Callable[[FloatArray, FloatArray], float]
+"""A figure of a scan from the positions of the tracks (n, 2) and of the targets (m, 2), m."""
+
+
+def outside_measure(name: str) -> Measure:
+    """A measure from outside the package, by ``module:function``.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be imported, cannot be called, or fails without tracks and targets.
+    """
+    function = outside_object(name)
+
+    def measure(tracks: FloatArray, targets: FloatArray) -> float:
+        try:
+            return float(function(tracks.copy(), targets.copy()))
+        except Exception as error:
+            raise ValueError(
+                f"{name}, called with positions {tracks.shape} of tracks and {targets.shape} of "
+                f"targets, returned no number: {type(error).__name__}: {error}"
+            ) from error
+
+    measure.__module__ = getattr(function, "__module__", None) or name.partition(":")[0]
+    measure(np.zeros((0, 2)), np.zeros((0, 2)))
+    return measure
 
 
 def simulated_operating_points(
-    methods: Iterable[str], given: Mapping[str, Any] | None = None
+    methods: Iterable[str],
+    given: Mapping[str, Any] | None = None,
+    *,
+    defaults: bool = False,
+    measures: Sequence[str] = (),
 ) -> list[SimulatedOperatingPoint]:
     """Operating points of the methods' sweeps, from few to many false tracks.
 
@@ -246,12 +282,18 @@ def simulated_operating_points(
     given : mapping, optional
         Options for the methods that have them. A method whose sweep varies a given option is
         evaluated at the given value only.
+    defaults : bool, optional
+        Evaluate each method at its default options, and those given, in place of its sweep.
+    measures : sequence of str, optional
+        See `SimulatedOperatingPoint`.
 
     Raises
     ------
     ValueError
         If no method has a given option; the message names the option.
     """
+    for name in measures:
+        outside_measure(name)
     given = given or {}
     methods = list(methods)
     known = {option for method in methods for option in registered_option_names(method)}
@@ -259,14 +301,20 @@ def simulated_operating_points(
         if name not in known:
             meant = meant_parameter(name, known)
             raise ValueError(f"{name} is not an option of {' or '.join(methods)}{meant}")
-    return [point for method in methods for point in _simulated_sweep(method, given)]
+    return [
+        dataclasses.replace(point, measures=tuple(measures))
+        for method in methods
+        for point in _simulated_sweep(method, given, defaults)
+    ]
 
 
-def _simulated_sweep(method: str, given: Mapping[str, Any]) -> list[SimulatedOperatingPoint]:
+def _simulated_sweep(
+    method: str, given: Mapping[str, Any], defaults: bool
+) -> list[SimulatedOperatingPoint]:
     own = {name: value for name, value in given.items() if name in registered_option_names(method)}
     sweep = registered_method(method).operating_points
-    if any(name in options for options in sweep.values() for name in own):
-        sweep = {"as given": {}}
+    if defaults or any(name in options for options in sweep.values() for name in own):
+        sweep = {"as given" if own else "default": {}}
     return [
         SimulatedOperatingPoint(method, label, {**own, **options})
         for label, options in sweep.items()
@@ -322,11 +370,17 @@ class SimulatedRun(SimulatedScene):
     held : list of (n, 2) ndarray or None
         Positions of the tracks after each scan that neither coast nor stand still; None if the
         starter holds no tracks.
+    held_ids : list of list of int or None
+        Their ids; None if they have none.
+    measured : list of tuple of float
+        Measures from outside after each scan; none without held tracks.
     """
 
     starts: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
     corrections: list[tuple[int, ConfirmedTrack]] = field(default_factory=list)
     held: list[FloatArray | None] = field(default_factory=list)
+    held_ids: list[list[int] | None] = field(default_factory=list)
+    measured: list[tuple[float, ...]] = field(default_factory=list)
 
     def judged(self) -> list[Judged]:
         """Judge the starts, as first published: revision 0."""
@@ -338,11 +392,20 @@ def simulate_run(
 ) -> SimulatedRun:
     """Simulate a run and start tracks on it."""
     run = SimulatedRun.drawn(scenario, seed)
-    starter = point.make(scenario)
+    starter, measures = point.make(scenario), [*map(outside_measure, point.measures)]
     for index, scan in enumerate(run.scans):
         run.starts += [(index, track) for track in starter.process(scan)]
         run.corrections += [(index, track) for track in getattr(starter, "revised", ())]
-        run.held.append(_simulated_held_positions(starter))
+        current = getattr(starter, "current", None)
+        current = getattr(current, "sure", current)
+        held = None if current is None else np.array(current.state)[:, 0::2]
+        ids = getattr(current, "track_id", None)
+        run.held.append(held)
+        run.held_ids.append(None if ids is None else np.array(ids).tolist())
+        targets = run.simulator.truth(scan.stamp)[:, 0::2]
+        run.measured.append(
+            () if held is None else tuple(measure(held, targets) for measure in measures)
+        )
     return run
 
 
@@ -354,8 +417,3 @@ def with_simulated_poses(scan: Scan, own_ship: Motion) -> Scan:
 
     pose = echo_poses(poses_at, scan.stamp, scan.time_offset, scan.azimuth)
     return dataclasses.replace(scan, sensor_pose=pose)
-
-
-def _simulated_held_positions(starter: SimulatedTrackStarter) -> FloatArray | None:
-    held = getattr(starter, "current", None)
-    return None if held is None else np.array(getattr(held, "sure", held).state)[:, 0::2]

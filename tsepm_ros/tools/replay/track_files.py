@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -17,7 +17,8 @@ import numpy as np
 from msg_adapters.point_cloud import point_fields
 from msg_adapters.stamps import NANOSECONDS_PER_SECOND, check_seconds
 from msg_adapters.track_messages import COVARIANCE_FIELDS, STATE_FIELDS, track_points
-from tsepm_ros.own_ship.registration import registration_east_north_up
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.registration import registration_axes, registration_east_north_up
 from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.replay.bag import POINTS, mcap_bag_writer, message_types
@@ -69,6 +70,33 @@ def track_table_file(
             writer.writerow([*_track_file_row(track), again + reason(track)])
 
     return write
+
+
+def write_truth_table(
+    file: TextIO, truth: Sequence[FloatArray], span: tuple[float, float], frame_id: str
+) -> None:
+    """Write the truth as CSV, a row per time and target, in the axes of the tracks' frame.
+
+    Parameters
+    ----------
+    file : text file
+    truth : sequence of (m, 3) ndarray
+        Time (s), and x and y (m), east and north, of each target.
+    span : (float, float)
+        First and last time, s: rows before and after are left out.
+    frame_id : str
+        Fixed frame of the tracks.
+    """
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["stamp", "target_id", "state_x", "state_y"])
+    axes = [0, 2, 1] if registration_axes(frame_id) == "down" else [0, 1, 2]
+    rows = [
+        (time, target, x, y)
+        for target, path in enumerate(truth)
+        for time, x, y in path[np.isfinite(path).all(axis=1)][:, axes].tolist()
+        if span[0] <= time <= span[1]
+    ]
+    writer.writerows(sorted(rows))
 
 
 def _track_file_row(track: ConfirmedTrack) -> list[object]:

@@ -1,0 +1,236 @@
+"""The command `tsepm score`: OSPA, GOSPA and CLEAR-MOT of any two files of positions.
+
+Both files are CSV with a row per time and track, or target:
+
+- the time, s: ``stamp`` or ``time_s``;
+- the position, m: ``state_x`` and ``state_y``, ``x`` and ``y``, or ``east_m`` and ``north_m``;
+- the identity, any text: ``track_id``, ``target_id`` or ``target``; without it, all rows of the
+  truth are of one target.
+
+With a column ``status``, rows that are ``confirmed`` count. Other columns are not read. The rows of
+each track or target are in the order of time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
+from tsepm_ros.tools.evaluation.simulated_run import outside_measure
+from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts, gospa, ospa
+from tsepm_ros.tools.terminal import terminal_table
+from tsepm_ros.tracker.tracks import TrackStatus
+
+NAMES = {
+    "time": ("stamp", "time_s"),
+    "x": ("state_x", "x", "east_m"),
+    "y": ("state_y", "y", "north_m"),
+    "identity": ("track_id", "target_id", "target"),
+}
+"""Names of the columns."""
+CONFIRMED = TrackStatus.CONFIRMED.name.lower()
+"""The ``status`` of rows that count, where a file has this column."""
+LONGEST_INTERVAL = 1.5
+"""Longest interval between rows without a gap, in medians of a file."""
+
+Positions = Mapping[str, FloatArray]
+"""Time (s), x and y (m) of each track or target, (n, 3), in the order of time."""
+
+
+def positive_number(text: str) -> float:
+    """A finite number above 0 from the command line."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError("must be a finite number above 0")
+    return value
+
+
+ARGUMENTS: Arguments = {
+    "tracks": {"type": Path, "help": "CSV file, such as current.csv of tsepm run --out"},
+    "truth": {"type": Path, "help": "CSV file, such as truth.csv of tsepm run --out"},
+    "--cutoff": {
+        "type": positive_number,
+        "required": True,
+        "help": "distance from which on a track is not the target's, m",
+    },
+    "--gap": {
+        "type": positive_number,
+        "help": "a track or target is not there between rows farther apart than this, s; default "
+        f"{LONGEST_INTERVAL} times the median interval of its file",
+    },
+    "--measure": {
+        "action": "append",
+        "default": [],
+        "metavar": "MODULE:FUNCTION",
+        "help": "a measure from outside the package, see tsepm evaluate; may be repeated",
+    },
+}
+
+
+def add_score_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_arguments(parser, ARGUMENTS)
+
+
+def read_positions(path: Path, *, truth: bool = False) -> Positions:
+    """Read the positions of a file, by identity.
+
+    Raises
+    ------
+    ValueError
+        If the file is malformed; the message names the file and the column or the line.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path} is not a CSV file: {error}") from None
+    if not lines:
+        raise ValueError(f"{path} is empty: its first line names the columns")
+    header = [name.strip() for name in lines[0][1]]
+    columns = _columns_of_positions(path, header, truth)
+    status = header.index("status") if "status" in header else None
+    rows: dict[str, list[tuple[float, ...]]] = {}
+    for line, row in lines[1:]:
+        try:
+            time, x, y = values = tuple(float(row[column]) for column in columns[:3])
+        except (ValueError, IndexError):
+            raise ValueError(f"{path}, line {line}: expected numbers, got {row}") from None
+        if not all(map(math.isfinite, values)):
+            raise ValueError(f"{path}, line {line}: time and position must be finite, got {row}")
+        if status is not None and row[status].strip() != CONFIRMED:
+            continue
+        identity = row[columns[3]].strip() if len(columns) == len(NAMES) else ""
+        own = rows.setdefault(identity, [])
+        if own and time <= own[-1][0]:
+            raise ValueError(
+                f"{path}, line {line}: {identity or 'the target'} is at {time:g} s after "
+                f"{own[-1][0]:g} s; the times of each track and target must ascend"
+            )
+        own.append((time, x, y))
+    if truth and not rows:
+        raise ValueError(f"{path} has no rows: without targets there is nothing to compare")
+    return {identity: np.array(own) for identity, own in rows.items()}
+
+
+def _columns_of_positions(path: Path, header: list[str], truth: bool) -> list[int]:
+    """Columns of time, x, y and identity, if there is one."""
+    if "reason" in header:
+        raise ValueError(f"{path} has the new tracks alone: give current.csv, which has every scan")
+    columns = []
+    for part, names in NAMES.items():
+        found = [header.index(name) for name in names if name in header]
+        if not found and not (truth and part == "identity"):
+            raise ValueError(
+                f"{path} has no column of the {part} ({' or '.join(names)}); it has "
+                f"{', '.join(header)}"
+            )
+        columns += found[:1]
+    return columns
+
+
+def median_interval(positions: Positions) -> float:
+    """Median interval between the rows of a track or target, s; 0 if each has one row."""
+    steps = [step for rows in positions.values() for step in np.diff(rows[:, 0]).tolist()]
+    return float(np.median(steps)) if steps else 0.0
+
+
+def positions_at(
+    positions: Positions, times: FloatArray, gap: float
+) -> list[dict[str, FloatArray]]:
+    """Positions (2,) of what is there at each time, between rows on a straight line."""
+    scenes: list[dict[str, FloatArray]] = [{} for _ in times]
+    for identity, rows in positions.items():
+        first = int(np.searchsorted(times, rows[0, 0]))
+        at = times[first : np.searchsorted(times, rows[-1, 0], "right")]
+        after = np.searchsorted(rows[:, 0], at)
+        interval = rows[after, 0] - rows[np.maximum(after - 1, 0), 0]
+        place = np.array([np.interp(at, rows[:, 0], rows[:, axis]) for axis in (1, 2)]).T
+        for k in np.flatnonzero((rows[after, 0] == at) | (interval <= gap)):
+            scenes[first + k][identity] = place[k]
+    return scenes
+
+
+def run_score(options: argparse.Namespace) -> None:
+    """Compare tracks with the truth, at the times of both files, and print the measures.
+
+    Raises
+    ------
+    ValueError
+        If a file is malformed or a measure cannot be used.
+    """
+    measures = {name: outside_measure(name) for name in options.measure}
+    files = [
+        (options.tracks, read_positions(options.tracks)),
+        (options.truth, read_positions(options.truth, truth=True)),
+    ]
+    _check_common_time(files)
+    times = np.unique(np.concatenate([rows[:, 0] for _, file in files for rows in file.values()]))
+    scenes = []
+    for path, positions in files:
+        gap = options.gap or LONGEST_INTERVAL * median_interval(positions)
+        scenes.append(positions_at(positions, times, gap))
+        _note_file(path, positions, gap)
+    clear, counts, rows = ClearMot(options.cutoff), [], []
+    for tracks, targets in zip(*scenes, strict=True):
+        found, true = (np.reshape([*scene.values()], (-1, 2)) for scene in (tracks, targets))
+        parts = vars(gospa(found, true, options.cutoff)).values()
+        more = (measure(found, true) for measure in measures.values())
+        rows.append((ospa(found, true, options.cutoff), *parts, *more))
+        counts.append(clear.take(targets, tracks))
+    total = ClearMotCounts.total(counts)
+    distance, localisation, missed, false, *others = np.array(rows).mean(axis=0)
+    squares = {
+        "GOSPA, RMS [m]": localisation + missed + false,
+        "  localisation [m]": localisation,
+        "  missed [m]": missed,
+        "  false [m]": false,
+    }
+    table = [
+        ["times", f"{len(times)}"],
+        ["OSPA [m]", f"{distance:.2f}"],
+        *([name, f"{math.sqrt(square):.2f}"] for name, square in squares.items()),
+        ["MOTA", f"{total.mota:.4f}"],
+        ["MOTP [m]", f"{total.motp:.2f}"],
+        *([f"  {name}", f"{vars(total)[name]}"] for name in vars(total) if name != "distance"),
+        *([name, f"{value:.6g}"] for name, value in zip(measures, others, strict=True)),
+    ]
+    print(terminal_table(["measure", f"cutoff {options.cutoff:g} m"], table))
+
+
+def _note_file(path: Path, positions: Positions, gap: float) -> None:
+    """Say on stderr how often a file has rows, and its gaps."""
+    gaps = sum(
+        after - before > gap
+        for rows in positions.values()
+        for before, after in pairwise(rows[:, 0].tolist())
+    )
+    absent = f"; not there in {gaps} gaps above {gap:g} s" if gaps else ""
+    every = f", a row every {median_interval(positions):g} s" if positions else ""
+    print(f"{path}: {len(positions)} identities{every}{absent}", file=sys.stderr)
+
+
+def _check_common_time(files: Sequence[tuple[Path, Positions]]) -> None:
+    """Refuse files without a common time: they are of different clocks."""
+    spans = [
+        (
+            path,
+            min(rows[0, 0] for rows in file.values()),
+            max(rows[-1, 0] for rows in file.values()),
+        )
+        for path, file in files
+        if file
+    ]
+    if max(first for _, first, _ in spans) > min(last for _, _, last in spans):
+        told = ", ".join(f"{path} {first:g} to {last:g} s" for path, first, last in spans)
+        raise ValueError(f"the files have no common time: {told}")
