@@ -108,9 +108,12 @@ def test_the_detector_uses_each_of_its_parameters(world, monkeypatch):
     reads = Reads(monkeypatch, "sonar_detector")
     heard = world.listen(PointCloud2, "detections")
     publisher = world.observer.create_publisher(Image, "image", BEST_EFFORT)
-    world.make(SonarDetector, {"sensor.max_range": 40.0})
+    boat = world.observer.create_publisher(Odometry, "own_ship/odometry", 10)
+    node = world.make(SonarDetector, {"sensor.max_range": 40.0, "own_ship_source": "odometry"})
     world.until_logged("subscribed to /image")
     world.until_connected()
+    pose = odometry_message(PoseSample(START_NS * 1e-9, 0.0, 0.0, 0.0))
+    world.until(lambda: len(node._input.poses), "a pose", lambda: boat.publish(pose))
     picture = np.random.default_rng(1).integers(0, 250, (40, 40)).astype(np.uint8)
     shape = {"height": 40, "width": 40, "step": 40, "encoding": "mono8"}
     message = Image(header=make_header(START_NS, "sonar"), data=picture.tobytes(), **shape)
