@@ -234,9 +234,10 @@ def ends(options: Options) -> Rows:
 
 def quay(options: Options) -> Rows:
     """A swimmer at a quay, and slow boats, with `min_speed`."""
-    for name, glints in {"piles": 0.0, "glints": 12.0}.items():
-        scene = Scene(false=5.0, pings=160, glints=glints)
-        seen = partial(at.at_quay, scene)
+    plain = Scene(false=5.0, pings=160)
+    kinds = {"piles": (plain, at.piles), "glints": (replace(plain, glints=12.0), lambda _: [])}
+    for name, (scene, fixed) in (kinds | {"moored boats": (plain, at.moored)}).items():
+        seen = partial(at.at_quay, scene, fixed)
         watches = watches_of(seen, 6.0, options, 8, sensor=scene.sensor, min_speed=0.3)
         yield f"swimmer 10 m off {name}", crowd(watches)
     for speed in (1.0, 2.0):

@@ -158,10 +158,15 @@ def swimmers(scene: Swimmers, rng: np.random.Generator) -> Seen:
     return ((ping.scan, dict(enumerate(ping.truth))) for ping in pings)
 
 
-def at_quay(scene: Scene, rng: np.random.Generator) -> Seen:
-    """Scans of a quay, of piles where it has no glints, and of a swimmer 10 m off it."""
+def moored(rng: np.random.Generator) -> list[Target]:
+    """Fifteen boats moored along the quay."""
+    return [replace(pile, detection_probability=None) for pile in piles(rng, 15)]
+
+
+def at_quay(scene: Scene, fixed: Callable[..., list[Target]], rng: np.random.Generator) -> Seen:
+    """Scans of what is fixed at a quay, and of a swimmer 10 m off it."""
     swims = Target((150.0 - 0.3 * 60.0 - 10.5, -57.2), (0.3, 0.954), ENTERS)
-    targets = [*([] if scene.glints else piles(rng)), swims]
+    targets = [*fixed(rng), swims]
     for number, ping in enumerate(replace(scene, targets=targets).draw(rng)):
         if number >= ENTERS:
             (x, y), (vx, vy) = ping.truth[-1], swims.velocity

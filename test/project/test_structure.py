@@ -39,8 +39,8 @@ ROOMS = {
     "clutter": "clutter.excess clutter.density clutter.fixed_places clutter.sensor_performance "
     "clutter.learned",
     "hypotheses": "observation hypotheses evaluation splitting pruning",
-    "confirmation": "confirmation threshold",
     "merging": "merging",
+    "confirmation": "confirmation threshold",
     "maintenance": "maintenance.data_association maintenance.target_manoeuvre "
     "maintenance.stationary maintenance.branches maintenance.confirmed_tracks "
     "maintenance.track_maintenance",
@@ -66,7 +66,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (94, 11_445), "tools": (50, 5_898), "studies": (17, 1_933)}
+BUDGETS = {"first": (94, 11_421), "tools": (50, 5_898), "studies": (17, 1_933)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

@@ -54,12 +54,14 @@ def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread)
     assert partition(groups(*scene, P_TM)) == partition(every_pair(*scene))
 
 
-def agrees(*offsets: float) -> list[bool]:
+def agrees(*offsets: float, size: float = 0.0) -> list[bool]:
     """Of tracks in a row with a deviation of 10 m and 1 m/s, the first the oldest."""
-    state = np.zeros((len(offsets), 4))
-    state[:, 0] = offsets
-    covariance = np.stack([np.diag([100.0, 1.0, 100.0, 1.0])] * len(offsets))
-    return merging.agrees_with_older(state, covariance).tolist()
+    spread = np.diag([100.0, 1.0, 100.0, 1.0])
+    made = [
+        ConfirmedTrack(place, 7.0, np.array([x, 0.0, 0.0, 0.0]), spread, (), 0.0, age=60.0)
+        for place, x in enumerate(offsets)
+    ]
+    return merging.of_older(TrackArrays.from_tracks(made), np.full(len(made), size)).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():
@@ -68,6 +70,12 @@ def test_the_younger_of_two_tracks_agrees_within_the_gate():
     assert agrees(0.0, 40.0) == [False, False]
     assert agrees(5.0, 500.0, 0.0) == [False, False, True]
     assert agrees(0.0) == [False]
+
+
+def test_within_the_extent_of_an_older_track_s_target_a_track_is_that_target_s():
+    # d^2 / (200 + 2 size^2 / 12) against 7.78: 60.3 m for 40 m.
+    assert agrees(0.0, 60.0, size=40.0) == [False, True]
+    assert agrees(0.0, 61.0, size=40.0) == [False, False]
 
 
 def starts_at(*rows: tuple[float, float], missed: float = 0.0) -> TrackArrays:

@@ -31,11 +31,12 @@ import numpy as np
 from scipy.special import softmax
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_sums_over_hits
-from tsepm_ros.numerics.gaussian import gaussian_mixture, is_gaussian_significant
+from tsepm_ros.numerics.gaussian import gaussian_mixture
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.merging import SECOND_TARGET_MARGIN, beside
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
 from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, TrackArrays
@@ -68,11 +69,6 @@ HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
 MAX_RATE_OF_PURE_STARTS = 3000.0
 """Target false-track rate, per hour, above which a start need not be as pure: a choice."""
-SECOND_TARGET_MARGIN = math.log(1e3)
-"""Evidence above the threshold that a target beside a confirmed one needs: a choice.
-
-A start with wrong hits briefly looks like a second target.
-"""
 MIN_NEW_EXISTENCE = 0.02
 """Least existence probability of new tracks."""
 TARGET_BIRTH_RATE = 500.0
@@ -139,19 +135,13 @@ def confirm(
             continue
         start = resolved(members, tested, window, min_time, fit, purity)
         if start is None or (
-            start.evidence < threshold + SECOND_TARGET_MARGIN and _is_beside(start, detected)
+            start.evidence < threshold + SECOND_TARGET_MARGIN
+            and beside(start.state, start.covariance, detected).any()
         ):
             continue
         starts.append(start)
         tested = replace(tested, hypotheses=given_starts(tested.hypotheses, [start]))
     return starts, merged
-
-
-def _is_beside(start: Start, tracks: TrackArrays) -> bool:
-    """Whether the place of a start does not differ from that of some track."""
-    apart = tracks.state[:, 0::2] - start.state[0::2]
-    spread = (tracks.covariance + start.covariance)[:, 0::2, 0::2]
-    return not is_gaussian_significant(apart, spread).all()
 
 
 def _has_hits(tree: Tree) -> BoolArray:

@@ -7,10 +7,11 @@ Of the likelihood-ratio method, by the hits and the states::
 
     starts of a scan      the strongest first; of the others the score given the tracks that started
                           is reduced by the share of hits due to these (`hypotheses.given_starts`)
+    beside a track        that was detected in this scan: the evidence exceeds the threshold by
+                          ln 1000 (`beside`; `confirmation`)
     with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
-
-Where it turns out that targets have several detections, confirmed tracks that agree are one
-(`agrees_with_older`, `extended_targets.may_be_older_extended_target`).
+    on an older extent    the states of a start or track and an older one differ by no more than the
+                          extent of a target: it is that target's (`of_older`)
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
 )
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor, solve
+from tsepm_ros.numerics.gaussian import gaussian_gate_factor, is_gaussian_significant, solve
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MERGINGS = ("moments", "refit")
@@ -44,6 +45,11 @@ MAX_SUBSETS = 70
 """Largest number of subsets of a track's hits in the search for overlapping tracks."""
 SAME_DISTANCE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
+SECOND_TARGET_MARGIN = math.log(1e3)
+"""Evidence above the threshold that a target beside a confirmed one needs: a choice.
+
+A start with wrong hits briefly looks like a second target.
+"""
 NEAREST = 8
 """Nearest tracks among which older tracks are sought, the track itself included."""
 
@@ -298,46 +304,68 @@ def continued(
     -------
     (n,) ndarray of int
     """
-    ids, free = np.full(len(starts), -1), np.ones(len(lost), bool)
     keys, owners = hits
+    since = keys >= np.array([path[0] for path in paths])[:, None]
+    own = np.stack([np.isin(keys, path) for path in paths])
+    of_track = owners[:, None] == lost.track_id
+    late, shared = (since & ~own).astype(float) @ of_track, own.astype(float) @ of_track
+    apart = starts.state[:, None] - lost.state
+    spread = starts.covariance[:, None] + lost.covariance
+    square = (apart * solve(spread, apart)).sum(axis=2)
+    density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * spread)[1])
     reach = max_speed * lost.time_since_hit
     with np.errstate(divide="ignore"):
         anywhere = -2.0 * np.log(np.pi * max_speed * reach)
-    for start, path in enumerate(paths):
-        since, own = keys >= path[0], np.isin(keys, path)
-        late, shared = (
-            (owners[rows, None] == lost.track_id).sum(axis=0) for rows in (since & ~own, own)
-        )
-        busy = (lost.time_since_hit <= 0.0) & (shared == 0)
-        apart = starts.state[start] - lost.state
-        spread = starts.covariance[start] + lost.covariance
-        square = (apart * solve(spread, apart)).sum(axis=1)
-        density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * spread)[1])
-        in_reach = np.hypot(*(starts.state[start, 0::2] - last_place).T) <= reach
-        density = np.where(in_reach, np.maximum(density, anywhere), density)
-        ratio = np.log(existence) + density - math.log(births)
-        ratio[~free | busy | (late > 0.5 * len(path) - 1.0)] = -np.inf
-        best = int(np.argmax(ratio))
-        if ratio[best] > 0.0:
-            ids[start], free[best] = lost.track_id[best], False
+    moved = np.linalg.norm(starts.state[:, None, 0::2] - last_place, axis=2)
+    density = np.where(moved <= reach, np.maximum(density, anywhere), density)
+    ratio = np.log(existence) + density - math.log(births)
+    busy = (lost.time_since_hit <= 0.0) & (shared == 0.0)
+    few = 0.5 * np.array([len(path) for path in paths])[:, None] - 1.0
+    ratio[busy | (late > few)] = -np.inf
+    ids = np.full(len(starts), -1)
+    for start, row in enumerate(ratio):
+        best = int(np.argmax(row))
+        if row[best] > 0.0:
+            ids[start] = lost.track_id[best]
+            ratio[:, best] = -np.inf
     return ids
 
 
-def agrees_with_older(state: FloatArray, covariance: FloatArray) -> BoolArray:
-    """Which tracks agree with an older track near them, (n,).
-
-    ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four dimensions.
+def beside(state: FloatArray, covariance: FloatArray, tracks: TrackArrays) -> BoolArray:
+    """Tracks from whose place that of a start does not differ, (m,).
 
     Parameters
     ----------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        Oldest track first.
+    state, covariance : (4,), (4, 4) ndarray
+        Of the start.
+    tracks : TrackArrays
+        m.
     """
-    agrees = np.zeros(len(state), bool)
-    if len(state) >= 2:
-        track, older = _pairs_with_older(state[:, 0::2])
-        agrees[track[close(state, covariance, track, older, SAME_DISTANCE)]] = True
-    return agrees
+    apart = (tracks.state - state)[:, 0::2]
+    return ~is_gaussian_significant(apart, (tracks.covariance + covariance)[:, 0::2, 0::2])
+
+
+def of_older(tracks: TrackArrays, size: FloatArray) -> BoolArray:
+    """Which tracks may be of an older one's target, for their detections lie anywhere on it, (n,).
+
+    ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four dimensions. The covariances
+    have the variance of the places added, and that of the velocities over a track's age.
+
+    Parameters
+    ----------
+    tracks : TrackArrays
+        n, oldest first.
+    size : (n,) ndarray
+        Extent of each one's target, m.
+    """
+    older = np.zeros(len(tracks), bool)
+    variance, covariance = np.square(size) / 12.0, tracks.covariance.copy()
+    covariance[:, [0, 2], [0, 2]] += variance[:, None]
+    covariance[:, [1, 3], [1, 3]] += (variance / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
+    if len(tracks) >= 2:
+        track, before = _pairs_with_older(tracks.state[:, 0::2])
+        older[track[close(tracks.state, covariance, track, before, SAME_DISTANCE)]] = True
+    return older
 
 
 def _pairs_with_older(positions: FloatArray) -> tuple[IntArray, IntArray]:

@@ -14,12 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
-from tsepm_ros.tracker import initial_state, motion, range_rates
-from tsepm_ros.tracker.clusters.extended_targets import (
-    ExtendedTargets,
-    extended_target_density,
-    may_be_older_extended_target,
-)
+from tsepm_ros.tracker import initial_state, merging, motion, range_rates
+from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, extended_target_density
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
@@ -211,7 +207,6 @@ class Tracker:
         The confirmed tracks take their detections at the density that was known before.
         """
         interval = self._count_in(scan)
-        active = self.extended_targets.active
         detections = self._detections(scan)
         amplitudes = self._clutter.judge_amplitudes(
             detections, self.scan_index, self.options.window
@@ -229,7 +224,7 @@ class Tracker:
                 self.learned.scan_interval.median,
             )
         detections["clutter_density"] = self._learn_clutter(confirmed)
-        self._learn_extended_targets(active)
+        self._learn_extended_targets()
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
@@ -331,19 +326,28 @@ class Tracker:
         other = (1.0 - probability) * clutter / (clutter + further)
         return 1.0 - np.maximum(other, math.exp(-MAX_LOG_FACTOR))
 
-    def _learn_extended_targets(self, active: bool) -> None:
+    def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
         own, confirmed = self.maintenance.probable_detections, self.maintenance.confirmed
         if self.method.most_tracks_true:
             self.extended_targets.learn(own, confirmed, self.clutter_density)
-        if self.extended_targets.seen:
-            self.maintenance.end(
-                ~self.extended_targets.of_one_extent(confirmed.tracks), "duplicate"
-            )
-        if self.extended_targets.active and not active:
-            tracks, origin = self.maintenance.confirmed.tracks, self._poses.middle[:2]
-            repeats = may_be_older_extended_target(tracks, self.extended_targets.extent, origin)
-            self.maintenance.end(~repeats, "duplicate")
+        if self.extended_targets.active:
+            self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
+
+    def _on_older(self, starts: TrackArrays, variances: float = 1.0) -> BoolArray:
+        """Which tracks, and starts after them, may be on the extent of an older target, (n,).
+
+        As many variances of a place on it may be between them. A fixed echo is no part of a target
+        that moves.
+        """
+        confirmed, fixed = self.maintenance.confirmed.tracks, self.maintenance.fixed_echoes
+        moves = np.append(~np.isin(confirmed.track_id, fixed.track_id), np.ones(len(starts), bool))
+        tracks = TrackArrays.joined(confirmed, starts).where(moves)
+        extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
+        size = np.maximum(extent.along, extent.across_at(places[0]))
+        older = np.zeros(len(moves), bool)
+        older[moves] = merging.of_older(tracks, math.sqrt(variances) * size)
+        return older
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
@@ -437,9 +441,11 @@ class Tracker:
         if confirmed:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
-            if self.method.most_tracks_true:
-                current, origin = self.maintenance.current.sure, self._poses.middle[:2]
-                step = step.where(~self.extended_targets.waits(step.tracks, current, origin))
+            if self.method.most_tracks_true and self.extended_targets.active:
+                number, starts = len(self.maintenance.confirmed), step.tracks
+                beside = starts.evaluation < merging.SECOND_TARGET_MARGIN
+                beside &= self._on_older(starts, variances=2.0)[number:]
+                step = step.where(~(beside | self._on_older(starts)[number:]))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)

@@ -1,4 +1,4 @@
-"""What tells that targets have several detections, and which tracks are one extent's."""
+"""What tells that targets have several detections, and how these lie."""
 
 import math
 from dataclasses import replace
@@ -10,10 +10,9 @@ from support.confirmed import tracks
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters.extended_targets import (
+    ENOUGH,
     LOG_RATIO,
-    LONGEST_WAY,
     MARGIN,
-    ONE_EXTENT,
     Beside,
     ExtendedTargetDispersion,
     ExtendedTargets,
@@ -22,7 +21,6 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     extended_target_density,
     extended_target_log_ratio,
     extended_target_variances,
-    may_be_older_extended_target,
 )
 from tsepm_ros.tracker.clusters.grouping import (
     GroupingExtent,
@@ -30,7 +28,6 @@ from tsepm_ros.tracker.clusters.grouping import (
 )
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 TANK = SensorModel(max_range=100.0, range_std=0.2, range_std_fraction=0.0, azimuth_std=0.004)
 
@@ -81,7 +78,7 @@ def beside_a_track(offset) -> float:
     for ping in range(40):
         scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
         excess.update(scan, DENSITY)
-        excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([7]))
+        excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([False]), np.array([7]))
     return excess.log_ratio
 
 
@@ -91,6 +88,33 @@ def test_what_lies_now_on_one_side_of_a_track_and_now_on_the_other_is_its_own():
 
 def test_what_lies_on_one_side_of_a_track_is_a_second_targets():
     assert beside_a_track(lambda ping: 3.0) == 0.0
+
+
+@pytest.mark.parametrize(("apart", "shown"), [(True, False), (False, True)])
+def test_what_tracks_apart_from_each_other_explain_is_no_evidence_for_one_target(apart, shown):
+    """Five targets in a row, each with a track of its own, for 60 pings."""
+    test, rng, own = ExtendedTargetTest(TANK), np.random.default_rng(2), np.arange(5)
+    found = []
+    for ping in range(60):
+        range_ = 50.0 + 3.0 * own + 0.2 * rng.standard_normal(5)
+        scan = Scan(float(ping), range_, 0.004 * rng.standard_normal(5))
+        test.update(scan, DENSITY)
+        test.update_tracks(scan, DENSITY, own, own, np.full(5, apart), own)
+        found.append(test.log_ratio >= LOG_RATIO)
+    assert any(found) == shown
+
+
+def test_clusters_are_made_no_longer_once_nothing_lies_beside_the_tracks():
+    targets, own = ExtendedTargets(TANK, CommonOptions()), (np.array([3]), np.array([0]))
+    confirmed, on = ConfirmedTracks.from_tracks(tracks(3), 0.9), []
+    for ping in range(900):
+        several = ping < 20
+        scan = Scan(float(ping), np.full(1 + 2 * several, 50.0), 0.01 * np.arange(1 + 2 * several))
+        targets.clusters_of(scan, DENSITY, np.zeros(len(scan), bool))
+        targets.learn(own, confirmed, DENSITY)
+        on.append(targets.seen)
+    assert on[30] and not on[-1]
+    assert targets.test.log_ratio < ENOUGH
 
 
 def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
@@ -104,7 +128,8 @@ def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
         for test, rows in ((together, seen), *((alone[row], seen[seen == row]) for row in seen)):
             range_ = np.append(np.full(len(rows), 50.0), 50.0 + 3.0 * side[rows])
             scan = Scan(float(ping), range_, np.tile(azimuth[rows], 2))
-            test.update_tracks(scan, DENSITY, ids[rows], np.arange(len(rows)), ids)
+            apart = rng.random(len(rows)) < 0.5
+            test.update_tracks(scan, DENSITY, ids[rows], np.arange(len(rows)), apart, ids)
     assert together._tracks["pings"].max(axis=1).sum() > 60
     for row, track_id in enumerate(ids):
         (mine,), (its,) = (
@@ -144,70 +169,6 @@ def test_clusters_are_made_where_asked_for_and_learned_without_an_extent(
     same = targets.under(TANK, targets.common)
     assert same.seen and same.test is not targets.test
     assert not targets.under(replace(TANK, max_range=90.0), targets.common).seen
-
-
-def nearly_shown(least: float, **options) -> ExtendedTargets:
-    """After as few pings of three echoes beside each other as make L at least a number."""
-    targets = ExtendedTargets(TANK, CommonOptions(**options))
-    for ping in range(100):
-        if targets.test.log_ratio >= least:
-            break
-        scan = Scan(float(ping), np.full(3, 50.0), 0.01 * np.arange(3))
-        targets.clusters_of(scan, DENSITY, np.zeros(3, bool))
-    return targets
-
-
-def beside(*metres: float) -> TrackArrays:
-    """Starts at distances from a track at 50 m, along x."""
-    starts = tracks(*range(1, len(metres) + 1), x=50.0)
-    starts.state[:, 2] = 0.0
-    starts.state[:, 0] += metres
-    return starts
-
-
-@pytest.mark.parametrize(("least", "waits"), [(0.0, False), (0.5, False), (1.0, True)])
-def test_starts_beside_a_track_wait_while_several_detections_a_target_are_nearly_shown(
-    least, waits
-):
-    """From L of a thousand to one on, until extents are seen."""
-    targets = nearly_shown(least * ONE_EXTENT)
-    assert (targets.test.log_ratio >= ONE_EXTENT) == waits
-    assert not targets.seen
-    starts = beside(LONGEST_WAY - 1.0, LONGEST_WAY + 1.0)[np.array([0])]
-    assert targets.waits(starts, tracks(0, x=50.0), np.zeros(2)).tolist() == [waits]
-
-
-def test_starts_wait_within_the_longest_way_of_any_older_track_or_start():
-    targets = nearly_shown(ONE_EXTENT)
-    apart = LONGEST_WAY * np.array([0.9, 1.1, 1.9, -1.1, -2.2])
-    waits = targets.waits(beside(*apart), tracks(0, x=50.0), np.zeros(2))
-    assert waits.tolist() == [True, True, True, False, False]
-    alone = targets.waits(beside(*apart), tracks(), np.zeros(2))
-    assert alone.tolist() == [False, True, True, False, False], "of each other, the later"
-    assert targets.waits(beside(), tracks(0, x=50.0), np.zeros(2)).tolist() == []
-
-
-def test_in_a_shorter_range_starts_wait_within_as_much_a_shorter_way():
-    targets = nearly_shown(ONE_EXTENT)
-    targets.sensor = replace(TANK, max_range=50.0)
-    apart = LONGEST_WAY * np.array([0.45, -0.55])
-    assert targets.waits(beside(*apart), tracks(0, x=50.0), np.zeros(2)).tolist() == [True, False]
-
-
-@pytest.mark.parametrize("options", [{"plots": "off"}, {"target_extent": 4.0}])
-def test_starts_do_not_wait_where_nothing_is_learned(options):
-    targets = nearly_shown(ONE_EXTENT)
-    targets.common = CommonOptions(**options)
-    assert targets.waits(beside(3.0), tracks(0, x=50.0), np.zeros(2)).tolist() == [False]
-
-
-def test_once_extents_are_seen_a_later_start_with_nothing_on_the_way_to_a_track_waits_no_more():
-    targets = nearly_shown(LOG_RATIO)
-    assert targets.seen
-    targets.since = -1.0  # before the start
-    start = beside(30.0)
-    start.covariance[:] = np.eye(4)
-    assert targets.waits(start, tracks(0, x=50.0), np.zeros(2)).tolist() == [False]
 
 
 def test_counts_are_those_of_a_loop():
@@ -267,31 +228,6 @@ def test_the_scatter_tells_errors_from_extent(common, spread):
     assert scatter.mean_size == pytest.approx(4.0, abs=0.4)
 
 
-@pytest.mark.parametrize(
-    ("convoy", "apart", "error"),
-    [(False, 36.0, 1.0), (True, 36.0, 1.0), (False, 36.0, 9.0), (False, 50.0, 1.0)],
-    ids=["one extent", "boats in line", "nearer than their errors", "farther than an extent"],
-)
-def test_of_tracks_on_one_extent_the_oldest_goes_on_and_others_stay(convoy, apart, error):
-    """Two tracks apart: 5 detections a ping between them, or a boat with a track there."""
-    sensor = Swimmers().sensor
-    targets = ExtendedTargets(sensor, CommonOptions(clutter_density="given"))
-    rng = np.random.default_rng(1)
-    middle = [118.0] * 5 if convoy else 100.0 + apart * rng.random((8, 5))
-    for stamp, between in enumerate(np.broadcast_to(middle, (8, 5))):
-        scan = Scan(float(stamp), np.array([100.0, 100.0 + apart, *between]), np.zeros(7))
-        targets.clusters_of(scan, sensor.clutter_density, np.zeros(7, bool))
-    places = [100.0, 100.0 + apart, *[118.0] * convoy]
-    spread = error**2 * np.eye(4)
-    confirmed = [
-        ConfirmedTrack(number, 7.0, np.array([x, 0.0, 0.0, 0.0]), spread, ((0, 0),), 0.0)
-        for number, x in enumerate(places)
-    ]
-    found = targets.of_one_extent(TrackArrays.from_tracks(confirmed))
-    one = not convoy and apart == 36.0 and error == 1.0
-    assert found.tolist() == [False, one, *[False] * convoy]
-
-
 def test_errors_of_detections_are_their_own_or_the_sensor_s():
     scan = Scan(0.0, [50.0, 80.0], [0.0, 1.0])
     along, across = extended_target_variances(scan, TANK)
@@ -318,23 +254,3 @@ def test_a_target_may_have_another_cluster_within_its_extent_along_and_across():
     np.testing.assert_allclose(density, [value, 0.0, value, 0.0, value])
     moved = extended_target_density(confirmed, places, extent, at - 100.0 * across)
     assert (moved[:2] == 0.0).all(), "seen from elsewhere, across is along"
-
-
-def test_of_two_tracks_within_an_extent_the_younger_may_repeat_the_older():
-    state = np.array([2000.0, 0.0, 0.0, 0.0])
-    made = [
-        ConfirmedTrack(k, 0.0, state + np.array([x, 0, 0, 0]), np.eye(4), (), 0.0, age=100.0)
-        for k, x in enumerate([0.0, 6.0, 40.0])
-    ]
-    origin, group = np.zeros(2), TrackArrays.from_tracks(made)
-    # 6^2 / (2 + 2 size) is within 7.78 from a size of 1.4 m^2 on: from 2.9 m along or across.
-    assert (
-        may_be_older_extended_target(group, GroupingExtent(2.7, 2.7), origin).tolist()
-        == [False] * 3
-    )
-    assert may_be_older_extended_target(group, GroupingExtent(3.0, 0.0), origin).tolist() == [
-        False,
-        True,
-        False,
-    ]
-    assert may_be_older_extended_target(group, GroupingExtent(0.0, 1.0, 0.001), origin).tolist()[1]

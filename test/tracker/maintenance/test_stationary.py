@@ -1,10 +1,12 @@
 """What stands still, by the prior of speeds and the fits, and confirmed tracks not published."""
 
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import betaln
 from support.builders import FIXED_RANGE_ERROR, detections
 from support.confirmed import P_D, step, tracks
 
@@ -138,29 +140,31 @@ def test_places_are_the_fits_given_that_the_targets_stand_still():
     assert np.linalg.eigvalsh(spread[0]).min() > 0.0
 
 
-def test_the_share_of_rest_is_that_of_the_tracks_held():
+def test_the_share_of_rest_is_learned_from_the_tracks_held_by_bayes():
+    # By the sum over all ways to be at rest, with the moments of the Beta density of the share.
+    prior = CommonOptions(min_speed=0.3, max_speed=5.0)
+    spread = np.diag([1.0, 1.0, 1.0, 1.0])[None] * np.array([1.0, 0.5, 0.2, 4.0])[:, None, None]
+    fits = StraightFits.from_states(np.array([[0.0, v, 0.0, 0.0] for v in (0, 1, 2, 0)]), spread)
+    even = stationary_probability(prior, fits.state, fits.covariance, 0.5)
+    exists = np.array([1.0, 0.9, 0.5, np.nan])
+    a = stationary.PRIOR_TRACKS * stationary.STATIONARY_SHARE
+    b = stationary.PRIOR_TRACKS - a
+    for track in range(4):
+        r = np.where(np.arange(4) == track, 1.0, np.nan_to_num(exists))
+        mass = np.zeros(2)
+        for kinds in itertools.product(("rest", "moves", "none"), repeat=4):
+            rest, moves = kinds.count("rest"), kinds.count("moves")
+            weight = math.exp(betaln(a + rest, b + moves) - betaln(a, b))
+            for kind, p, exist in zip(kinds, even, r, strict=True):
+                weight *= {"rest": exist * p, "moves": exist * (1 - p), "none": 1 - exist}[kind]
+            mass[int(kinds[track] == "rest")] += weight
+        found = fits.stationary_probability(prior, exists)[track]
+        np.testing.assert_allclose(found, mass[1] / mass.sum(), rtol=1e-3)
     # Of twenty tracks that surely stand still, the next start of which nothing is known is another.
-    prior, number = CommonOptions(min_speed=0.3, max_speed=5.0), 20
-    still, vague = np.diag([1.0, 1e-3, 1.0, 1e-3]) ** 2, np.diag([1.0, 50.0, 1.0, 50.0]) ** 2
-    covariance = np.stack([still] * number + [vague])
-    fits = StraightFits.from_states(np.zeros((number + 1, 4)), covariance)
-    found = fits.stationary_probability(prior, np.ones(number + 1))
-    share, weight = stationary.STATIONARY_SHARE, stationary.PRIOR_TRACKS
-    even = stationary_probability(prior, np.zeros((1, 4)), vague[None], 0.5)[0]
-
-    def posterior(share: float) -> float:
-        return share * even / (share * even + (1.0 - share) * (1.0 - even))
-
-    # The fixed point of the share, by bisection.
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        mean = (weight * share + number + posterior(middle)) / (weight + number + 1.0)
-        low, high = (middle, high) if mean > middle else (low, middle)
-    np.testing.assert_allclose(found[:number], 1.0, atol=1e-3)
-    np.testing.assert_allclose(found[number], posterior(low), atol=0.02)
-    alone = fits[np.array([number])].stationary_probability(prior, np.ones(1))
-    assert alone[0] < 0.5 < found[number]
+    spread = np.stack([np.diag([1e-6] * 4)] * 20 + [np.diag([1.0, 2500.0, 1.0, 2500.0])])
+    many = StraightFits.from_states(np.zeros((21, 4)), spread)
+    assert many.stationary_probability(prior, np.ones(21))[20] > 0.5
+    assert many[np.array([20])].stationary_probability(prior, np.ones(1))[0] < 0.5
 
 
 def test_one_detection_changes_the_odds_of_a_change_by_a_bounded_factor():

@@ -9,17 +9,18 @@ fade. The logarithm of the likelihood ratio of Poisson counts is::
 
     L = N ln(N / (MARGIN E)) - (N - MARGIN E)        N > MARGIN E
 
-Targets have several detections once L is at least `LOG_RATIO` in some box, of the sum of two
-counts:
+Targets have several detections once L is at least `LOG_RATIO` in some box, until it falls below
+`ENOUGH` in all of them, of the sum of two counts:
 
 - beside the detections of confirmed tracks: one a ping may be a second target's and does not
-  count, unless it lies now on one side and now on the other. With m the mean offset over n pings, a
-  the half width of the box and R the variance of the offset of two detections::
+  count, unless they lie now on one side and now on the other. With m the mean offset over n pings,
+  a the half width of the box and R the variance of the offset of two detections::
 
     on one side   n m' R^-1 m > SIDE
     resolved      n a^2 / R >= RESOLVED  and  a^2 / R >= CLEAR,  along and across
 
-  What is resolved and not on one side counts whole. What is on one side does not count;
+  What is resolved and not on one side counts whole. The detections of tracks that differ from
+  every older one, in place or motion, do not count;
 - beyond the largest box around these, beside every detection: of m detections in a box m - 2
   count, each member's part being (m - 2) / m. Two detections may be two targets.
 
@@ -42,19 +43,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.discs import pairs_within_disc, squared_distances_of_discs
+from tsepm_ros.numerics.discs import pairs_within_disc
 from tsepm_ros.tracker.clusters import grouping
 from tsepm_ros.tracker.clusters.grouping import ClusterErrors, Clusters, GroupingExtent
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
-from tsepm_ros.tracker.measurement import major_sigma
-from tsepm_ros.tracker.merging import agrees_with_older
+from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
-from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, scan_positions, wrap
+from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.tracks import TrackArrays
 
 SHORT_RANGE = 100.0
 """Range below which every length here is as much shorter, m: a tank or a room is no sea."""
@@ -70,6 +69,8 @@ PRIOR = 0.1
 """Detections in the strips beside those that are counted."""
 LOG_RATIO = math.log(1e6)
 """Logarithm of the likelihood ratio of several detections a target at which clusters are made."""
+ENOUGH = math.log(5.0)
+"""The same at which they are made no longer."""
 LEAST = 1e-3
 """Pairs of clutter that are expected at least."""
 LARGEST = 20.0
@@ -80,8 +81,6 @@ RESOLVED = 20.0
 """Squared distance at which a target at the border of a box would have shown."""
 CLEAR = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
-SUSPICION = math.log(5.0)
-"""L from which on a start is of the extent of a track: a choice."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
 SCATTER_PRIOR = 0.5
@@ -97,13 +96,6 @@ LONGEST_RUN = 30.0
 """
 WHOLE = 2.0
 """Extent of a cluster over the half width of the boxes in which its detections were seen."""
-LONGEST_WAY = 48.0
-"""Distance from a track within which a start may be of the same extent, m: shorter for a short
-range."""
-ONE_EXTENT = math.log(1e3)
-"""L from which on a confirmed track is of the extent of an older one: a choice."""
-RECENT = 8
-"""Pings whose detections between two tracks count."""
 
 
 def extended_target_record(sizes: int) -> np.dtype[np.void]:
@@ -156,7 +148,9 @@ class Beside:
         Detections in the largest box around some centre.
     """
 
-    def __init__(self, scan: Scan, centre: IntArray, extents: FloatArray) -> None:
+    def __init__(
+        self, scan: Scan, centre: IntArray, extents: FloatArray, counted: BoolArray | bool = True
+    ) -> None:
         range_, azimuth, k = scan.range[centre], scan.azimuth[centre], len(centre)
         self.across = GroupingExtent(*extents).across_at(range_)
         self.along = np.broadcast_to(extents[0], self.across.shape)
@@ -170,6 +164,7 @@ class Beside:
             (np.abs(far) <= 3.0 * self.along.max(axis=0)[row])
             & (np.abs(aside) <= 3.0 * self.across.max(axis=0)[row])
             & (other != centre[row])
+            & np.broadcast_to(counted, len(scan))[other]
         )
         row, other, far, aside = row[near], other[near], far[near], aside[near]
         depth = np.abs(far) / self.along[:, row]
@@ -252,11 +247,18 @@ class ExtendedTargetTest:
         self._more = self._before.faded(KEPT, groups.counted, groups.expected)
 
     def update_tracks(
-        self, scan: Scan, density: float, track_id: IntArray, own: IntArray, confirmed: IntArray
+        self,
+        scan: Scan,
+        density: float,
+        track_id: IntArray,
+        own: IntArray,
+        apart: BoolArray,
+        confirmed: IntArray,
     ) -> None:
         """Count what lies beside the detections of tracks instead, in the ping of `update`.
 
-        Beyond the largest box around these, detections count beside each other.
+        What a track apart from the others explains is no part of these. Beyond the largest box
+        around them, detections count beside each other.
 
         Parameters
         ----------
@@ -266,13 +268,17 @@ class ExtendedTargetTest:
             Mean clutter density, 1/m^2.
         track_id, own : (k,) ndarray of int
             Tracks, and the detection of each.
+        apart : (k,) ndarray of bool
+            Which differ from every older track.
         confirmed : (h,) ndarray of int
             Ids of all confirmed tracks.
         """
         self._tracks = self._tracks[np.isin(self._tracks["track_id"], confirmed)]
         if not len(own):
             return
-        beside = Beside(scan, own, self._extents)
+        free = np.ones(len(scan), bool)
+        free[own[apart]] = False
+        beside = Beside(scan, own, self._extents, free)
         variance = 2.0 * extended_target_variances(scan, self._sensor)[:, own]
         least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1]).T
         tracks = np.zeros(len(own), self._tracks.dtype)
@@ -286,10 +292,10 @@ class ExtendedTargetTest:
         one_side = squares / np.maximum(pings, 1.0) > SIDE
         resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
         # As long as these may be a second target's, one a ping does not count.
-        extra = np.where(one_side, 0.0, np.maximum(number - ~resolved, 0.0))
+        extra = np.maximum(number - ~(resolved & ~one_side), 0.0)
         self._tracks = np.append(np.delete(self._tracks, known), tracks)
         used = beside.area > 0.0
-        rest = scan_of_rows(scan, np.flatnonzero(~beside.near))
+        rest = scan_of_rows(scan, np.flatnonzero(~beside.near & free))
         groups = _extended_target_detections(self._beside_each_other(rest), density)
         self._more = self._before.faded(
             KEPT,
@@ -407,8 +413,6 @@ class ExtendedTargets:
     ----------
     seen : bool
         Whether the detections have shown that targets have several a ping.
-    since : float
-        Time of the scan that showed it, s.
     scatter : ExtendedTargetDispersion
         Of the detections about their clusters.
     test : ExtendedTargetTest
@@ -422,12 +426,11 @@ class ExtendedTargets:
 
     def reset(self) -> None:
         """Forget what was seen."""
-        self.seen, self.since = False, 0.0
+        self.seen = False
         self.scatter = ExtendedTargetDispersion()
         self.test = ExtendedTargetTest(self.sensor)
         self._part, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
         self._counts = np.zeros(0, bool)
-        self._recent: list[tuple[float, FloatArray, float]] = []
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
@@ -477,11 +480,7 @@ class ExtendedTargets:
         if self._learns and number:
             self._part = part = scan_of_rows(scan, np.flatnonzero(self._counts))
             self.test.update(part, density)
-            self._recent = [
-                *self._recent[1 - RECENT :],
-                (scan.stamp, scan_positions(part), density),
-            ]
-            self._judge(scan.stamp)
+            self._judge()
         if not self.active or not number:
             return None
         extent = self.extent
@@ -507,67 +506,17 @@ class ExtendedTargets:
         if not self._learns or not len(self._row):
             return
         track_id, row = own[0], self._row[own[1]]
-        ids, rows = confirmed.tracks.track_id, np.flatnonzero(self._counts)
+        tracks, rows = confirmed.tracks, np.flatnonzero(self._counts)
+        ids = tracks.track_id
         still = np.isin(track_id, ids) & self._counts[row]
-        position = np.searchsorted(rows, row[still])
-        self.test.update_tracks(self._part, density, track_id[still], position, ids)
-        self._judge(self._part.stamp)
+        track_id, position = track_id[still], np.searchsorted(rows, row[still])
+        apart = np.isin(track_id, ids[~of_older(tracks, np.zeros(len(tracks)))])
+        self.test.update_tracks(self._part, density, track_id, position, apart, ids)
+        self._judge()
 
-    def _judge(self, stamp: float) -> None:
+    def _judge(self) -> None:
         """Whether targets have several detections, from now on."""
-        if not self.seen and self.test.log_ratio >= LOG_RATIO:
-            self.seen, self.since = True, stamp
-
-    def waits(self, new: TrackArrays, confirmed: TrackArrays, origin: FloatArray) -> BoolArray:
-        """Which newly confirmed tracks (n,) are of the target of an older track.
-
-        Parameters
-        ----------
-        new, confirmed : TrackArrays
-            At one stamp.
-        origin : (2,) ndarray
-            The sensor's position, m.
-        """
-        if not self._learns or not len(new) or self.test.log_ratio < ONE_EXTENT:
-            return np.zeros(len(new), bool)
-        both, number = TrackArrays.joined(confirmed, new), len(confirmed)
-        if not self.seen:  # whether it is so will have shown soon
-            apart = squared_distances_of_discs(both.state[number:, 0::2], both.state[:, 0::2])
-            near = apart <= (LONGEST_WAY * extended_target_unit(self.sensor)) ** 2
-            older = np.tri(len(new), len(both), number - 1, dtype=bool)
-            return np.asarray((near & older).any(axis=1))
-        before = new.stamp - new.age < self.since
-        repeats = before & may_be_older_extended_target(both, self.extent, origin)[number:]
-        return self._fill(both, number, SUSPICION) | repeats
-
-    def of_one_extent(self, confirmed: TrackArrays) -> BoolArray:
-        """Which confirmed tracks (n,) are of an older one's target, since clusters are made."""
-        return self._fill(confirmed, 0, ONE_EXTENT)
-
-    def _fill(self, tracks: TrackArrays, first: int, least: float) -> BoolArray:
-        """Whether detections fill the way from each track from a first one on to an older one.
-
-        To the nearest, as on an extent, with L at least as given. Targets of their own have none in
-        the middle third of it, where that is longer than their errors. Both ends move as the older
-        track.
-        """
-        position, velocity = (tracks.state[:, :2] + 1j * tracks.state[:, 2:]).T
-        filled = np.zeros(len(tracks), bool)
-        for row in range(max(first, 1), len(tracks)):
-            apart, now = np.abs(position - position[row]), tracks.stamp[row]
-            apart[row] = np.inf
-            older = int(np.argmin(apart))
-            shorter = major_sigma(tracks.covariance[row, 0::2, 0::2]) * RESOLVED**0.5
-            if older < row and shorter < apart[older] <= LONGEST_WAY * extended_target_unit(
-                self.sensor
-            ):
-                way = position[older] - position[row]
-                seen = [at @ (1.0, 1j) + velocity[older] * (now - t) for t, at, _ in self._recent]
-                off = (np.concatenate(seen) - position[row]) / way - 0.5
-                inside = np.maximum(np.abs(off.real), np.abs(off.imag)) <= 1.0 / 6.0
-                expected = PRIOR + sum(rate for *_, rate in self._recent) * abs(way) ** 2 / 9.0
-                filled[row] = extended_target_log_ratio(float(inside.sum()), expected) >= least
-        return filled[first:]
+        self.seen = self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:
         """Clusters of the groups that a scan comes with; None without, or if clusters are off."""
@@ -636,29 +585,3 @@ def _extended_target_options(sensor: SensorModel, common: CommonOptions) -> tupl
         *(sensor.range_resolution, sensor.azimuth_resolution),
         *(common.plots, common.target_extent),
     )
-
-
-def may_be_older_extended_target(
-    tracks: TrackArrays, extent: GroupingExtent, sensor_position: FloatArray
-) -> BoolArray:
-    """Which tracks may be of an older one's target, whose detections differed by an extent.
-
-    Parameters
-    ----------
-    tracks : TrackArrays
-        n, oldest first.
-    extent : GroupingExtent
-        Deviation by which positions may differ, and velocities over a track's age.
-    sensor_position : (2,) ndarray
-        m.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-    """
-    range_ = np.hypot(*(tracks.state[:, 0::2] - sensor_position).T)
-    size = np.maximum(extent.along, extent.across_at(range_)) ** 2 / 6.0
-    covariance = tracks.covariance.copy()
-    covariance[:, [0, 2], [0, 2]] += size[:, None]
-    covariance[:, [1, 3], [1, 3]] += (size / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    return agrees_with_older(tracks.state, covariance)

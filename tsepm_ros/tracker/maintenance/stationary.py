@@ -34,6 +34,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.special import softmax
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, changed
 from tsepm_ros.numerics.discs import disc_probability
@@ -44,8 +45,8 @@ from tsepm_ros.tracker.options import CommonOptions
 STATIONARY_SHARE = 0.2
 """Prior share of starts that stand still, with the weight of `PRIOR_TRACKS` tracks: a choice."""
 PRIOR_TRACKS = 5.0
-SHARE_PASSES = 5
-"""Passes in which the share of targets that stand still is estimated."""
+SHARES = (np.arange(100) + 0.5) / 100.0
+"""Shares of targets that stand still, over which is summed."""
 CHANGED_SHARE = 0.1
 """The same after a change of motion: a choice."""
 CERTAIN_DEVIATIONS = 12.0
@@ -167,21 +168,26 @@ class StraightFits(Rows):
     def stationary_probability(self, options: CommonOptions, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).
 
-        How many stand still depends on the place. The prior share of those whose motion has not
-        changed is estimated from all that exist (empirical Bayes; n tracks of probabilities r_i)::
+        How many stand still depends on the place. The prior share s of those whose motion has not
+        changed has a Beta density of the mean `STATIONARY_SHARE`, which all that exist sharpen (n
+        tracks of probabilities r_i, with p_i at even odds)::
 
-            share <- (w share_0 + sum_i r_i p_i) / (w + sum_i r_i)
+            p(s) ~ s^(w share_0 - 1) (1 - s)^(w (1 - share_0) - 1)
+                   prod_i (1 - r_i + r_i (s p_i + (1 - s) (1 - p_i)))
 
         Those whose r_i is not known (nan) do not count.
         """
-        even = stationary_probability(options, self.state, self.covariance, 0.5)
+        even = stationary_probability(options, self.state, self.covariance, 0.5)[:, None]
         new = self.share == STATIONARY_SHARE
-        share, weight = self.share, np.where(new & (existence > 0.0), existence, 0.0)
-        for _ in range(SHARE_PASSES):
-            still = share * even / (share * even + (1.0 - share) * (1.0 - even))
-            mean = PRIOR_TRACKS * STATIONARY_SHARE + weight @ still
-            share = np.where(new, mean / (PRIOR_TRACKS + weight.sum()), self.share)
-        return np.asarray(still)
+        weight = np.where(new & (existence > 0.0), existence, 0.0)[:, None]
+        share = np.where(new[:, None], SHARES, self.share[:, None])
+        still, moves = share * even, (1.0 - share) * (1.0 - even)
+        prior = np.log(SHARES) * (PRIOR_TRACKS * STATIONARY_SHARE - 1.0)
+        prior += np.log1p(-SHARES) * (PRIOR_TRACKS * (1.0 - STATIONARY_SHARE) - 1.0)
+        own = np.log1p(weight * (still + moves - 1.0))
+        of_others = softmax(prior + own.sum(axis=0) - own, axis=1)
+        still, moves = (of_others * still).sum(axis=1), (of_others * moves).sum(axis=1)
+        return np.asarray(still / (still + moves))
 
     def places(self) -> tuple[FloatArray, FloatArray]:
         """States and covariances of the targets, given that they stand still.
