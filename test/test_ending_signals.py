@@ -113,6 +113,20 @@ def test_a_signal_during_the_imports_ends_the_process_at_once_with_its_code(name
     assert done.stderr == ("interrupted\n" if ending == signal.SIGINT else "")
 
 
+IMPORTING = """
+import sys
+from tsepm_ros import ending_signals
+
+class First:
+    def find_spec(self, *of):
+        sys.meta_path.remove(self)
+        print(1, flush=True)
+
+sys.meta_path.insert(0, First())
+"""
+"""Prints where the first import begins, with the handlers in place."""
+
+
 def cpu_time(process: subprocess.Popen) -> float:
     """CPU time of a process that runs, s."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
@@ -124,7 +138,7 @@ def cpu_time(process: subprocess.Popen) -> float:
 def test_an_executable_that_is_interrupted_in_its_imports_ends_at_once_without_a_traceback(
     name, delay
 ):
-    script = f"from tsepm_ros.ending_signals import {name}; print(1, flush=True); exit({name}())"
+    script = IMPORTING + f"exit(ending_signals.{name}())"
     command = [sys.executable, "-c", script, *(["evaluate", "box"] if name == "tsepm" else [])]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.readline()

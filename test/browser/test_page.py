@@ -154,7 +154,9 @@ def test_play_runs_from_the_beginning_to_the_end(replay):
     assert text(replay, "#clock") == "144.0 s · scan 12 of 12"
     seen = replay.value("seen")
     assert {index for index, _ in seen} == set(range(SCANS))
-    assert [index for index, _ in seen] == sorted(index for index, _ in seen)
+    indices = [index for index, _ in seen]
+    begin = indices.index(0)  # before, the page may have shown the end once more
+    assert indices[begin:] == sorted(indices[begin:])
     assert "Pause" in {words for _, words in seen}
 
 

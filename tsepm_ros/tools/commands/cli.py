@@ -39,8 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 2 with a message on stderr if an argument is not allowed; 1 if a file cannot be read or
         written, or every scan was dropped; 130 if interrupted, 143 if terminated.
     """
-    with ending_on_termination():
-        return _run_cli(sys.argv[1:] if arguments is None else arguments)
+    try:
+        with ending_on_termination():
+            return _run_cli(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
 def _run_cli(arguments: Sequence[str]) -> int:
@@ -53,9 +57,6 @@ def _run_cli(arguments: Sequence[str]) -> int:
     except ValueError as error:
         print(f"refused: {_cli_sentence(error)}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, CommandFailed) as error:
