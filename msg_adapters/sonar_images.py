@@ -16,7 +16,7 @@ from tsepm_ros.detector.bright_lines import BRIGHT, LOOKS, measured_values, medi
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
@@ -154,7 +154,17 @@ class ImageInput:
             self._drop("own_ship_invalid", f"own-ship data dropped: {error}")
 
     def add_pose(self, sample: PoseSample) -> None:
-        """Add a pose; those that are late for long begin anew."""
+        """Add a pose; those that are late for long begin anew.
+
+        Raises
+        ------
+        MessageError
+            If it is no pose: ``own_ship_invalid``.
+        """
+        try:
+            sample.check()
+        except ValueError as error:
+            raise MessageError("own_ship_invalid", str(error)) from None
         if not self.poses.add(sample) and self.poses.late_span > MAX_LATE:
             self.poses.start_over()
 
@@ -166,12 +176,14 @@ class ImageInput:
         if not len(self.poses):
             return None
         offset = np.zeros(1) if ping.time_offset is None else ping.time_offset
-        if abs(1e-9 * ping.stamp_ns - (self.poses.last_stamp or 0.0)) > MAX_LATE:
+        times = 1e-9 * ping.stamp_ns + offset
+        early = self.poses.coverage(times.max(), times.max()) is PoseCoverage.NEVER
+        if early or times.min() - (self.poses.last_stamp or 0.0) > MAX_LATE:
             self._say(OTHER_CLOCK)
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         is_sensor = given.own_ship_source == "tf"
         mounting: Mounting = Mounting() if is_sensor else self._options[Mounting]
-        poses = mounting.sensor_poses(self.poses.held_poses(1e-9 * ping.stamp_ns + offset))
+        poses = mounting.sensor_poses(self.poses.held_poses(times))
         return poses if len(poses) == len(ping.azimuth) else poses[0]
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:

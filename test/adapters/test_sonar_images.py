@@ -11,6 +11,7 @@ from support.image_messages import CELLS, TABLE, projected, raw
 
 from msg_adapters import odometry_message
 from msg_adapters.sonar_images import FirstLook, ImageInput
+from msg_adapters.stamps import MessageError
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
@@ -88,6 +89,9 @@ def test_poses_of_another_clock_are_said_and_an_invalid_one_counts(monkeypatch):
     assert "more than 5 s apart" in said and np.isfinite(pose).all()
     _, drops, _ = posed(monkeypatch, [(0.0, math.nan, 0.0, 0.0)])
     assert drops == ["own_ship_invalid"]
+    images = ImageInput(make_groups(SONAR_DETECTOR, {}), lambda *_: None, lambda _: None)
+    with pytest.raises(MessageError, match="pose must be finite"):
+        images.add_pose(PoseSample(0.0, 0.0, 0.0, math.nan))
 
 
 def test_poses_of_a_clock_that_starts_again_are_taken(monkeypatch):

@@ -77,3 +77,17 @@ def test_the_grid_is_bounded_and_forgets_what_it_leaves():
     far = FixedGrid(np.linspace(-3.1, 3.1, 3), np.linspace(1e3, 1e5, 5000))
     far.look(np.zeros((3, 3)))
     assert max(far.shape) <= 2002
+
+
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("cells", [0.0, 1.0])
+def test_every_row_of_the_ground_is_looked_at_whatever_the_speed(every, cells):
+    """Also for a background that is asked in one of so many images."""
+    grid, rows = FixedGrid(AZIMUTH, RANGE), []
+    for k in range(120):
+        grid.look(poses(k * cells * grid._cell))
+        part = grid.box[0]
+        if k >= 40 and k % every == 0:
+            rows += (np.arange(part.start, part.stop, part.step) + grid.origin[0]).tolist()
+    odd = np.mean(np.array(rows) % 2)
+    assert 0.4 < odd < 0.6

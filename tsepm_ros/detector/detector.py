@@ -63,6 +63,8 @@ REMOVED = 0.25
 """Part of the threshold by which the background lowers what it removes."""
 OFTEN = 4
 """Images of which the background that is not used is asked of one."""
+FEWEST = 3
+"""Bearings of an image without which it has no background of the ground."""
 DRAWN = 0.5
 """Boxes from an echo to its centroid from which on another thing is measured."""
 FULL_TURN_GAP = 2.5
@@ -260,7 +262,7 @@ class Detector:
             self._first_pose = pose if self._first_pose is None else self._first_pose
             change = pose - self._first_pose
             turned, gone = np.abs(wrap(change[:, 2])).max(), np.abs(change[:, :2]).max()
-            if turned <= spacing[0] and gone <= spacing[1]:
+            if (turned <= spacing[0] and gone <= spacing[1]) or len(pose) < FEWEST:
                 return None
             self._grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:

@@ -19,8 +19,10 @@ MARGIN = 0.25
 """Part of the largest range by which the grid reaches further."""
 EACH = 30
 """Images after which the grid is looked at in every second row."""
-MOST_CELLS = 2000
-"""Cells of a side, at most."""
+MOST_SHARE, MOST_CELLS = 16.0, 2000
+"""Cells of the grid over those of the image, and of a side, at most."""
+CORRECTIONS = 4
+"""Times that the pose of a place's bearing is found anew in a sweep."""
 FINE = 8
 """Parts of the smallest spacing by which the nearest cell of an axis is looked up."""
 MOST_FINE = 100_000
@@ -77,7 +79,9 @@ class FixedGrid:
         reach, cells = float(distance[-1]), len(azimuth) * len(distance)
         area = 0.5 * float(np.ptp(azimuth)) * (reach**2 - float(distance[0]) ** 2)
         side = 2.0 * (1.0 + MARGIN) * reach
-        self._cell = max(math.sqrt(area / cells), side / MOST_CELLS)
+        self._cell = max(
+            math.sqrt(area / cells), side / math.sqrt(MOST_SHARE * cells), side / MOST_CELLS
+        )
         n = math.ceil(side / self._cell) + 2
         self.shape, self.origin, self._images = (n, n), np.zeros(2, int), 0
 
@@ -105,7 +109,9 @@ class FixedGrid:
         self._weights = (1 - p) * (1 - q), (1 - p) * q, p * (1 - q), p * q
         ends = [(int(k.min()), int(k.max()) + 2) for k in (i, j)]
         step = 1 if self._images < EACH else 2
-        self.box = slice(ends[0][0] + self._images % step, ends[0][1], step), slice(*ends[1])
+        # Rows of the ground, whose order also alternates for whom every fourth image is.
+        turn = ends[0][0] + int(self.origin[0]) + self._images + self._images // 4
+        self.box = slice(ends[0][0] + turn % step, ends[0][1], step), slice(*ends[1])
         x, y = (
             (np.arange(part.start, part.stop, part.step) + start) * self._cell
             for part, start in zip(self.box, self.origin, strict=True)
@@ -120,11 +126,10 @@ class FixedGrid:
         """Azimuth and range of places, from the poses of their bearings."""
         pose, middle = self._pose, 0.5 * (self._azimuth[0] + self._azimuth[-1])
         at = pose[len(pose) // 2]
-        moves = np.ptp(pose, axis=0).any()
-        for last in (False, True)[not moves :]:
+        for left in range(CORRECTIONS if np.ptp(pose, axis=0).any() else 0, -1, -1):
             dx, dy = x - at[..., 0], y - at[..., 1]
             azimuth = middle + wrap(np.arctan2(dy, dx) - at[..., 2] - middle)
-            if not last:
+            if left:
                 at = pose[np.maximum(self._axes[0].nearest(azimuth), 0)]
         return azimuth, np.hypot(dx, dy)
 

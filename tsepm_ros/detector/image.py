@@ -115,8 +115,10 @@ class SonarImage:
             (np.isinf(image).any(), "intensity must not be infinite; NaN: not measured"),
             (offset.shape != (b,), f"time_offset must have the shape ({b},); got {offset.shape}"),
             (
-                pose.shape not in ((3,), (b, 3)) or not np.isfinite(pose).all(),
-                f"sensor_pose must be finite, of the shape (3,) or ({b}, 3); got {pose.shape}",
+                pose.shape not in ((3,), (b, 3))
+                or not (np.abs(pose) <= MAX_MAGNITUDE["sensor_pose"]).all(),
+                f"sensor_pose must be finite, at most {MAX_MAGNITUDE['sensor_pose']:g}, of the "
+                f"shape (3,) or ({b}, 3); got {pose.shape}",
             ),
         ):
             if wrong:

@@ -7,7 +7,7 @@ from support.image_folder import GEOMETRY
 from msg_adapters.image_messages import located_image
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.image_folder import read_image_folder
+from tsepm_ros.tools.replay.image_folder import image_folder_detected, read_image_folder
 
 
 def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
@@ -71,9 +71,29 @@ def test_images_have_the_poses_of_own_ship_and_its_mounting(folder):
     poses = [image.sensor_pose.tolist() for image in images]
     expected = [[2.0 * time, 3.0, np.pi / 2] for time in times]
     np.testing.assert_allclose(poses, expected, atol=1e-9)
+    said = []
+    for text, sentence in (
+        ("time_s,east_m,north_m\n0,0,0\n", "no heading_rad"),
+        ("time_s,east_m,north_m,heading_rad\n90,0,0,0\n91,0,0,0\n", "poses from 90 to 91 s"),
+    ):
+        (folder / "own_ship.csv").write_text(text)
+        _, _, images = read_image_folder(folder, said)
+        assert sentence in said[-1] and len({*(tuple(one.sensor_pose) for one in images)}) == 1
     (folder / "own_ship.csv").write_text("time_s,east_m\n0,0\n")
     with pytest.raises(ValueError, match=r"own_ship.csv has no column 'north_m'"):
         read_image_folder(folder, [])
+
+
+def test_the_mounting_of_a_folder_is_that_of_its_tracks_unless_another_is_given(folder, tmp_path):
+    (folder / "own_ship.csv").write_text("time_s,east_m,north_m,heading_rad\n0,0,0,0\n11,2,0,0")
+    (folder / "geometry.yaml").write_text(GEOMETRY + "mounting.x: 3.0\nmounting.y: -1.0\n")
+    into = tmp_path / "into"
+    into.mkdir()
+    _, values = image_folder_detected(folder, into, [], [])
+    mounting = {name: values[name] for name in values if name.startswith("mounting.")}
+    assert mounting == {"mounting.x": 3.0, "mounting.y": -1.0}
+    with pytest.raises(ValueError, match="from -1000 to 1000"):
+        image_folder_detected(folder, into, [], [], **{"mounting.x": 5000.0})
 
 
 def huge_array(shape: str) -> bytes:

@@ -572,8 +572,9 @@ def run_init(options: argparse.Namespace) -> None:
     of_images = {"sonar_detector": " -r image:=YOUR_TOPIC", "track_initiator": ""}
     runs = of_images if answers["images"] else {"track_initiator": " -r detections:=YOUR_TOPIC"}
     arguments = f"--ros-args --params-file {shlex.quote(str(path))}"
-    lines = [f"ros2 run tsepm_ros {node} {arguments}{topic}" for node, topic in runs.items()]
-    print(f"written: {path}; run it with", *lines, sep="\n  ", end=f"{more.get(source, '')}\n")
+    last = more.get(source, "")
+    lines = [f"ros2 run tsepm_ros {node} {arguments}{topic}{last}" for node, topic in runs.items()]
+    print(f"written: {path}; run it with", *lines, sep="\n  ")
     if source == "none":
         print("on a moving vessel give --own-ship odometry, or tf")
 

@@ -231,7 +231,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
         If an argument is not allowed, or a recording cannot be read.
     """
     name, scenarios = options.recording, shipped_scenarios()
-    path, coverage, notes = Path(name), dict[str, float](), list[str]()
+    path, coverage, notes = Path(name), dict[str, Value](), list[str]()
     is_images = (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists()
     outputs = [
         *(output for output in (options.picture, options.html) if isinstance(output, Path)),
@@ -261,7 +261,9 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     _refuse_unused_of_run(options, "a bag" if is_bag else "a recording")
     if is_images:
         into = Path(stack.enter_context(TemporaryDirectory()))
-        source, coverage = image_folder_detected(path, into, notes, outputs)
+        given_values = given_parameter_values(options.parameter).items()
+        mounting = {key: value for key, value in given_values if key.startswith("mounting.")}
+        source, coverage = image_folder_detected(path, into, notes, outputs, **mounting)
     if is_bag:
         return _run_of_bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)

@@ -56,6 +56,8 @@ FOLDER: Groups = (
     ("mounting.", Mounting),
 )
 """Parameters that ``geometry.yaml`` may have."""
+MAX_GAP = 5.0
+"""Time of images without poses from which on it is said, s."""
 AXES = (
     Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
     Parameter("azimuth", 0.0, "", unit="rad", minimum=-2.0 * math.pi, maximum=2.0 * math.pi),
@@ -64,7 +66,7 @@ AXES = (
 
 
 def read_image_folder(
-    folder: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
+    folder: Path, notes: list[str], outputs: Sequence[Path] = (), **options: Any
 ) -> tuple[Detector, FloatArray, Iterator[SonarImage]]:
     """The detector of a folder, the times of its images, s, and the images one by one.
 
@@ -104,8 +106,18 @@ def read_image_folder(
     layout: ImageLayout = groups[ImageLayout]
     mounting: Mounting = groups[Mounting]
     poses = PoseHistory()
-    for sample in read_recorded_own_ship(folder):
-        poses.add(sample)
+    recorded = read_recorded_own_ship(folder)
+    for sample in recorded:
+        if sample.covariance is None:  # its heading is known
+            poses.add(sample)
+    first, last = (recorded[0].stamp, recorded[-1].stamp) if recorded else (times[0], times[-1])
+    if recorded and not poses:
+        notes.append("own_ship.csv has no heading_rad: the background is that of a sonar at rest")
+    elif max(times[-1] - last, first - times[0]) > MAX_GAP:
+        notes.append(
+            f"own_ship.csv has poses from {first:g} to {last:g} s, images are from {times[0]:g} to "
+            f"{times[-1]:g} s: beyond its poses the sonar counts as at rest"
+        )
     look = FirstLook(min(LOOKS, len(times)))
 
     def images() -> Iterator[SonarImage]:
@@ -167,7 +179,7 @@ def _image_folder_placed(
 
 
 def write_image_folder_detections(
-    folder: Path, path: Path, notes: list[str], outputs: Sequence[Path] = (), **options: float
+    folder: Path, path: Path, notes: list[str], outputs: Sequence[Path] = (), **options: Any
 ) -> Iterator[tuple[Detector, SonarImage, Scan]]:
     """Write the detections of a folder's images as a recording, and give them one by one.
 
@@ -189,8 +201,8 @@ def write_image_folder_detections(
 
 
 def image_folder_detected(
-    folder: Path, into: Path, notes: list[str], outputs: Sequence[Path]
-) -> tuple[Path, dict[str, float]]:
+    folder: Path, into: Path, notes: list[str], outputs: Sequence[Path], **options: Any
+) -> tuple[Path, dict[str, Any]]:
     """Write the detections of a folder of images into a recording, with its own ship and truth.
 
     Parameters
@@ -201,22 +213,28 @@ def image_folder_detected(
     notes : list of str
         As for `read_image_folder`, as are the outputs.
     outputs : sequence of Path
+    **options
+        As for `read_image_folder`.
 
     Returns
     -------
     path : Path
         Of the detections, in the folder `into`.
-    coverage : dict of str to float
-        Coverage of the images, by its parameters.
+    values : dict of str to value
+        Coverage of the images, and the mounting where there is an own ship, by their parameters.
     """
     coverage: dict[str, float] = {}
     for path in filter(Path.is_file, folder.glob("*.csv")):
         shutil.copy(path, into)
     for detector, image, _ in write_image_folder_detections(
-        folder, into / DETECTIONS_FILE, notes, outputs
+        folder, into / DETECTIONS_FILE, notes, outputs, **options
     ):
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
-    return into / DETECTIONS_FILE, {f"sensor.{name}": value for name, value in coverage.items()}
+    values = {f"sensor.{name}": value for name, value in coverage.items()}
+    if (folder / "own_ship.csv").exists():
+        stated, _ = _image_folder_geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
+        values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
+    return into / DETECTIONS_FILE, values
 
 
 def _image_folder_stored(path: Path) -> Any:
