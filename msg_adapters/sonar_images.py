@@ -146,8 +146,10 @@ class ImageInput:
         self.poses = PoseHistory(max_extrapolation=POSE_AGE)
 
     def take_own_ship(self, message: Any) -> None:
-        """Take a nav_msgs/Odometry of a sonar that moves."""
+        """Take a nav_msgs/Odometry, if the poses of the sonar come by odometry."""
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        if given.own_ship_source != "odometry":
+            return
         try:
             self.add_pose(read_own_ship(message, given.fixed_frame))
         except MessageError as error:

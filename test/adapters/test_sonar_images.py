@@ -54,7 +54,7 @@ def test_a_coverage_counts_where_it_stays():
 def posed(monkeypatch, odometry, stamp=1_700_000_000.123, **parameters):
     """Poses of an image at a stamp, after odometry (after it, s, x, y and yaw); drops and notes."""
     drops, said = [], []
-    options = make_groups(SONAR_DETECTOR, parameters)
+    options = make_groups(SONAR_DETECTOR, {"own_ship_source": "odometry", **parameters})
     images = ImageInput(options, lambda *why: drops.append(why[0]), said.append)
     for after, x, y, yaw in odometry:
         sample = PoseSample(stamp + after, x, y, yaw)

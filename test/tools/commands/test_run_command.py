@@ -128,6 +128,7 @@ def test_a_run_that_is_killed_leaves_no_half_file_and_the_next_cleans_up(scenari
         "current.csv",
         "tracks.csv",
         "tracks.mcap",
+        "truth.csv",
     ]
 
 

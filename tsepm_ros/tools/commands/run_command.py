@@ -366,7 +366,8 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
             or not unused_parameter_files(["--params-file", str(assignment)], node_name)
         ]
         of_detector, _ = _shared_out_run_values(given_parameter_values(fitting, node_name))
-        groups = make_groups(SONAR_DETECTOR, of_detector)
+        own_ship = run.session.settings.session.own_ship_source
+        groups = make_groups(SONAR_DETECTOR, {"own_ship_source": own_ship, **of_detector})
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
         images.plans = [] if options.html else None
     return dataclasses.replace(
