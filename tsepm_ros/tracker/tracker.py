@@ -338,15 +338,15 @@ class Tracker:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
         As many variances of a place on it may be between them. A fixed echo is no part of a target
-        that moves.
+        that moves, and a track that coasts may be anywhere.
         """
-        confirmed, fixed = self.maintenance.confirmed.tracks, self.maintenance.fixed_echoes
-        moves = np.append(~np.isin(confirmed.track_id, fixed.track_id), np.ones(len(starts), bool))
-        tracks = TrackArrays.joined(confirmed, starts).where(moves)
+        confirmed, sure = self.maintenance.confirmed.tracks, self.maintenance.current.sure
+        judged = np.append(np.isin(confirmed.track_id, sure.track_id), np.ones(len(starts), bool))
+        tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
-        older = np.zeros(len(moves), bool)
-        older[moves] = merging.of_older(tracks, math.sqrt(variances) * size)
+        older = np.zeros(len(judged), bool)
+        older[judged] = merging.of_older(tracks, math.sqrt(variances) * size)
         return older
 
     def _learn_errors(self, detections: NDArray[np.void]) -> None:
