@@ -338,10 +338,14 @@ class Tracker:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
         As many variances of a place on it may be between them. A fixed echo is no part of a target
-        that moves, and a track that coasts may be anywhere.
+        that moves, and a track that coasts ends no other.
         """
-        confirmed, sure = self.maintenance.confirmed.tracks, self.maintenance.current.sure
-        judged = np.append(np.isin(confirmed.track_id, sure.track_id), np.ones(len(starts), bool))
+        confirmed, current = self.maintenance.confirmed.tracks, self.maintenance.current
+        others = self.maintenance.fixed_echoes.track_id
+        if not len(starts):
+            coasting = np.setdiff1d(current.track_id, current.sure.track_id)
+            others = np.append(others, coasting)
+        judged = np.append(~np.isin(confirmed.track_id, others), np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
