@@ -31,40 +31,26 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor, proper_covariance
-from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, global_assignment
-from tsepm_ros.studies.multiple_model import gated_by_filters
+from tsepm_ros.studies.multiple_model import FilterOptions, gated_by_filters
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, initial_paths
 from tsepm_ros.tracker.method import Step
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
+from tsepm_ros.tracker.options import hits_option, window_option
 
 CONFIRMED = 0.5
 """Probability above which a detection is a confirmed track's."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class KalmanOptions(MnOptions):
+class KalmanOptions(FilterOptions):
     """Options of the plain Kalman tracker."""
 
     min_hits: int = hits_option(3)
     window: int = window_option(5)
-    gate_probability: float = parameter(
-        0.99,
-        "Probability that a detected target falls into the gate",
-        positive=True,
-        maximum=0.999999,
-    )
-    process_noise: float = parameter(
-        0.001,
-        "Spectral density of a target's acceleration",
-        unit="m^2/s^3",
-        minimum=0.0,
-        maximum=100.0,
-    )
 
 
 @dataclass(frozen=True)

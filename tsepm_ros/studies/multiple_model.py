@@ -63,11 +63,9 @@ MAX_FILTERS = 500_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultipleModelOptions(MnOptions):
-    """Options of the multiple-model start."""
+class FilterOptions(MnOptions):
+    """Options of an M/N method whose potential tracks have filters."""
 
-    speeds: int = parameter(2, "Cells of the speed, from 0 to v_max", minimum=1, maximum=20)
-    headings: int = parameter(8, "Cells of the heading", minimum=3, maximum=72)
     gate_probability: float = parameter(
         0.99,
         "Probability that a detected target falls into the gate",
@@ -81,6 +79,14 @@ class MultipleModelOptions(MnOptions):
         minimum=0.0,
         maximum=100.0,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultipleModelOptions(FilterOptions):
+    """Options of the multiple-model start."""
+
+    speeds: int = parameter(2, "Cells of the speed, from 0 to v_max", minimum=1, maximum=20)
+    headings: int = parameter(8, "Cells of the heading", minimum=3, maximum=72)
 
 
 def multiple_model_beyond_one(covariance: FloatArray) -> BoolArray:
