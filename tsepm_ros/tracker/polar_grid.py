@@ -220,6 +220,11 @@ class PolarBatch:
         self.looks = np.zeros(len(self.looks))
 
     @property
+    def is_new(self) -> bool:
+        """Whether it has no scan yet: the one before was learned from in the last scan."""
+        return not self.weights
+
+    @property
     def cells(self) -> Cells:
         """Cells of the detections."""
         row, column, *_ = zip(*self.places, strict=True)

@@ -328,9 +328,10 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        own, confirmed = self.maintenance.probable_detections, self.maintenance.confirmed
         if self.method.most_tracks_true:
-            self.extended_targets.learn(own, confirmed, self.clutter_density)
+            self.extended_targets.take_own(self.maintenance.probable_detections)
+        if self.learned.batch.is_new:
+            self.extended_targets.learn(self.maintenance.confirmed, self.clutter_density)
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
@@ -402,9 +403,7 @@ class Tracker:
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, rows, runs)
         measured = covered_scan if runs is None else runs.scan
-        made = self.extended_targets.clusters_of(
-            measured, self.clutter_density, self._clutter.is_fixed
-        )
+        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
         if made is not None:
             detections = self._converted(
                 covered_scan, rows, made if runs is None else made.traced_through(runs)

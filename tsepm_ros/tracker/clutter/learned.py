@@ -350,7 +350,7 @@ class LearnedScanClutter:
         """Take back a share of each detection (d,): that of a target after all."""
         taken = self.weight * share
         self.weight -= taken  # in place, also in the batch
-        if not self._learned.batch.weights:  # else it is learned from with its batch
+        if self._learned.batch.is_new:  # else it is learned from with its batch
             self._learned.clutter_map.withdraw(self.cells, taken)
 
     @property
