@@ -20,10 +20,10 @@ def changed(table: T, **columns: Any) -> T:
 
     As `dataclasses.replace`, without a constructor: a tenth of the time.
     """
-    if not columns.keys() <= table.__dict__.keys():
-        raise TypeError(f"{type(table).__name__} has no {set(columns) - set(table.__dict__)}")
     new = object.__new__(type(table))
     new.__dict__.update(table.__dict__, **columns)
+    if len(new.__dict__) > len(table.__dict__):
+        raise TypeError(f"{type(table).__name__} has no {set(columns) - set(table.__dict__)}")
     return new
 
 
@@ -112,6 +112,13 @@ class Rows:
                 value.take(rows, axis=0, out=column[end - len(rows) : end], mode="clip")
             columns.append(column)
         return cls(*columns)
+
+
+def array_run_starts(labels: IntArray) -> IntArray:
+    """First row of each run of equal labels (n,)."""
+    starts = np.ones(len(labels), bool)
+    np.not_equal(labels[1:], labels[:-1], out=starts[1:])
+    return starts.nonzero()[0]
 
 
 def array_log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray:

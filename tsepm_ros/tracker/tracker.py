@@ -243,7 +243,7 @@ class Tracker:
             confirmed_probability=confirmed,
             may_start=may_start,
             detected=tracks.where(
-                np.isin(tracks.track_id, self.maintenance.probable_detections[0])
+                (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
             ),
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.clutter_map.seen.region.extent,

@@ -153,8 +153,9 @@ def test_pings_that_are_learned_from_together_count_as_one_by_one():
     for _ in range(8):
         scans, own = [], []
         for _ in range(5):
-            side = rng.choice([-3.0, 3.0], 2)
-            range_ = np.concatenate([[40.0, 70.0], side + [40.0, 70.0], rng.uniform(5, 99, 8)])
+            targets = np.array([40.0, 70.0])
+            beside = targets + rng.choice([-3.0, 3.0], 2)
+            range_ = np.concatenate([targets, beside, rng.uniform(5, 99, 8)])
             azimuth = np.concatenate([[0.0, 1.0, 0.0, 1.0], rng.uniform(-3.0, 3.0, 8)])
             scans.append(Scan(0.0, range_, azimuth))
             seen = rng.permutation(2)[: rng.integers(0, 3)]
