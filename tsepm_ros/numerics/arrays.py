@@ -40,12 +40,12 @@ def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.vo
     return records.take(array_indices(rows), axis=0)
 
 
-def appended_arrays(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
+def appended_arrays(records: NDArray[np.void], *more: NDArray[np.void]) -> NDArray[np.void]:
     """Structured arrays (n,) one after the other.
 
     As blocks of bytes, which is many times faster than field by field.
     """
-    blocks = [part.view((np.void, part.itemsize)) for part in (records, more)]
+    blocks = [part.view((np.void, part.itemsize)) for part in (records, *more)]
     return np.concatenate(blocks).view(records.dtype)
 
 

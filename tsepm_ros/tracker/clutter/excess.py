@@ -331,6 +331,8 @@ class SecondaryEchoExcess:
         Pairs of clutter detections of a scan, one behind the other, for each width (w,) of a strip.
     correlation : (w,) ndarray
         ``g - 1``, at least 0.
+    rises : bool
+        Whether clutter is denser behind any target.
     """
 
     def __init__(self, grid: PolarGrid) -> None:
@@ -338,17 +340,15 @@ class SecondaryEchoExcess:
         self.pairs, self.correlation = Excess(*np.zeros((2, width))), np.zeros(width)
         self._track_id, self._scans = np.zeros(0, np.int64), np.zeros(0)
         self._behind = Excess(*np.zeros((2, 0, width, 2)))
+        self._rise, self.rises = self._behind.counted, False
 
     def behind_targets(self, targets: ConfirmedTargets, cells: Cells) -> FloatArray:
         """Factor (n,) of the map's density in cells, by confirmed targets."""
-        if not len(targets.track_id) or not len(cells.row):
+        row, known = (targets.track_id[:, None] == self._track_id).nonzero()
+        if not len(row) or not len(cells.row):
             return np.ones(len(cells.row))
-        _, scans, behind = self._of_targets(targets.track_id)
-        target = np.minimum(scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
-        rise = np.maximum(behind.lower(target), 1.0) - 1.0
-        factor = 1.0 + targets.existence[:, None, None] * rise
-        if not rise.any():
-            return np.ones(len(cells.row))
+        targets = ConfirmedTargets(*(column[row] for column in targets))
+        factor = 1.0 + targets.existence[:, None, None] * self._rise[known]
         in_strips = _ExcessStrips(self._grid, targets).hold(cells)
         return np.asarray(np.where(in_strips, factor[..., None], 1.0).max(axis=(0, 1, 2)))
 
@@ -392,6 +392,9 @@ class SecondaryEchoExcess:
             behind = behind.faded(keep, count, looks * strips.sums(expected))
             scans = keep * scans + looks[:, 0, 0]
         self._track_id, self._scans, self._behind = ids, scans, behind
+        target = np.minimum(scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
+        self._rise = np.maximum(behind.lower(target), 1.0) - 1.0
+        self.rises = bool(self._rise.any())
 
     def _before(self, cells: Cells, weight: FloatArray, expected: PolarBlockSums) -> Excess:
         """Detections (w, n) in front of each of these, in the strips around its bearing."""

@@ -257,7 +257,7 @@ class LearnedScanClutter:
     def before(self, targets: Callable[[], ConfirmedTargets]) -> FloatArray:
         """Density at each detection, (d,), 1/m^2, with confirmed targets as of the last scan."""
         density = self.density()
-        if self._echoes:
+        if self._echoes and self._learned.secondary_echoes.rises:
             density *= self._learned.secondary_echoes.behind_targets(targets(), self.cells)
         return self._raised(density)
 
@@ -299,12 +299,12 @@ class LearnedScanClutter:
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
         density, area = self.density(), clutter_map.seen.counted
         if self._echoes:
-            confirmed = targets()
             if whole:
-                echoes.update(confirmed, batch, clutter_map.expected)
+                echoes.update(targets(), batch, clutter_map.expected)
             if echoes.correlation.any():
                 density *= echoes.among(self.cells, weight, clutter_map.expected)
-            density *= echoes.behind_targets(confirmed, self.cells)
+            if echoes.rises:
+                density *= echoes.behind_targets(targets(), self.cells)
             batch.densities.append(density)
             if whole:
                 learned.overdispersion.update(batch, area)
