@@ -53,7 +53,7 @@ MIN_PURITY_PROBABILITY = 0.9
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
 A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
-choice; docs/score.md compares other values. Where false tracks are many by choice, it is lower, see
+choice; docs/methods.md has the equations. Where false tracks are many by choice, it is lower, see
 `min_purity_probability`.
 """
 MAX_UNRESOLVED_HITS = 8
