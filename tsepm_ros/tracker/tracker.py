@@ -225,7 +225,8 @@ class Tracker:
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
             track_id, row = self.maintenance.own_detections
-            self._own.append((track_id, taken(detections, row)))
+            if len(row):
+                self._own.append((track_id, taken(detections, row)))
             self.maintenance.manoeuvre.update(
                 *self.maintenance.innovations,
                 self.common,
