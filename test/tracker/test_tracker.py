@@ -312,13 +312,12 @@ def test_a_start_waits_until_it_is_known_what_stands_but_not_for_ever(unknown, f
     assert not any(ids[:first]) and len(ids[first]) == 1
 
 
-@pytest.mark.parametrize("seen", [True, False])
-def test_a_track_that_coasts_ends_no_other_beside_it_and_keeps_no_start_from_it(seen):
+def test_a_track_that_coasts_ends_no_other_beside_it():
     options = {"plots": "on", "target_extent": 30.0, "false_tracks_per_hour": 10.0}
     made, ended = make_initiator("score", sensor=FIXED_RANGE_ERROR, **options), {}
     for k in range(40):
         first = [(3000.0 + 50.0 * k, 0.0)] * (k < 12)
-        second = [(3000.0 + 50.0 * k, 250.0)] * (k >= (6 if seen else 20))
+        second = [(3000.0 + 50.0 * k, 250.0)] * (k >= 6)
         made.process(scan_at(12.0 * k, [*first, *second]))
         ended |= made.maintenance.ended
     lost, other = made.current
