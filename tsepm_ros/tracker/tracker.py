@@ -62,7 +62,7 @@ LEAST_ROOM = 10
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
 MAX_UNKNOWN = 8
-"""Scans in a row for which a start waits until it is known whether its detections stand."""
+"""Scans in a row for which detections of which that is unknown count as standing."""
 STANDING_PROBABILITY = 0.98
 """That a detection that stands is no start of a target's track."""
 
@@ -240,7 +240,7 @@ class Tracker:
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
-        stands, may_start = self._starting(scan, detections["index"])
+        stands = self._standing(scan, detections["index"])
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         tracks = self.maintenance.confirmed.tracks
         return Observation(
@@ -253,7 +253,7 @@ class Tracker:
             ids=ids,
             clutter_density=detections["clutter_density"] * of_rates,
             confirmed_probability=confirmed,
-            may_start=may_start,
+            may_start=~stands,
             detected=tracks.where(
                 (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
             ),
@@ -270,18 +270,15 @@ class Tracker:
             predictive=self._clutter.predictive,
         )
 
-    def _starting(self, scan: Scan, index: IntArray) -> tuple[BoolArray, BoolArray]:
-        """Which detections stand, and which may be the last hit of a start, (d,).
-
-        A start waits while the detector does not know yet what stands, but not for ever.
-        """
+    def _standing(self, scan: Scan, index: IntArray) -> BoolArray:
+        """Which detections stand, (d,): all, while the detector does not know, but not for ever."""
         standing = scan.features.get("standing", np.zeros(len(scan)))[index]
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
             standing = np.zeros(len(index))
         stands, unknown = standing > STANDING, np.isnan(standing)
         self._unknown = self._unknown + 1 if unknown.any() else 0
         self._received["standing"] = int(np.count_nonzero(stands))
-        return stands, ~stands & ~(unknown & (self._unknown <= MAX_UNKNOWN))
+        return stands | (unknown & (self._unknown <= MAX_UNKNOWN))
 
     def _count_in(self, scan: Scan) -> float:
         """Count a scan in; returns the time since the one before, s."""
