@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+
 from tsepm_ros.detector.background import FIRST, MEMORY, Background
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
