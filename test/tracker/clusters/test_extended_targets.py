@@ -182,8 +182,8 @@ def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
     """Numbers in boxes around some detections of a scan, and in strips."""
     ping = np.zeros(len(scan), np.int64)
     beside = Beside(scan.range, scan.azimuth, ping, centre, extents)
-    number, strips, _ = beside.counted(np.ones(len(beside.row), bool))
-    return number[:, centre], strips[..., centre]
+    number, strips, _ = beside.counted(centre, beside.pairs(centre, ping == 0))
+    return number, strips
 
 
 @pytest.mark.parametrize(

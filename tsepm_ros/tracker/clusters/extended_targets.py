@@ -177,22 +177,30 @@ class Beside:
             np.maximum(self.along, self.across) < range, 4.0 * self.along * self.across, 0.0
         )
 
-    def counted(self, pairs: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What some of the pairs (p,) are of each detection: others, those in strips, and where.
+    def pairs(self, centre: IntArray, counts: BoolArray) -> IntArray:
+        """Pairs (k,) of some of the centres, and of a detection that counts, (n,)."""
+        chosen = np.zeros(len(counts), bool)
+        chosen[centre] = True
+        return np.flatnonzero(chosen[self.row] & counts[self.other])
 
-        Number in the box (e, n); numbers in the strips of the same area beside it, and before and
-        behind it (2, e, n); mean offset of the others along and across (2, e, n), m.
+    def near(self, pairs: IntArray) -> IntArray:
+        """The detections of some of the pairs in the largest box around their centres, (k,)."""
+        return self.other[pairs[self._parts[0, -1, pairs] > 0.0]]
+
+    def counted(
+        self, centre: IntArray, pairs: IntArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What the pairs of some centres (c,), ascending, are: others, those in strips, and where.
+
+        Number in the box (e, c); numbers in the strips of the same area beside it, and before and
+        behind it (2, e, c); mean offset of the others along and across (2, e, c), m.
         """
-        sums = _extended_target_sums(
-            self._parts.compress(pairs, axis=2), self.row[pairs], self.across.shape[1]
-        )
+        first = np.searchsorted(self.row[pairs], np.append(centre, len(self.area.T)))
+        # The sum of an empty group is its first value here.
+        parts = np.zeros((*self._parts.shape[:2], len(pairs) + 1))
+        parts[..., :-1] = self._parts[..., pairs]
+        sums = np.add.reduceat(parts, first[:-1], axis=-1) * (np.diff(first) > 0)
         return sums[0], sums[1:3], sums[3:] / np.maximum(sums[0], 1.0)
-
-    def near(self, centre: IntArray, pairs: BoolArray) -> BoolArray:
-        """Which detections (n,) are centres, or in the largest box around one by these pairs."""
-        near = np.zeros(self.across.shape[1], bool)
-        near[centre] = near[self.other[pairs & (self._parts[0, -1] > 0.0)]] = True
-        return near
 
 
 def extended_target_log_ratio(
@@ -273,43 +281,44 @@ class ExtendedTargetTest:
         ids = np.concatenate([track_id for track_id, _ in own])
         rows = np.concatenate([row + start for (_, row), start in zip(own, first, strict=True)])
         pair, track = (ids[:, None] == confirmed).nonzero()
-        rows = rows[pair]
+        own_rows, place = np.unique(rows[pair], return_inverse=True)
         # Others are counted beside all detections, or beside those in some sector.
         order, most = np.argsort(azimuth, kind="stable"), MOST_CENTRES * len(scans)
         start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
-        centres = np.zeros(len(order), bool)
-        centres[order[start : start + most]] = True
-        centre = np.flatnonzero(centres | np.isin(np.arange(len(order)), rows))
-        beside = Beside(range_, azimuth, ping, centre, self._extents)
-        number, strips, _ = beside.counted(centres[beside.row])
-        group = centres & (beside.area > 0.0) & (number[-1] > 1.0)
+        sector, counts = np.sort(order[start : start + most]), np.ones(len(order), bool)
+        beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self._extents)
+        number, strips, _ = beside.counted(sector, beside.pairs(sector, counts))
+        area = beside.area[:, sector]
+        group = (area > 0.0) & (number[-1] > 1.0)
         some = (group * number / (number + 1.0)).sum(axis=1)
-        expected = 0.5 * density * (group * beside.area).sum(axis=1)
         keep = KEPT ** len(scans)
+        expected = 0.5 * density * (group * area).sum(axis=1)
         self._pairs = self._pairs.faded(keep, some, expected)
-        free = np.ones(len(order), bool)
-        free[rows[apart[track]]] = False
-        counts = free[beside.other]
-        rest = centres & free & ~beside.near(rows, counts & np.isin(beside.row, rows))
-        number, strips, _ = beside.counted(rest[beside.row] & rest[beside.other])
-        groups = _extended_target_detections(number, strips, beside.area * rest, density)
-        number, strips, offset = beside.counted(counts)
+        counts[rows[pair[apart[track]]]] = False
+        pairs = beside.pairs(own_rows, counts)
+        number, strips, offset = (
+            values.take(place, axis=-1) for values in beside.counted(own_rows, pairs)
+        )
+        counts[own_rows] = counts[beside.near(pairs)] = False
         variances = [extended_target_variances(scan, self._sensor) for scan in scans]
+        own_rows = own_rows[place]
         extra = self._beside_tracks(
             confirmed,
             track,
-            number[:, rows],
-            offset[..., rows],
-            2.0 * np.concatenate(variances, axis=1)[:, rows],
-            (beside.along, beside.across[:, rows]),
+            number,
+            offset,
+            2.0 * np.concatenate(variances, axis=1)[:, own_rows],
+            (beside.along, beside.across[:, own_rows]),
         )
-        area = beside.area[:, rows]
+        area = beside.area[:, own_rows]
         used = area > 0.0
+        rest = sector[counts[sector]]
+        others, of_rest, _ = beside.counted(rest, beside.pairs(rest, counts))
+        groups = _extended_target_detections(others, of_rest, beside.area[:, rest], density)
         self._more = self._more.faded(
             keep,
             (used * extra).sum(axis=1) + groups.counted,
-            np.stack([density * area.sum(axis=1), *(used * strips[..., rows]).sum(axis=2)])
-            + groups.expected,
+            np.stack([density * area.sum(axis=1), *(used * strips).sum(axis=2)]) + groups.expected,
         )
 
     def _beside_tracks(
@@ -363,15 +372,6 @@ def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
     along = sensor.range_variance(scan.range) if range_std is None else range_std**2
     angle = np.full(len(scan), sensor.azimuth_std) if angle is None else angle
     return np.stack([along, (angle * scan.range) ** 2])
-
-
-def _extended_target_sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
-    """Sums of values (..., n) over the rows of each group (n,), ascending, (..., count)."""
-    first = np.searchsorted(group, np.arange(count + 1))
-    # The sum of an empty group is its first value here.
-    with_end = np.append(values, np.zeros((*values.shape[:-1], 1)), axis=-1)
-    sums = np.add.reduceat(with_end, first[:-1], axis=-1)
-    return np.asarray(np.where(np.diff(first) > 0, sums, 0.0))
 
 
 @dataclass(frozen=True)
