@@ -177,30 +177,25 @@ class Beside:
             np.maximum(self.along, self.across) < range, 4.0 * self.along * self.across, 0.0
         )
 
-    def pairs(self, centre: IntArray, counts: BoolArray) -> IntArray:
-        """Pairs (k,) of some of the centres, and of a detection that counts, (n,)."""
-        chosen = np.zeros(len(counts), bool)
-        chosen[centre] = True
-        return np.flatnonzero(chosen[self.row] & counts[self.other])
-
-    def near(self, pairs: IntArray) -> IntArray:
-        """The detections of some of the pairs in the largest box around their centres, (k,)."""
-        return self.other[pairs[self._parts[0, -1, pairs] > 0.0]]
-
     def counted(
-        self, centre: IntArray, pairs: IntArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What the pairs of some centres (c,), ascending, are: others, those in strips, and where.
+        self, centre: IntArray, counts: BoolArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """What counts (n,) beside some of the centres (c,), ascending.
 
         Number in the box (e, c); numbers in the strips of the same area beside it, and before and
-        behind it (2, e, c); mean offset of the others along and across (2, e, c), m.
+        behind it (2, e, c); mean offset of the others along and across (2, e, c), m; and the
+        detections in the largest box around any of them.
         """
-        first = np.searchsorted(self.row[pairs], np.append(centre, len(self.area.T)))
+        chosen = np.zeros(len(counts), bool)
+        chosen[centre] = True
+        pairs = np.flatnonzero(chosen[self.row] & counts[self.other])
+        first = np.searchsorted(self.row[pairs], np.append(centre, len(counts)))
         # The sum of an empty group is its first value here.
         parts = np.zeros((*self._parts.shape[:2], len(pairs) + 1))
         parts[..., :-1] = self._parts[..., pairs]
         sums = np.add.reduceat(parts, first[:-1], axis=-1) * (np.diff(first) > 0)
-        return sums[0], sums[1:3], sums[3:] / np.maximum(sums[0], 1.0)
+        near = self.other[pairs[self._parts[0, -1, pairs] > 0.0]]
+        return sums[0], sums[1:3], sums[3:] / np.maximum(sums[0], 1.0), near
 
 
 def extended_target_log_ratio(
@@ -238,7 +233,9 @@ class ExtendedTargetTest:
     @property
     def log_ratio(self) -> float:
         """The largest L."""
-        return _largest_extended_target_ratio(self._more)
+        more, prior = self._more, np.array([[0.0], [PRIOR], [PRIOR]])
+        ratios = extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0))
+        return float(ratios.max())
 
     @property
     def extent(self) -> GroupingExtent:
@@ -287,7 +284,7 @@ class ExtendedTargetTest:
         start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
         sector, counts = np.sort(order[start : start + most]), np.ones(len(order), bool)
         beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self._extents)
-        number, strips, _ = beside.counted(sector, beside.pairs(sector, counts))
+        number, *_ = beside.counted(sector, counts)
         area = beside.area[:, sector]
         group = (area > 0.0) & (number[-1] > 1.0)
         some = (group * number / (number + 1.0)).sum(axis=1)
@@ -295,11 +292,9 @@ class ExtendedTargetTest:
         expected = 0.5 * density * (group * area).sum(axis=1)
         self._pairs = self._pairs.faded(keep, some, expected)
         counts[rows[pair[apart[track]]]] = False
-        pairs = beside.pairs(own_rows, counts)
-        number, strips, offset = (
-            values.take(place, axis=-1) for values in beside.counted(own_rows, pairs)
-        )
-        counts[own_rows] = counts[beside.near(pairs)] = False
+        *found, near = beside.counted(own_rows, counts)
+        number, strips, offset = (values.take(place, axis=-1) for values in found)
+        counts[own_rows] = counts[near] = False
         variances = [extended_target_variances(scan, self._sensor) for scan in scans]
         own_rows = own_rows[place]
         extra = self._beside_tracks(
@@ -313,7 +308,7 @@ class ExtendedTargetTest:
         area = beside.area[:, own_rows]
         used = area > 0.0
         rest = sector[counts[sector]]
-        others, of_rest, _ = beside.counted(rest, beside.pairs(rest, counts))
+        others, of_rest, *_ = beside.counted(rest, counts)
         groups = _extended_target_detections(others, of_rest, beside.area[:, rest], density)
         self._more = self._more.faded(
             keep,
@@ -344,12 +339,6 @@ class ExtendedTargetTest:
         resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
         # As long as these may be a second target's, one a ping does not count.
         return np.maximum(number - ~(resolved & ~one_side), 0.0)
-
-
-def _largest_extended_target_ratio(more: Excess) -> float:
-    """The largest L of counts, by size of box."""
-    prior = np.array([[0.0], [PRIOR], [PRIOR]])
-    return float(extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0)).max())
 
 
 def _extended_target_detections(
@@ -461,6 +450,7 @@ class ExtendedTargets:
         self.scatter = ExtendedTargetDispersion()
         self.test = ExtendedTargetTest(self.sensor)
         self._row = np.zeros(0, np.int64)
+        self._last: tuple[Scan, BoolArray] = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, bool)
         self._taken: list[tuple[Scan, BoolArray, OwnDetections]] = []
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
@@ -504,10 +494,7 @@ class ExtendedTargets:
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        self._row = np.arange(len(scan))
-        if self._learns and len(scan):
-            none = np.zeros(0, np.int64)
-            self._taken.append((scan, ~stays, (none, none)))
+        self._row, self._last = np.arange(len(scan)), (scan, ~stays)
         if not self.active or not len(scan):
             return None
         extent = self.extent
@@ -519,32 +506,35 @@ class ExtendedTargets:
         self._row = clusters.strongest
         return clusters
 
-    def take_own(self, own: OwnDetections) -> None:
-        """Take the detections in the last scan's clusters that are confirmed tracks' own."""
-        if self._learns and len(self._row):
-            self._taken[-1] = *self._taken[-1][:2], (own[0], self._row[own[1]])
-
-    def learn(self, confirmed: ConfirmedTracks, density: float) -> None:
-        """Learn from the scans taken whether targets have several detections.
+    def learn(
+        self, own: OwnDetections, confirmed: ConfirmedTracks, density: float, whole: bool
+    ) -> None:
+        """Learn from the scans of a batch, the last one included, once it is whole.
 
         Parameters
         ----------
+        own : OwnDetections
+            Those in the last scan's clusters that are confirmed tracks'.
         confirmed : ConfirmedTracks
             At the last scan.
         density : float
             Mean clutter density, 1/m^2.
+        whole : bool
+            Whether the last scan is the last of its batch.
         """
-        taken, self._taken = self._taken, []
-        if not taken:
+        if self._learns and len(self._row):
+            self._taken.append((*self._last, (own[0], self._row[own[1]])))
+        if not whole or not self._taken:
             return
-        scans, own = [], []
+        taken, self._taken = self._taken, []
+        scans, owned = [], []
         for scan, counts, (track_id, row) in taken:
             scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
             still = counts[row]
-            own.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
+            owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
         tracks = confirmed.tracks
         apart = ~of_older(tracks, np.zeros(len(tracks)))
-        self.test.update(scans, density, own, tracks.track_id, apart)
+        self.test.update(scans, density, owned, tracks.track_id, apart)
         self.seen = self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:
