@@ -49,7 +49,7 @@ from tsepm_ros.tracker.sensor import (
     sensor_echo_poses,
     sensor_looked_at,
 )
-from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
@@ -357,10 +357,13 @@ class Tracker:
         A start without the margin of a second target is, up to twice the variance of a place on
         it. A fixed echo is no part of a target that moves, and a track that coasts ends no other.
         """
-        confirmed, current = self.maintenance.confirmed.tracks, self.maintenance.current
-        coasting = np.setdiff1d(current.track_id, current.sure.track_id)
-        others = np.append(self.maintenance.fixed_echoes.track_id, coasting)
-        judged = np.append(~np.isin(confirmed.track_id, others), np.ones(len(starts), bool))
+        confirmed, announced = (
+            self.maintenance.confirmed.tracks,
+            self.maintenance.confirmed.announced,
+        )
+        others = announced & (confirmed.status == TrackStatus.COASTING)
+        others |= confirmed.status == TrackStatus.STANDS_STILL
+        judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
