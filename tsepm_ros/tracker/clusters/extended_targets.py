@@ -171,31 +171,33 @@ class Beside:
         inside = (depth <= 1.0) & (width <= 1.0)
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
-        parts = np.stack([inside, beside, behind, inside * far, inside * aside])
-        self._parts = np.asarray(parts, float)
+        self._parts = np.zeros((5, len(inside), len(far) + 1))
+        self._parts[..., :-1] = inside, beside, behind, inside * far, inside * aside
         self.area = np.where(
             np.maximum(self.along, self.across) < range, 4.0 * self.along * self.across, 0.0
         )
 
     def counted(
-        self, centre: IntArray, counts: BoolArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        self, centre: IntArray, counts: BoolArray, kinds: int = 1
+    ) -> tuple[FloatArray, IntArray]:
         """What counts (n,) beside some of the centres (c,), ascending.
 
-        Number in the box (e, c); numbers in the strips of the same area beside it, and before and
-        behind it (2, e, c); mean offset of the others along and across (2, e, c), m; and the
-        detections in the largest box around any of them.
+        Returns
+        -------
+        sums : (kinds, e, c) ndarray
+            Number in the box; numbers in the strips of the same area beside it, and before and
+            behind it; sum of the offsets of the others in the box along and across, m.
+        near : (k,) ndarray of int
+            The detections in the largest box around any of them.
         """
         chosen = np.zeros(len(counts), bool)
         chosen[centre] = True
         pairs = np.flatnonzero(chosen[self.row] & counts[self.other])
         first = np.searchsorted(self.row[pairs], np.append(centre, len(counts)))
         # The sum of an empty group is its first value here.
-        parts = np.zeros((*self._parts.shape[:2], len(pairs) + 1))
-        parts[..., :-1] = self._parts[..., pairs]
+        parts = self._parts[:kinds].take(np.append(pairs, len(self.row)), axis=-1)
         sums = np.add.reduceat(parts, first[:-1], axis=-1) * (np.diff(first) > 0)
-        near = self.other[pairs[self._parts[0, -1, pairs] > 0.0]]
-        return sums[0], sums[1:3], sums[3:] / np.maximum(sums[0], 1.0), near
+        return sums, self.other[pairs[parts[0, -1, :-1] > 0.0]]
 
 
 def extended_target_log_ratio(
@@ -284,7 +286,7 @@ class ExtendedTargetTest:
         start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
         sector, counts = np.sort(order[start : start + most]), np.ones(len(order), bool)
         beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self._extents)
-        number, *_ = beside.counted(sector, counts)
+        (number,), _ = beside.counted(sector, counts)
         area = beside.area[:, sector]
         group = (area > 0.0) & (number[-1] > 1.0)
         some = (group * number / (number + 1.0)).sum(axis=1)
@@ -292,8 +294,8 @@ class ExtendedTargetTest:
         expected = 0.5 * density * (group * area).sum(axis=1)
         self._pairs = self._pairs.faded(keep, some, expected)
         counts[rows[pair[apart[track]]]] = False
-        *found, near = beside.counted(own_rows, counts)
-        number, strips, offset = (values.take(place, axis=-1) for values in found)
+        sums, near = beside.counted(own_rows, counts, 5)
+        number, *strips, along, across = sums.take(place, axis=-1)
         counts[own_rows] = counts[near] = False
         variances = [extended_target_variances(scan, self._sensor) for scan in scans]
         own_rows = own_rows[place]
@@ -301,19 +303,22 @@ class ExtendedTargetTest:
             confirmed,
             track,
             number,
-            offset,
+            np.stack([along, across]) / np.maximum(number, 1.0),
             2.0 * np.concatenate(variances, axis=1)[:, own_rows],
             (beside.along, beside.across[:, own_rows]),
         )
         area = beside.area[:, own_rows]
         used = area > 0.0
         rest = sector[counts[sector]]
-        others, of_rest, *_ = beside.counted(rest, counts)
-        groups = _extended_target_detections(others, of_rest, beside.area[:, rest], density)
+        (others, *of_rest), _ = beside.counted(rest, counts, 3)
+        groups = _extended_target_detections(
+            others, np.stack(of_rest), beside.area[:, rest], density
+        )
         self._more = self._more.faded(
             keep,
             (used * extra).sum(axis=1) + groups.counted,
-            np.stack([density * area.sum(axis=1), *(used * strips).sum(axis=2)]) + groups.expected,
+            np.stack([density * area.sum(axis=1), *(used * np.stack(strips)).sum(axis=2)])
+            + groups.expected,
         )
 
     def _beside_tracks(
