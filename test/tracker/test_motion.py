@@ -153,7 +153,7 @@ def test_prediction_is_that_of_nearly_constant_velocity(step, noise):
         np.testing.assert_allclose(spread[row], expected, rtol=1e-9, atol=1e-9)
 
 
-def test_an_update_is_by_the_gain_of_the_stacked_matrices_and_bayes():
+def test_a_gain_is_that_of_the_stacked_matrices_and_the_update_is_bayes():
     rng = np.random.default_rng(8)
     root = rng.normal(size=(3, 4, 4))
     covariance = root @ np.swapaxes(root, 1, 2)
@@ -168,6 +168,7 @@ def test_an_update_is_by_the_gain_of_the_stacked_matrices_and_bayes():
         motion.position_covariance_after(covariance, np.zeros(3)), covariance[:, 0::2, 0::2]
     )
     gain = covariance @ np.swapaxes(h, 1, 2) @ np.linalg.inv(spread)
+    np.testing.assert_allclose(motion.kalman_gain(covariance, elapsed, spread), gain)
     found = motion.update(state, covariance, elapsed, innovation, spread)
     np.testing.assert_allclose(found[0], state + np.einsum("nij,nj->ni", gain, innovation))
     information = np.linalg.inv(covariance) + np.swapaxes(h, 1, 2) @ np.linalg.inv(error) @ h

@@ -199,7 +199,7 @@ def update(
 ) -> tuple[FloatArray, FloatArray]:
     """Update states with positions measured after the states' times.
 
-    ``K = P H' S^-1``, ``x + K (z - H x)``, ``P - K H P``, ``H = [[1, t, 0, 0], [0, 0, 1, t]]``
+    ``K = P H' S^-1``, ``x + K (z - H x)``, ``P - K S K'``, ``H = [[1, t, 0, 0], [0, 0, 1, t]]``
 
     Parameters
     ----------
@@ -217,12 +217,19 @@ def update(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
+    gain = kalman_gain(covariance, time_after_state, innovation_covariance)
+    state = state + (gain @ innovation[..., None])[..., 0]
+    return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
+
+
+def kalman_gain(
+    covariance: FloatArray, time_after_state: FloatArray, innovation_covariance: FloatArray
+) -> FloatArray:
+    """Kalman gain ``K = P H' S^-1``, (..., 4, 2), for arguments as in `update`."""
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
-    gain = cross @ inverse_covariance(innovation_covariance)
-    state = state + (gain @ innovation[..., None])[..., 0]
-    return state, covariance - gain @ np.swapaxes(cross, -1, -2)
+    return np.asarray(cross @ inverse_covariance(innovation_covariance))
 
 
 def log_likelihood(

@@ -52,7 +52,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import MEMORY
+from tsepm_ros.tracker.polar_grid import BATCH_TIME, MEMORY
 from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -225,8 +225,8 @@ class ExtendedTargetTest:
 
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
-        self._extents = extended_target_boxes(sensor)
-        sizes = self._extents.shape[1]
+        self.extents = extended_target_boxes(sensor)
+        sizes = self.extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = Excess(np.zeros(sizes), np.zeros((3, sizes)))
@@ -245,7 +245,7 @@ class ExtendedTargetTest:
         ratios = extended_target_log_ratio(
             self._pairs.counted, self._pairs.expected + LEAST, LARGEST
         )
-        return GroupingExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
+        return GroupingExtent(*(WHOLE * self.extents[:, np.argmax(ratios), 0]).tolist())
 
     def update(
         self,
@@ -285,7 +285,7 @@ class ExtendedTargetTest:
         order, most = np.argsort(azimuth, kind="stable"), MOST_CENTRES * len(scans)
         start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
         sector, counts = np.sort(order[start : start + most]), np.ones(len(order), bool)
-        beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self._extents)
+        beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self.extents)
         (number,), _ = beside.counted(sector, counts)
         area = beside.area[:, sector]
         group = (area > 0.0) & (number[-1] > 1.0)
@@ -457,6 +457,7 @@ class ExtendedTargets:
         self._row = np.zeros(0, np.int64)
         self._last: tuple[Scan, BoolArray] = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, bool)
         self._taken: list[tuple[Scan, BoolArray, OwnDetections]] = []
+        self._learned = -math.inf
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
@@ -514,7 +515,7 @@ class ExtendedTargets:
     def learn(
         self, own: OwnDetections, confirmed: ConfirmedTracks, density: float, whole: bool
     ) -> None:
-        """Learn from the scans of a batch, the last one included, once it is whole.
+        """Learn from the scans of a batch, the last one included, once it is whole, or sooner.
 
         Parameters
         ----------
@@ -527,10 +528,16 @@ class ExtendedTargets:
         whole : bool
             Whether the last scan is the last of its batch.
         """
+        scan, (track_id, rows) = self._last[0], own
         if self._learns and len(self._row):
-            self._taken.append((*self._last, (own[0], self._row[own[1]])))
+            self._taken.append((*self._last, (track_id, self._row[rows])))
+            # Three detections in a box may be a target's: these wait for half a second at most.
+            ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
+            several = (ranges[2:] - ranges[:-2]).min(initial=math.inf) <= size
+            whole |= bool(several) and scan.stamp - self._learned >= BATCH_TIME - 1e-9
         if not whole or not self._taken:
             return
+        self._learned = scan.stamp
         taken, self._taken = self._taken, []
         scans, owned = [], []
         for scan, counts, (track_id, row) in taken:
