@@ -49,7 +49,7 @@ from tsepm_ros.tracker.sensor import (
     sensor_echo_poses,
     sensor_looked_at,
 )
-from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
@@ -225,8 +225,9 @@ class Tracker:
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
             track_id, row = self.maintenance.own_detections
-            if len(row):
-                self._own.append((track_id, taken(detections, row)))
+            rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
+            if len(rows):
+                self._own.append((track_id[rows], taken(detections, row[rows])))
             self.maintenance.manoeuvre.update(
                 *self.maintenance.innovations,
                 self.common,
@@ -337,10 +338,13 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        if self.method.most_tracks_true:
-            self.extended_targets.take_own(self.maintenance.probable_detections)
-        if self.learned.batch.is_new:
-            self.extended_targets.learn(self.maintenance.confirmed, self.clutter_density)
+        none = np.zeros(0, np.int64)
+        self.extended_targets.learn(
+            self.maintenance.probable_detections if self.method.most_tracks_true else (none, none),
+            self.maintenance.confirmed,
+            self.clutter_density,
+            self.learned.batch.is_new,
+        )
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
@@ -350,10 +354,13 @@ class Tracker:
         A start without the margin of a second target is, up to twice the variance of a place on
         it. A fixed echo is no part of a target that moves, and a track that coasts ends no other.
         """
-        confirmed, current = self.maintenance.confirmed.tracks, self.maintenance.current
-        coasting = np.setdiff1d(current.track_id, current.sure.track_id)
-        others = np.append(self.maintenance.fixed_echoes.track_id, coasting)
-        judged = np.append(~np.isin(confirmed.track_id, others), np.ones(len(starts), bool))
+        confirmed, announced = (
+            self.maintenance.confirmed.tracks,
+            self.maintenance.confirmed.announced,
+        )
+        others = announced & (confirmed.status == TrackStatus.COASTING)
+        others |= confirmed.status == TrackStatus.STANDS_STILL
+        judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
@@ -365,17 +372,13 @@ class Tracker:
 
     def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
-        taken_rows, self._own = self._own, []
-        if not taken_rows:
-            return
-        track_ids, detections = zip(*taken_rows, strict=True)
-        own = appended_arrays(*detections)
-        rows = np.flatnonzero(np.isnan(own["range_std"]))
-        own = taken(own, rows)
-        variance = self.sensor.range_variance(measured_polar(own)[0])
-        confirmed = self.maintenance.confirmed
-        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
-        self.learned.errors.update(np.concatenate(track_ids)[rows], own, variance, ids, moves)
+        if self._own:
+            track_id, detections = zip(*self._own, strict=True)
+            own, confirmed = appended_arrays(*detections), self.maintenance.confirmed
+            variance = self.sensor.range_variance(measured_polar(own)[0])
+            ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
+            self.learned.errors.update(np.concatenate(track_id), own, variance, ids, moves)
+            self._own = []
 
     def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
