@@ -167,6 +167,8 @@ class ImageInput:
             sample.check()
         except ValueError as error:
             raise MessageError("own_ship_invalid", str(error)) from None
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        sample = replace(sample, stamp=sample.stamp - given.own_ship_delay)
         if not self.poses.add(sample) and self.poses.late_span > MAX_LATE:
             self.poses.start_over()
 

@@ -95,7 +95,8 @@ class SonarDetector(BaseNode):
     def _look_up(self, header: Any) -> None:
         """Take the pose of the sensor at a message, or the newest before, from tf."""
         stamp = header.stamp.sec + 1e-9 * header.stamp.nanosec
-        frame = self.options[SonarDetectorNodeOptions].fixed_frame
+        options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
+        frame, stamp = options.fixed_frame, stamp + options.own_ship_delay
         try:
             self._input.add_pose(tf_own_ship(self._tf, frame, header.frame_id, stamp))
         except MessageError as error:

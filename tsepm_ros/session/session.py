@@ -42,6 +42,7 @@ from tsepm_ros.session.inputs import (
     refuse_input_size,
     register_input,
 )
+from tsepm_ros.session.registration_check import RegistrationCheck
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
@@ -245,6 +246,7 @@ class Session:
         self._losses = LossCheck()
         self._repetitions = RepetitionCheck(), RepetitionCheck()  # of messages, and of scans
         self._sensor_check = SensorCheck()
+        self._registration = RegistrationCheck(self.settings.session.own_ship_delay)
         self.arrived_stamp: float | None = None
         self._queue = ScanInputQueue(self.settings)
         self._sweep = Sweep(self.settings)
@@ -315,8 +317,11 @@ class Session:
         except ValueError as error:
             self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return
+        sample = replace(sample, stamp=sample.stamp - self.settings.session.own_ship_delay)
         refusal = self._frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
+        if refusal is None:
+            self._registration.add_pose(sample)
 
     def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
@@ -445,6 +450,7 @@ class Session:
         self._totals_before = self.totals
         self.tracker.reset()
         self._sensor_check = SensorCheck()
+        self._registration.start_over()
 
     def _must_wait(self, first: Waiting) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
@@ -469,6 +475,9 @@ class Session:
             return None
         self._queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
+        if self.own_ship.moves:
+            check, settings = self._registration, self.settings
+            self._report_all(check.take(arrived, scan, settings.sensor, settings.mounting))
         if first.arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
             self._start_over()

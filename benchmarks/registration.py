@@ -1,0 +1,149 @@
+"""Set up wrong, told so: what is said of clocks, mirrors, ranges and errors, when, and what then.
+
+Each row has a sonar on a vessel that turns and moves, objects that stand, clutter, and a diver. One
+thing is set up wrong; after its note the same scene is run again with the remedy.
+
+    python benchmarks/registration.py --seeds 20
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.pose_history import PoseSample
+
+START = 1000.0
+"""Stamp of the first scan, s."""
+
+
+@dataclass(frozen=True)
+class Sonar:
+    """A sonar as it is, its period (s), and false detections a scan."""
+
+    sensor: SensorModel
+    period: float
+    clutter: float
+
+
+def _sonar(range_std: float, degrees: float, reach: float, half: float, period: float) -> Sonar:
+    sensor = SensorModel(
+        range_std=range_std,
+        range_std_fraction=0.0,
+        azimuth_std=math.radians(degrees),
+        min_range=0.02 * reach,
+        max_range=reach,
+        azimuth_min=-math.radians(half),
+        azimuth_max=math.radians(half),
+    )
+    return Sonar(replace(sensor, clutter_density=6.0 / sensor.coverage_area), period, 6.0)
+
+
+SONARS = {
+    "imaging": _sonar(0.1, 0.6, 40.0, 60.0, 0.2),
+    "all round": _sonar(0.3, 1.5, 100.0, 180.0, 1.0),
+    "fast": _sonar(0.1, 1.0, 30.0, 35.0, 0.1),
+    "slow": _sonar(3.0, 1.0, 400.0, 180.0, 3.0),
+}
+WAYS = ("turns", "a turn", "straight", "rest", "circle", "waves")
+
+
+def way(name: str, times: FloatArray, reach: float, rng: np.random.Generator) -> FloatArray:
+    """Poses (n, 3) of a vessel at times: x, y, yaw."""
+    slow = reach / 40.0 if reach > 100.0 else 1.0  # a ship of a long range is no faster in turning
+    fine = np.arange(0.0, times.max() + 1.0, 0.02)
+    rate = np.zeros(len(fine))
+    full = math.radians(4.8)
+    if name in ("turns", "a turn"):
+        begin, sign = 10.0 + 5.0 * rng.random(), rng.choice([-1.0, 1.0])
+        while begin < fine[-1]:
+            angle = math.radians(20.0 if name == "a turn" else rng.uniform(20.0, 60.0))
+            ends = begin + angle / full
+            rate[(fine >= begin) & (fine < ends)] = sign * full
+            begin = math.inf if name == "a turn" else ends + rng.uniform(5.0, 15.0)
+            sign = -sign
+    elif name == "circle":
+        rate[:] = math.radians(2.0)
+    elif name == "waves":
+        rate = math.radians(3.0) * np.cos(2 * math.pi * fine / 7.0 + rng.uniform(0, 6))
+    yaw = np.cumsum(rate) * 0.02 + rng.uniform(-3.0, 3.0)
+    speed = {"rest": 0.0, "a turn": 0.0}.get(name, 0.7) * slow
+    x, y = np.cumsum(speed * np.cos(yaw)) * 0.02, np.cumsum(speed * np.sin(yaw)) * 0.02
+    return np.stack([np.interp(times, fine, a) for a in (x, y, yaw)], axis=1)
+
+
+class Truth(NamedTuple):
+    """A diver at the time of a scan: state (4,)."""
+
+    state: FloatArray
+
+
+def scene(
+    sonar: Sonar, name: str, seed: int, seconds: float, standing: int = 10, diver: bool = True
+) -> Iterator[tuple[list[PoseSample], Scan, FloatArray]]:
+    """Poses since the last scan, a scan as a right driver sends it, and the diver's state."""
+    rng = np.random.default_rng(seed)
+    sensor = sonar.sensor
+    times = np.arange(0.0, seconds, sonar.period)
+    of_poses = np.arange(0.0, seconds + 3.0, 0.1)
+    poses = way(name, of_poses, sensor.max_range, np.random.default_rng(seed))
+    track = poses[:: max(len(poses) // 50, 1)]
+    at = track[rng.integers(len(track), size=standing)]
+    far, around = sensor.max_range * rng.uniform(0.15, 0.95, standing), rng.uniform(-1, 1, standing)
+    half = min(0.5 * sensor.sector_width + 0.3, math.pi)
+    fixed = at[:, :2] + far[:, None] * np.stack(
+        [np.cos(at[:, 2] + half * around), np.sin(at[:, 2] + half * around)], axis=1
+    )
+    middle = np.interp(0.5 * seconds, of_poses, poses[:, 2])
+    speed = 0.5 * (sensor.max_range / 40.0 if sensor.max_range > 100 else 1.0)
+    heading = rng.uniform(-3, 3)
+    velocity = speed * np.array([math.cos(heading), math.sin(heading)])
+    sent = 0
+    for time in times:
+        pose = np.array([np.interp(time, of_poses, poses[:, k]) for k in range(3)])
+        # The diver swims to and fro ahead of the vessel.
+        leg = abs((time * speed / (0.4 * sensor.max_range)) % 2.0 - 1.0) - 0.5
+        sign = -1.0 if (time * speed / (0.4 * sensor.max_range)) % 2.0 < 1.0 else 1.0
+        place = (
+            poses[0, :2]
+            + 0.5 * sensor.max_range * np.array([math.cos(middle), math.sin(middle)])
+            + leg * 0.4 * sensor.max_range * velocity / speed
+        )
+        state = np.array([place[0], sign * velocity[0], place[1], sign * velocity[1]])
+        objects = np.vstack([fixed, place[None]]) if diver else fixed
+        east, north = (objects - pose[:2]).T
+        r, a = np.hypot(east, north), np.arctan2(north, east) - pose[2]
+        seen = sensor.covers(r, a) & (rng.random(len(r)) < 0.9)
+        r = r[seen] + sensor.range_std * rng.standard_normal(seen.sum())
+        a = a[seen] + sensor.azimuth_std * rng.standard_normal(seen.sum())
+        n = rng.poisson(sonar.clutter)
+        low, high = sensor.min_range**2, sensor.max_range**2
+        r = np.append(r, np.sqrt(rng.uniform(low, high, n)))
+        a = np.append(a, rng.uniform(sensor.azimuth_min, sensor.azimuth_max, n))
+        until = int(np.searchsorted(of_poses, time + 0.15))
+        samples = [
+            PoseSample(START + t, *p, frame_id="odom", child_frame_id="sonar")
+            for t, p in zip(of_poses[sent:until], poses[sent:until].tolist(), strict=True)
+        ]
+        sent = max(sent, until)
+        yield samples, Scan(START + time, np.maximum(r, 0.01), a), state
+
+
+def wrongly(kind: str, samples, scan: Scan, sensor: SensorModel):
+    """What a driver that is set up wrong sends of it."""
+    if kind == "mirrored":
+        return samples, scan.replaced(azimuth=-scan.azimuth)
+    if kind == "reversed":
+        return samples, scan.replaced(
+            range=np.clip(sensor.min_range + sensor.max_range - scan.range, 0.01, None)
+        )
+    if kind.startswith("late"):
+        late = float(kind.split()[1])
+        return [replace(one, stamp=one.stamp + late) for one in samples], scan
+    return samples, scan
