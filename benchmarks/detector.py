@@ -36,11 +36,13 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
+from result_tables import printed, write_table
 from scipy import ndimage
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
 from tsepm_ros.detector.cfar import cfar_peaks, cfar_smoothed
+from tsepm_ros.tools.evaluation.result_files import add_result_file
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
 from tsepm_ros.tools.simulation.scenario import (
@@ -48,7 +50,7 @@ from tsepm_ros.tools.simulation.scenario import (
     ScenarioOwnShipMotion,
     TargetStrength,
 )
-from tsepm_ros.tools.terminal import terminal_markdown_table, terminal_progress
+from tsepm_ros.tools.terminal import terminal_progress
 
 Rows = Iterator[Sequence[str]]
 
@@ -317,15 +319,19 @@ def radar_table(options: argparse.Namespace) -> Rows:
 
 def pool_table(options: argparse.Namespace) -> Rows:
     """Labelled swimmers of the pool detected and held, and what else was detected and held."""
-    yield ["false", "extent", "labels detected", "others a scan", "false from scan 21 on, a scan",
-           "held", "tracks elsewhere a minute"]  # fmt: skip
+    yield ["starts by", "stated", "extent", "labels detected", "others per scan",
+           "false per scan from 21 on", "labels held", "tracks elsewhere per minute"]  # fmt: skip
     known = {"range_extent": 0.6, "azimuth_extent": 15 * np.pi / 200}
-    for number in (3.0, 5.0, 8.0, 20.0):
-        for extent, words in ((known, "0.6 m x 13.5 degrees"), ({}, "learned")):
-            yield [f"{number:g}", words, *pool(options, number, extent)]
+    extents = ((known, "0.6 m x 13.5 degrees"), ({}, "learned"))
+    for method, number, (extent, words) in itertools.product(
+        options.method, options.stated or (3.0, 5.0, 8.0, 20.0), extents
+    ):
+        yield [f"`{method}`", f"{number:g}", words, *pool(options, number, extent, method)]
 
 
-def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -> list[str]:
+def pool(
+    options: argparse.Namespace, number: float, extent: dict[str, float], method: str
+) -> list[str]:
     """A row of the pool: labels within 1 m of a detection, held within 1.2 m."""
     folder = options.data / "aquascan"
     data, labels = np.load(folder / "ping360_pool.npz"), collections.defaultdict(list)
@@ -338,8 +344,9 @@ def pool(options: argparse.Namespace, number: float, extent: dict[str, float]) -
         range_std=0.3, range_std_fraction=0.0, azimuth_std=0.05, min_range=0.5, max_range=20.0,
         detection_probability=0.85, clutter_density=number / (np.pi / 2 * 20.0**2),
     )  # fmt: skip
-    initiator = make_initiator("score", sensor=sensor, max_speed=1.5, false_tracks_per_hour=10.0,
-                               clutter_density=options.density)  # fmt: skip
+    rate = {"false_tracks_per_hour": 10.0} if method == "score" else {}
+    initiator = make_initiator(method, sensor=sensor, max_speed=1.5,
+                               clutter_density=options.density, **rate)  # fmt: skip
     detector = make_detector(false_detections_per_ping=number, **extent)
     last, found_, held, count = -1.0, 0, 0, 0
     others, ids, near = [], set(), set()
@@ -589,14 +596,17 @@ def sweeps_table(options: argparse.Namespace) -> Rows:
 
 def clips_table(options: argparse.Namespace) -> Rows:
     """Clips of an imaging sonar that does not move, from image 21 on; fish of the first."""
-    yield ["clip, stated", "not standing over stated", "all", "labels detected", "flagged",
-           "labels held", "ids on fish", "other tracks"]  # fmt: skip
-    for name in ("lamprey1", "lamprey3"):
-        for number in (5.0, 20.0):
-            yield [f"{name}, {number:g}", *clip(options.data / "didson", name, number)]
+    yield ["starts by", "clip, stated", "not standing over stated", "all per image",
+           "labels detected", "flagged", "labels held", "tracks on each fish",
+           "other tracks"]  # fmt: skip
+    for method, name, number in itertools.product(
+        options.method, ("lamprey1", "lamprey3"), options.stated or (5.0, 20.0)
+    ):
+        row = clip(options.data / "didson", name, number, method)
+        yield [f"`{method}`", f"{name}, {number:g}", *row]
 
 
-def clip(folder: Path, name: str, number: float) -> list[str]:
+def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
     """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
     data, labels = np.load(folder / f"{name}.npz"), collections.defaultdict(list)
     azimuth, ranges = data["azimuth_rad"], data["range_m"]
@@ -614,7 +624,7 @@ def clip(folder: Path, name: str, number: float) -> list[str]:
         min_range=ranges[0], max_range=ranges[-1], azimuth_min=azimuth.min(),
         azimuth_max=azimuth.max(),
     )  # fmt: skip
-    initiator = make_initiator("score", sensor=sensor, max_speed=2.0)
+    initiator = make_initiator(method, sensor=sensor, max_speed=2.0)
     counts, found_, ids, fish = [], np.zeros(3, int), set(), collections.defaultdict(set)
     for k, (stamp, image) in enumerate(zip(data["time_s"], data["image"], strict=True)):
         scan = detector.process(SonarImage(float(stamp), ranges, azimuth, image))
@@ -662,13 +672,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--density", default="estimated", choices=("estimated", "given"))
     parser.add_argument("--data", type=Path, help="folder of the real data")
+    parser.add_argument(
+        "--method", nargs="+", default=["score"], help="of pool and clips; default score"
+    )
+    parser.add_argument("--stated", nargs="+", type=float, help="detections, of pool and clips")
+    add_result_file(parser)
     options = parser.parse_args(arguments)
     if options.part in ("pool", "radar", "clips", "sweeps") and options.data is None:
         parser.error("real data need --data FOLDER")
-    rows = PARTS[options.part](options)
-    print(terminal_markdown_table(next(rows), []))
-    for row in rows:
-        print(f"| {' | '.join(row)} |", flush=True)
+    table = printed(PARTS[options.part](options))
+    line = f"python benchmarks/detector.py {options.part}"
+    if options.data:
+        line += " --data FOLDER"
+    if options.part in ("pool", "clips"):
+        stated = [f"{number:g}" for number in options.stated or ()]
+        line += f" --method {' '.join(options.method)}"
+        line += f" --stated {' '.join(stated)}" if stated else ""
+    else:
+        line += f" --images {options.images}"
+    write_table(options.result, line, table, seed=options.seed, runs=1)
 
 
 if __name__ == "__main__":

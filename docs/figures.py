@@ -3,7 +3,8 @@
     python docs/figures.py          fill the tables of README.md and docs/ from docs/results/, and
                                     write the pages that are made from the code
     python docs/figures.py check    fail if a page does not show its result files
-    python docs/figures.py renew    run the commands of the stale result files, and fill
+    python docs/figures.py renew    run the commands of the stale result files, and fill; those of
+                                    real data with --data FOLDER
 
 A table stands between `<!-- figures NAME -->` or `<!-- figures NAME.VIEW -->` and
 `<!-- end of figures -->`; NAME is a file of docs/results/. A result file is stale if it was
@@ -21,7 +22,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -185,22 +186,43 @@ def parameters_page() -> str:
     first: dict[str, str] = {}
     for node, groups in NODES.items():
         parts.append(f"## `{node}`")
-        for method in METHODS:
+        for method in NODE_METHODS:
             groups = settings_with_method(groups, method)
         for prefix in dict.fromkeys(prefix for prefix, _ in groups):
             method = prefix.removesuffix(".")
             if prefix:
                 parts.append(f"### `{prefix}*`")
             if method in METHODS:
-                only = "" if method in NODE_METHODS else " They exist where it is chosen."
-                parts.append(f"Options of the method [`{method}`](methods/{method}.md).{only}")
+                parts.append(f"Options of the method [`{method}`](methods.md#{method}).")
             rows = _parameter_rows(tuple(group for group in groups if group[0] == prefix))
             new = [row for row in rows[2:] if first.setdefault(row, node) == node]
             if new:
                 parts.append("\n".join([*rows[:2], *new]))
             if old := [row.split("|")[1].strip() for row in rows[2:] if row not in new]:
                 parts.append(f"As with `{first[rows[-1]]}`: {', '.join(old)}.")
+        if node == next(iter(NODES)):
+            parts += ["### Other methods", _study_rows(groups, first)]
     return "\n\n".join(parts) + "\n"
+
+
+def _study_rows(groups: Groups, known: Iterable[str]) -> str:
+    """A table of the options of methods that the node has only where they are chosen.
+
+    A meaning that another method has too is not repeated.
+    """
+    lines = ["Each exists only with its [`method`](methods.md).", "", *_parameter_rows(())]
+    meanings = {row.split("|")[3]: row.split("|")[1].strip() for row in known}
+    for method in METHODS:
+        if method in NODE_METHODS:
+            continue
+        own = settings_with_method(groups, method)
+        rows = _parameter_rows(tuple(group for group in own if group[0] == f"{method}."))
+        for row in rows[2:]:
+            _, name, default, meaning, _ = row.split("|")
+            same = meanings.setdefault(meaning, name.strip())
+            as_other = meaning if same == name.strip() else f" As {same}. "
+            lines.append(f"|{name}|{default}|{as_other}|")
+    return "\n".join(lines)
 
 
 def _parameter_rows(groups: Groups) -> list[str]:
@@ -270,22 +292,96 @@ def _rate(estimate: Sequence[float]) -> str:
     return f"{value} ({low}-{high})"
 
 
+RULES = {
+    "score": ("1/h", "10/h", "100/h", "300/h"),
+    "tsepm": ("8/12", "6/8", "5/8"),
+    "kalman": ("8/10", "5/6", "3/5"),
+}
+"""Points of each method from few to many false tracks."""
+
+
 def rules(result: Result) -> str:
-    """`score`, and `tsepm` with M/N rules and f1."""
-    names = [f"`{row['method']}` {row['point']}" for row in result.measures]
-    return curve(result, [name for name in names if not {"f2", "8/16", "3/3"} & set(name.split())])
+    """`score`, and `tsepm` and `kalman` with M/N rules."""
+    return curve(result, [f"`{name}` {point}" for name in RULES for point in RULES[name]])
 
 
-def short_curve(result: Result) -> str:
-    """The points of the README."""
-    return curve(result, ["`score` 1/h", "`score` 10/h", "`score` 100/h", "`tsepm` 5/8"])
+DEFAULTS = {
+    "score": "1/h",
+    "tsepm": "5/8",
+    "split_merge": "5/8",
+    "clutter_test": "size 0.05",
+    "multiple_model": "5/8",
+    "kalman": "3/5",
+    "sequential": "6/10",
+    "heuristic": "3/3, 1 m/s^2, 0 sigma",
+    "logic": "4/5",
+    "hough": "6/8, 300 m",
+    "modified_hough": "4/5, 0.5 rad, 0 sigma",
+}
+"""The operating point of the default options of each method."""
+OTHERS = {
+    "score": ("10/h", "100/h"),
+    "tsepm": ("8/16",),
+    "split_merge": ("7/8",),
+    "heuristic": ("3/3, 2 m/s^2, 2 sigma",),
+    "logic": ("6/8 straight",),
+}
+"""Points that show more of a method."""
 
 
-def with_peers(result: Result) -> str:
-    """`score` beside other trackers, at comparable rates of false tracks."""
-    rules = [f"`{peer}` {rule}" for peer in ("stonesoup", "norfair") for rule in ("6/8", "5/8")]
-    targets = [f"`score` {rate}/h" for rate in (1, 10, 30, 100)]
-    return curve(result, [*targets, *(f"`jipda` {share}" for share in (0.9, 0.7, 0.5)), *rules])
+def methods(result: Result) -> str:
+    """The default point of every method (bold), and some others, after all scans."""
+    last = max(row["scans"] for row in result.measures)
+    rows = {(row["method"], row["point"]): row for row in result.measures if row["scans"] == last}
+    header = ["method and setting", f"P_DT, {last} pings", "false/h", "redundant per run", "NEES"]
+    lines = []
+    for method, default in DEFAULTS.items():
+        for point in (default, *OTHERS.get(method, ())):
+            if (method, point) not in rows:
+                continue
+            name, row = f"`{method}` {point}", rows[method, point]
+            more = [f"{row['redundant_per_run'][0]:.2f}", f"{row['nees'][0]:.1f}"]
+            lines.append([f"**{name}**" if point == default else name, *_cells(row), *more])
+    return terminal_markdown_table(header, lines)
+
+
+def readme(result: Result) -> str:
+    """A sea, a pool and an imaging sonar: `score` beside plain Kalman starts."""
+    rows = {(row["method"], row["point"]): row for row in result.measures if row["scans"] == 16}
+    sea = [
+        f"{100 * row['detection'][0]:.0f} % of targets found, {_plain(row['false_per_hour'][0])} "
+        "false tracks per hour"
+        for row in (rows["score", "10/h"], rows["kalman", "3/5"])
+    ]
+    pool, clips = (read_result(RESULTS / f"{name}.json") for name in ("pool", "clips"))
+    swimmers = [
+        f"{100 * float(row['labels held']):.0f} % of labels held, "
+        f"{row['tracks elsewhere per minute']} tracks elsewhere per minute"
+        for row in _named(pool)
+        if row["extent"] == "learned"
+    ]
+    fish = [
+        f"{row['labels held']} labels held, {row['other tracks']} other tracks"
+        for row in _named(clips)
+        if row["clip, stated"] == "lamprey1, 5"
+    ]
+    scenes = {
+        "sea: one target in 36 km², 36 false detections per ping, 16 pings, simulated": sea,
+        f"pool: Ping360, five swimmers, 30 scans; `{pool.command}`": swimmers,
+        f"river: DIDSON, three fish, 150 images; `{clips.command}`": fish,
+    }
+    return terminal_markdown_table(
+        ["scene", "`score`", "plain Kalman starts, 3/5"],
+        [[scene, *cells] for scene, cells in scenes.items()],
+    )
+
+
+def _named(result: Result) -> list[dict[str, str]]:
+    return [dict(zip(result.header, row, strict=True)) for row in result.rows]
+
+
+def _plain(value: float) -> str:
+    return f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 
 MEASURES = {
@@ -321,9 +417,9 @@ VIEWS: dict[str, Callable[[Result], str]] = {
     "": as_printed,
     "curve": curve,
     "rules": rules,
-    "short-curve": short_curve,
+    "methods": methods,
+    "readme": readme,
     "compared": compared,
-    "with-peers": with_peers,
 }
 
 
@@ -400,12 +496,18 @@ def fill() -> None:
         print(f"filled: {page.relative_to(ROOT)}")
 
 
-def renew(names: Sequence[str]) -> None:
-    """Run the commands of the named result files, of all stale ones if none is named."""
+def renew(names: Sequence[str], data: Path | None = None) -> None:
+    """Run the commands of the named result files, of all stale ones if none is named.
+
+    `data` is the folder of real data; without it, commands that need it are left out.
+    """
     for path in [RESULTS / f"{name}.json" for name in names] or stale():
         command = read_result(path).command
+        arguments = [part if part != "FOLDER" else str(data) for part in shlex.split(command)]
+        if "FOLDER" in command and data is None:
+            print(f"{path.stem} needs --data FOLDER: {command}", flush=True)
+            continue
         print(f"{path.stem}: {command}", flush=True)
-        arguments = shlex.split(command)
         module = {"tsepm": ["-m", "tsepm_ros.tools.commands.cli"], "python": []}[arguments[0]]
         line = [sys.executable, *module, *arguments[1:], "--result", str(path)]
         if path.stem in PICTURES:
@@ -422,9 +524,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("action", nargs="?", default="fill", choices=("fill", "check", "renew"))
     parser.add_argument("name", nargs="*", help="result files to renew; all stale ones if none")
+    parser.add_argument("--data", type=Path, help="folder of the real data, for their figures")
     options = parser.parse_args(arguments)
     if options.action == "renew":
-        renew(options.name)
+        renew(options.name, options.data)
     elif options.action == "fill":
         fill()
     for problem in (found := problems()):

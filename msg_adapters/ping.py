@@ -268,7 +268,7 @@ def read_by(readers: Mapping[str, Callable[..., T]], message: Any, *options: Any
         raise MessageError(
             "unknown_version",
             f"this {name} is of a version that is not read: its fields differ at {field}; "
-            "docs/messages.md says which versions are read",
+            "docs/topics.md says which versions are read",
         ) from error
 
 

@@ -2,17 +2,15 @@
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.sessions import arrived
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import SessionOptions
-from tsepm_ros.settings.settings import Settings
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import Mounting, register_in_fixed_frame
+from tsepm_ros.session.registration_check import RegistrationCheck
 
 SENSOR = SensorModel(
     range_std=0.1,
@@ -34,27 +32,18 @@ def way(time: float, *, turns: bool, speed: float) -> tuple[float, float, float]
 
 
 def notes(
-    wrong: str = "", *, turns=True, speed=0.3, standing=10, seconds=60.0, late=0.0, **options
+    wrong: str = "", *, turns=True, speed=0.3, standing=10, seconds=60.0, late=0.0, delay=0.0
 ) -> list[str]:
     """Sentences about the registration of a sonar among things that stand, and of clutter."""
     rng, said = np.random.default_rng(3), []
-
-    def report(reason: str, sentence: str) -> None:
-        said.extend([sentence] * (reason == "registration"))
-
-    session = Session(
-        Settings(
-            session=SessionOptions(own_ship_source="odometry", **options),
-            sensor=SENSOR,
-        ),
-        report,
-    )
+    check, poses = RegistrationCheck(delay), PoseHistory(max_extrapolation=1.0)
     things = np.column_stack([rng.uniform(3.0, 45.0, standing), rng.uniform(-25, 25, standing)])
     sent = 0.0
     for time in np.arange(1.0, seconds, 0.25):
         while sent < time + 0.8:
-            sample = PoseSample(sent + late, *way(sent, turns=turns, speed=speed))
-            session.add_own_ship(replace(sample, frame_id="odom", child_frame_id="sonar"))
+            sample = PoseSample(sent + late - delay, *way(sent, turns=turns, speed=speed))
+            poses.add(sample)
+            check.add_pose(sample)
             sent += 0.1
         x, y, yaw = way(time, turns=turns, speed=speed)
         east, north = (things - (x, y)).T
@@ -67,9 +56,10 @@ def notes(
             azimuth = -azimuth
         elif wrong == "reversed":
             range_ = 40.5 - range_
-        session.add_scan(arrived(Scan(float(time), range_, azimuth)), -math.inf)
-        list(session.process())
-    return said
+        scan = arrived(Scan(float(time), range_, azimuth))
+        registered = register_in_fixed_frame(scan, poses, Mounting())
+        said += check.take(scan, registered, SENSOR, Mounting())
+    return [notice.sentence for notice in said]
 
 
 def test_a_right_set_up_is_silent():
@@ -98,7 +88,7 @@ def test_a_clock_of_own_ship_is_said_with_its_shift_and_following_it_silences_th
     assert error < 0.08
     assert ("late" if late > 0.0 else "early") in said
     remedy = float(re.search(r"own_ship_delay (-?[\d.]+)", said)[1])
-    assert notes(late=late, own_ship_delay=remedy) == []
+    assert notes(late=late, delay=remedy) == []
 
 
 @pytest.mark.parametrize("late", [0.0, 0.4])

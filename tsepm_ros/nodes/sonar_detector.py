@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import MessageError, detections_cloud, diagnostics, make_header
@@ -60,6 +61,7 @@ class SonarDetector(BaseNode):
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
         self._asked = Future()
         self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
+        self._reset = options.tracker and self.create_client(Trigger, f"{options.tracker}/reset")
         self._images = DetectionsSubscription(
             self,
             options.image_type,
@@ -121,6 +123,8 @@ class SonarDetector(BaseNode):
             self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
             self._follow(ping)
+            if self._input.rescaled and self._reset and self._reset.service_is_ready():
+                self._reset.call_async(Trigger.Request())
             self._publish(scan, ping)
             self._pace.done()
 

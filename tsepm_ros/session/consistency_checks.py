@@ -232,7 +232,8 @@ class RepetitionCheck:
         self._stamp, self._bits = scan.stamp, bits
         if not equal:
             self._places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
-            share = np.isin(self._places, before).mean() if len(before) else 1.0
+            known = (self._places[:, None] == before).any(axis=1)
+            share = known.mean() if len(before) else 1.0
             self._changing = bool(share < CHANGED_SHARE)
         self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
         said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
@@ -287,7 +288,7 @@ class LossCheck:
 
     def _judge(self, dropped: Counter[str]) -> list[Notice]:
         names, numbers, losses = zip(*self._last, strict=True)
-        scans, detections = Counter(filter(None, names)), sum(losses, Counter[str]())
+        scans, detections = Counter(filter(None, names)), sum(filter(None, losses), Counter[str]())
         share = detections.total() / max(detections.total() + sum(numbers), MIN_LOST)
         said = []
         for reasons, half, lost in (
@@ -393,10 +394,18 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     extent = figures.outside_extent
     if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
         return ""
+    remedy = (
+        f"set {_check_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
+    )
+    ends = -np.array([extent.azimuth_min, extent.azimuth_max])
+    if _check_is_sector(extent) and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all():
+        remedy = (
+            "that is the mirror of the coverage. Are the azimuths clockwise? Then use the field "
+            "bearing; of images, the other image.port_first"
+        )
     return (
         f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "
-        f"{_check_extent_in_words(extent)}: set {_check_settings(extent, figures.sensor)}, unless "
-        "the coverage is limited on purpose"
+        f"{_check_extent_in_words(extent)}: {remedy}"
     )
 
 

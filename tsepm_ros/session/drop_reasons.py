@@ -28,7 +28,7 @@ _DRIVER = "Fix the driver"
 _TRACKER = "Fix the tracker"
 EXPECTED = "None: this is expected"
 _LAYOUT = {
-    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/messages.md"),
+    "missing_field": ("a required field is missing", f"{_DRIVER}, or see docs/topics.md"),
     "duplicate_field": ("a field occurs twice", _DRIVER),
     "wrong_datatype": ("a field has an unsupported datatype", "Send FLOAT32 or FLOAT64"),
     "wrong_count": ("a field has a count other than 1", _DRIVER),
@@ -198,13 +198,13 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "driver that has stopped",
     ),
     "unknown_type": DropReason(
-        DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/messages.md"
+        DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/topics.md"
     ),
     "unknown_version": DropReason(
         DETECTIONS,
         "scan",
         "the message has other fields than the versions of its type that are read",
-        "Publish, or convert the bag to, a version that docs/messages.md names",
+        "Publish, or convert the bag to, a version that docs/topics.md names",
     ),
     "package_not_installed": DropReason(
         DETECTIONS, "scan", "the package of the type is not installed", "Install the package"

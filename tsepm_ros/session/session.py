@@ -17,6 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import UnregisteredScan, exchanged_after_registration
@@ -46,8 +47,10 @@ from tsepm_ros.session.registration_check import RegistrationCheck
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
@@ -150,10 +153,10 @@ class ScanResult:
         Newly confirmed tracks.
     revised : TrackArrays
         Confirmed tracks that starts continued, under their ids.
-    current : TrackArrays
-        All published confirmed tracks, at `stamp`.
-    fixed_echoes : TrackArrays
-        Fixed echoes, with `min_speed`, at `stamp`.
+    confirmed : ConfirmedTracks
+        All confirmed tracks, published or not, at `stamp`, in east and north.
+    common : CommonOptions
+        By which they stand still.
     ended : dict of int to str
         Tracks that ended: their ids, and the reason of each, see `track_maintenance.ENDS`.
     statistics : ScanStatistics
@@ -162,6 +165,8 @@ class ScanResult:
         Computing time of the initiator, s.
     waiting : float
         Time that the scan waited for own-ship data, s; infinite if `Session.process` got no time.
+    in_axes : bool
+        Whether tracks are in the axes of the fixed frame.
     """
 
     stamp: float
@@ -171,12 +176,26 @@ class ScanResult:
     arrival: Arrival
     new: TrackArrays
     revised: TrackArrays
-    current: TrackArrays
-    fixed_echoes: TrackArrays
+    confirmed: ConfirmedTracks
+    common: CommonOptions
     ended: dict[int, str]
     statistics: ScanStatistics
     core_seconds: float
     waiting: float
+    in_axes: bool = False
+
+    @cached_property
+    def current(self) -> TrackArrays:
+        """All published confirmed tracks, at `stamp`."""
+        return self._in_axes(self.confirmed.stated(self.common).published.proper())
+
+    @cached_property
+    def fixed_echoes(self) -> TrackArrays:
+        """Fixed echoes, with `min_speed`, at `stamp`."""
+        return self._in_axes(self.confirmed.stated(self.common).fixed_echoes.proper())
+
+    def _in_axes(self, tracks: TrackArrays) -> TrackArrays:
+        return exchanged_after_registration(tracks, self.frame_id) if self.in_axes else tracks
 
     @property
     def starts(self) -> TrackArrays:
@@ -189,8 +208,7 @@ class ScanResult:
             self,
             new=exchanged_after_registration(self.new, self.frame_id),
             revised=exchanged_after_registration(self.revised, self.frame_id),
-            current=exchanged_after_registration(self.current, self.frame_id),
-            fixed_echoes=exchanged_after_registration(self.fixed_echoes, self.frame_id),
+            in_axes=True,
         )
 
 
@@ -252,7 +270,7 @@ class Session:
         self._sweep = Sweep(self.settings)
         self._frames = InputFrames(self.settings.session)
         self._downstream = ExternalTrackerInput()
-        self._totals_before = ScanStatistics()  # of runs before the last `_start_over`
+        self._totals_before = ScanStatistics()  # of runs before the last `start_over`
 
     @property
     def fixed_frame(self) -> str:
@@ -298,6 +316,13 @@ class Session:
         self._land.reset()
         self._start()
 
+    def start_over(self) -> None:
+        """Discard tracks and what was learned, and keep counts and poses."""
+        self._totals_before = self.totals
+        self.tracker.reset()
+        self._sensor_check = SensorCheck()
+        self._registration.start_over()
+
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count a drop, and report it, unless it has no sentence."""
         self.dropped[reason] += number
@@ -340,7 +365,7 @@ class Session:
         scans, remarks = self._sweep.take(arrived, now)
         if self._sweep.active and not of_a_sweep:  # the messages before were no scans
             self._queue = ScanInputQueue(self.settings)
-            self._start_over()
+            self.start_over()
         self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
 
@@ -445,13 +470,6 @@ class Session:
             else:
                 self._report(remark.subject, shortened_reason(remark.sentence))
 
-    def _start_over(self) -> None:
-        """Discard tracks and keep counts."""
-        self._totals_before = self.totals
-        self.tracker.reset()
-        self._sensor_check = SensorCheck()
-        self._registration.start_over()
-
     def _must_wait(self, first: Waiting) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
         own_ship = self.own_ship
@@ -480,7 +498,7 @@ class Session:
             self._report_all(check.take(arrived, scan, settings.sensor, settings.mounting))
         if first.arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
-            self._start_over()
+            self.start_over()
             self._downstream = ExternalTrackerInput()
         elif first.arrival is Arrival.GAP:
             self._report("gap", f"long gap before {scan.stamp:.3f} s: potential tracks dropped")
@@ -506,8 +524,8 @@ class Session:
             arrival=first.arrival,
             new=new,
             revised=tracker.revised,
-            current=tracker.current,
-            fixed_echoes=tracker.fixed_echoes,
+            confirmed=tracker.maintenance.confirmed,
+            common=tracker.common,
             ended=tracker.maintenance.ended,
             statistics=tracker.statistics,
             core_seconds=seconds,
@@ -531,7 +549,7 @@ class Session:
             begin = time.perf_counter()
             new = tracker.process(scan)
         except Exception:
-            self._start_over()
+            self.start_over()
             raise
         seconds = time.perf_counter() - begin
         self._ends.update(tracker.maintenance.ended.values())

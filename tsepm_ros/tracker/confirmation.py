@@ -53,7 +53,7 @@ MIN_PURITY_PROBABILITY = 0.9
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
 A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
-choice; docs/score.md compares other values. Where false tracks are many by choice, it is lower, see
+choice; docs/methods.md has the equations. Where false tracks are many by choice, it is lower, see
 `min_purity_probability`.
 """
 MAX_UNRESOLVED_HITS = 8
@@ -146,7 +146,8 @@ def confirm(
 
 def _has_hits(tree: Tree) -> BoolArray:
     """Which detections (d,) end a hypothesis of enough hits."""
-    return tree.largest(tree.hypotheses.hit_count.astype(float)) >= MIN_HITS
+    enough = tree.hypotheses.hit_count[tree.missed :] >= MIN_HITS
+    return np.bincount(tree.newest[enough], minlength=len(tree.ids)) > 0
 
 
 def attainable(tree: Tree) -> FloatArray:

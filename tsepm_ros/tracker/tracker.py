@@ -13,7 +13,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    appended_arrays,
+    changed,
+    taken,
+)
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, extended_target_density
 from tsepm_ros.tracker.clusters.grouping import Clusters
@@ -131,6 +138,7 @@ class Tracker:
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
         self._unknown = 0
+        self._own: list[tuple[IntArray, NDArray[np.void]]] = []
         self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
@@ -224,7 +232,9 @@ class Tracker:
         confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
-            self._learn_errors(detections)
+            track_id, row = self.maintenance.own_detections
+            if len(row):
+                self._own.append((track_id, taken(detections, row)))
             self.maintenance.manoeuvre.update(
                 *self.maintenance.innovations,
                 self.common,
@@ -232,6 +242,8 @@ class Tracker:
                 self.learned.scan_interval.median,
             )
         detections["clutter_density"] = self._learn_clutter(confirmed)
+        if self.learned.batch.is_new or self.learned.errors.young:
+            self._learn_errors()
         self._learn_extended_targets()
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
@@ -251,7 +263,7 @@ class Tracker:
             confirmed_probability=confirmed,
             may_start=may_start,
             detected=tracks.where(
-                np.isin(tracks.track_id, self.maintenance.probable_detections[0])
+                (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
             ),
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.clutter_map.seen.region.extent,
@@ -336,29 +348,30 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        own, confirmed = self.maintenance.probable_detections, self.maintenance.confirmed
         if self.method.most_tracks_true:
-            self.extended_targets.learn(own, confirmed, self.clutter_density)
+            self.extended_targets.take_own(self.maintenance.probable_detections)
+        if self.learned.batch.is_new:
+            self.extended_targets.learn(self.maintenance.confirmed, self.clutter_density)
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
-    def _on_older(self, starts: TrackArrays, variances: float = 1.0) -> BoolArray:
+    def _on_older(self, starts: TrackArrays) -> BoolArray:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
-        As many variances of a place on it may be between them. A fixed echo is no part of a target
-        that moves, and a track that coasts ends no other.
+        A start without the margin of a second target is, up to twice the variance of a place on
+        it. A fixed echo is no part of a target that moves, and a track that coasts ends no other.
         """
         confirmed, current = self.maintenance.confirmed.tracks, self.maintenance.current
-        others = self.maintenance.fixed_echoes.track_id
-        if not len(starts):
-            coasting = np.setdiff1d(current.track_id, current.sure.track_id)
-            others = np.append(others, coasting)
+        coasting = np.setdiff1d(current.track_id, current.sure.track_id)
+        others = np.append(self.maintenance.fixed_echoes.track_id, coasting)
         judged = np.append(~np.isin(confirmed.track_id, others), np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
+        weak = starts.evaluation < merging.SECOND_TARGET_MARGIN
+        size[len(tracks) - len(starts) :][weak] *= math.sqrt(3.0)
         older = np.zeros(len(judged), bool)
-        older[judged] = merging.of_older(tracks, math.sqrt(variances) * size)
+        older[judged] = merging.of_older(tracks, size)
         return older
 
     def _follow_errors(self) -> None:
@@ -370,34 +383,29 @@ class Tracker:
         steps = errors.followed(self._steps)
         if not np.array_equal(steps, self._steps):
             along, turn = np.exp2(STEP * steps).tolist()
-            self._steps, self._in_use = (
-                steps,
-                changed(
-                    sensor,
-                    range_std=along * sensor.range_std,
-                    range_std_fraction=along * sensor.range_std_fraction,
-                    azimuth_std=turn * sensor.azimuth_std,
-                ),
+            self._steps = steps
+            self._in_use = self.method.sensor = changed(
+                sensor,
+                range_std=along * sensor.range_std,
+                range_std_fraction=along * sensor.range_std_fraction,
+                azimuth_std=turn * sensor.azimuth_std,
             )
-            self.method.sensor = self._in_use
 
-    def _learn_errors(self, detections: NDArray[np.void], start: int | None = None) -> None:
-        """Learn the sensor's errors from confirmed tracks' detections, if these have its errors.
-
-        Or from a detection of the start of a track.
-        """
-        confirmed = self.maintenance.confirmed
-        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
-        track_id, row = self.maintenance.own_detections
-        if start is not None:
-            ids, moves = np.union1d(ids, start), np.zeros(len(ids) + 1, bool)
-            track_id, row = np.array([start]), np.zeros(1, np.int64)
-        rows = np.isnan(detections["range_std"][row])
-        own = taken(detections, row[rows])
+    def _learn_errors(self) -> None:
+        """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
+        taken_rows, self._own = self._own, []
+        if not taken_rows:
+            return
+        track_ids, detections = zip(*taken_rows, strict=True)
+        own = appended_arrays(*detections)
+        rows = np.flatnonzero(np.isnan(own["range_std"]))
+        own = taken(own, rows)
         variance = self.sensor.range_variance(measured_polar(own)[0])
         if self._scan.azimuth_std is None:
             own["azimuth_std"] = self.sensor.azimuth_std
-        self.learned.errors.update(track_id[rows], own, variance, ids, moves)
+        confirmed = self.maintenance.confirmed
+        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
+        self.learned.errors.update(np.concatenate(track_ids)[rows], own, variance, ids, moves)
 
     def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
@@ -438,9 +446,7 @@ class Tracker:
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, rows, runs)
         measured = covered_scan if runs is None else runs.scan
-        made = self.extended_targets.clusters_of(
-            measured, self.clutter_density, self._clutter.is_fixed
-        )
+        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
         if made is not None:
             detections = self._converted(
                 covered_scan, rows, made if runs is None else made.traced_through(runs)
@@ -482,10 +488,8 @@ class Tracker:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
             if self.method.most_tracks_true and self.extended_targets.active:
-                number, starts = len(self.maintenance.confirmed), step.tracks
-                beside = starts.evaluation < merging.SECOND_TARGET_MARGIN
-                beside &= self._on_older(starts, variances=2.0)[number:]
-                step = step.where(~(beside | self._on_older(starts)[number:]))
+                number = len(self.maintenance.confirmed)
+                step = step.where(~self._on_older(step.tracks)[number:])
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
@@ -539,10 +543,10 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        if self.learned.errors.young:
+        if self.learned.errors.young and not self.extended_targets.active:
             for track in tracks:
-                for hit in self.window.find(track.hits):
-                    self._learn_errors(self.window[np.array([hit])], track.track_id)
+                hits = self.window.find(track.hits)
+                self._own.append((np.full(len(hits), track.track_id), self.window[hits]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma

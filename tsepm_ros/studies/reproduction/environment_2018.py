@@ -153,9 +153,9 @@ def _environment_encounter_parts() -> list[Part]:
         "### Fig. 4: the time of closest approach",
         f"With azimuths and headings clockwise from north the targets are {start:.0f} m apart at "
         f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
-        "counter-clockwise from the x axis and headings from north they only separate (closest "
-        f"{-float(separating[0]):.0f} s before). The text's t_c is at least 0, gets smaller, is "
-        "below 0 when the targets separate, and then grows in size. The last line of the "
+        "counter-clockwise from the x axis and headings from north the targets only separate: they "
+        f"were closest {-float(separating[0]):.0f} s before. The text's t_c is at least 0, gets "
+        "smaller, is below 0 when the targets separate, and then grows in size. The last line of the "
         "table corrects Eqs. 2, 8 and 9. Of all "
         f"{len(readings)} combinations this holds for: {'; '.join(valid)}.",
         ReportTable(
@@ -341,5 +341,5 @@ def _environment_decision_parts(setting: ReportSetting) -> list[Part]:
             rows,
             [row for row in rows if row[0] != "3, 3" and row[1] in (1.0, 2.0)],
         ),
-        "With unequal histories the longer history attracts all detections.",
+        "With unequal histories all detections are assigned to the track with the longer one.",
     ]

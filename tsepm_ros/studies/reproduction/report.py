@@ -168,9 +168,12 @@ class ReportTable:
         return terminal_markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
-        """Text of a cell without its interval, a dash for nan."""
+        """Text of a cell, a dash for nan; with its interval if the format ends with ``(%)``."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
+        spec, with_interval, _ = spec.partition(" (%)")
+        if with_interval and isinstance(cell, IntervalEstimate):
+            return format(cell, spec)
         value = cell.value if isinstance(cell, IntervalEstimate) else cell
         return "-" if math.isnan(value) else format(value, spec)
 

@@ -205,8 +205,8 @@ def _scene_parts_2016(runs: list[Result]) -> list[Part]:
     return [
         "### The scene with four targets",
         f"The shipped scenario *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8; in the 3 km "
-        "square of interest round each target (a track counts if all its hits lie in it). The "
-        "published share near the target after merging is by the text's pairs.",
+        "square of interest round each target (a track counts if all its hits lie in it). Of the "
+        "published tracks after merging, those of the text's pairs count as near the target.",
         ReportTable(
             "split_merge_2016_scene",
             {

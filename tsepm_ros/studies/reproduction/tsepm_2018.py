@@ -214,8 +214,8 @@ def _tsepm_2018_detection_parts(
     for p_d in TABLE_1_DETECTION_PROBABILITIES:
         columns |= {f"P_D at {p_d}, published": ".4f", f"closed form at {p_d}, difference": "+.4f"}
     columns |= {
-        "simulated at 0.9": ".2f",
-        "the same, hits predicted": ".2f",
+        "simulated at 0.9": ".2f (%)",
+        "the same, hits predicted": ".2f (%)",
         "position, rms, m": ".0f",
         "velocity, rms, m/s": ".1f",
     }
@@ -239,9 +239,10 @@ def _tsepm_2018_detection_parts(
         f"{MAX_DETECTION_DIFFERENCE:g}; the rows {' and '.join(row.name for row in missed)} are "
         "lower in print. With one factor h = P p_d too many in the term of the sixth scan, "
         f"`6 p_d h^3 (1-h)^2`, {3 * slips} of their {3 * len(missed)} entries fit.",
-        "Simulated are (Eq. 26 literal): true tracks in N scans, also with each hit predicted from "
-        "the others in Eq. 22, and the errors of the first true track. *The larger M, the more "
-        "accurate the state*: compare the rows of one N.",
+        "The columns *simulated* have the share of runs with a true track in N scans (Eq. 26 "
+        "literal), the second with each hit predicted from the others in Eq. 22. The errors are "
+        "those of the first true track. The text says that the state is more accurate the larger "
+        "M is: compare the rows of one N.",
         ReportTable(
             "tsepm_2018_table_1_detection",
             columns,
@@ -300,7 +301,6 @@ def _tsepm_2018_after_parts(
         [row.name, row.false_after, *(values[row_number] for values in after.values())]
         for row_number, row in enumerate(TABLE_1)
     ]
-    names = [closest[0], closest[1], closest[3]]
     return [
         "**P_F(2)** is simulated: N scans, the 9 km disc, one target, p_d = 0.9. The readings "
         "differ in its denominator; in Eq. 26's threshold, literal or squared; in the gate "
@@ -313,13 +313,11 @@ def _tsepm_2018_after_parts(
         ReportTable(
             "tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[-1:]
         ),
-        "P_F(2) of the closest denominators, Eq. 26 literal:",
         ReportTable(
             "tsepm_2018_table_1_after",
             {"M/N": "", "published": ".4f"} | dict.fromkeys(after, ".4f"),
             rows,
-            [cells for cells, row in zip(rows, TABLE_1, strict=True) if row.rule[1] >= MIN_SHOWN],
-            hidden=[name for name in after if name not in names],
+            reported=[],
         ),
     ]
 
@@ -408,6 +406,7 @@ class Tsepm2018Curves:
             name,
             columns,
             list(zip(*values, strict=True)),
+            list(zip(*values, strict=True))[1::2],
             hidden=[
                 column_name
                 for column_name in columns
@@ -550,17 +549,13 @@ def _tsepm_2018_merging_parts(densities: Tsepm2018Curves) -> list[Part]:
 
 
 def _tsepm_2018_gate_parts() -> list[Part]:
-    rows: list[list[Cell]] = [
-        [error, tsepm_2018_gate_hit_probability(error), tsepm_2018_one_start(error)]
+    computed = "; ".join(
+        f"{tsepm_2018_gate_hit_probability(error):.3f} and {tsepm_2018_one_start(error):.3f} at "
+        f"{error:g} m"
         for error in (15.0, *FIGURE_7_MARKS, 180.0)
-    ]
+    )
     return [
         "**The gate.** The text explains Fig. 7 by the probability that a detected target falls "
-        "into the gate of Eq. 4: roughly 1 below 75 m, 0.9 from 120 m on. Computed, and P_D by "
-        "the closed form with it:",
-        ReportTable(
-            "tsepm_2018_gate",
-            {"error [m]": "g", "one scan": ".4f", "P_D of one start": ".4f"},
-            rows,
-        ),
+        "into the gate of Eq. 4: roughly 1 below 75 m, 0.9 from 120 m on. Computed, with P_D of "
+        f"one start by the closed form: {computed}."
     ]

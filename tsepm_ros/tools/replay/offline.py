@@ -113,6 +113,8 @@ def offline_bag_results(
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
                 _offline_follow(session, images.coverage)
+                if images.rescaled:
+                    session.start_over()
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
