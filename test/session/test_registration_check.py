@@ -1,4 +1,4 @@
-"""What recurs falls together in the fixed frame, or what is set up wrong is said with its figure."""
+"""What recurs falls together in the fixed frame, or what is set up wrong is said."""
 
 import math
 import re

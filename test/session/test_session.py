@@ -342,7 +342,9 @@ def test_own_ship_delay_shifts_the_stamps_of_own_ship():
         delayed = moving(own_ship_delay=delay)
         for time in np.arange(0.0, 3.0, 0.1):
             sample = PoseSample(time + late, 5.0 * time, 0.0, 0.1 * time)
-            delayed.add_own_ship(dataclasses.replace(sample, frame_id="odom", child_frame_id="sonar"))
+            delayed.add_own_ship(
+                dataclasses.replace(sample, frame_id="odom", child_frame_id="sonar")
+            )
         (result,) = play(delayed, [1.0])
         places.append(result.scan.sensor_pose)
     np.testing.assert_allclose(places[1], places[0], atol=1e-9)

@@ -398,7 +398,10 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
         f"set {_check_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
     )
     ends = -np.array([extent.azimuth_min, extent.azimuth_max])
-    if _check_is_sector(extent) and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all():
+    if (
+        _check_is_sector(extent)
+        and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all()
+    ):
         remedy = (
             "that is the mirror of the coverage. Are the azimuths clockwise? Then use the field "
             "bearing; of images, the other image.port_first"

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -34,27 +33,20 @@ POSES, POSE_PERIOD = 4096, 0.1
 """Poses of own ship that are kept, and time between two, s, at least."""
 BATCH = 8, 24
 """Scans that are kept after which places are compared: at first, and at most."""
-INFLATED = 1.25
-"""Deviations of a kernel, in those that are stated: these may be too small."""
-REACH = 3.0
-"""Deviations beyond which a kernel is 0."""
+INFLATED, REACH = 1.25, 3.0
+"""Deviations of a kernel in those that are stated, which may be too small; and its reach in its."""
 APART = 4
 """Scans kept between two echoes of one place, at least: a target that moves is elsewhere then."""
 LONGEST, STEPS = 2.0, 8
 """Largest shift of the clock that is tried, s, and steps to it."""
-CLEAR = 6.0
-"""Gain over its standard deviation from which on a hypothesis fits clearly better."""
-PLACES = 3.0
-"""Places over which the gain is spread, at least."""
-PLACE = 8.0
-"""Side of a place in standard deviations of an echo."""
+CLEAR, CERTAIN = 6.0, 4.0
+"""Standard deviations of a gain from which on a hypothesis fits clearly better, and those that a
+shift of the clock is away from 0."""
+PLACE, PLACES = 8.0, 3.0
+"""Side of a place in standard deviations of an echo; places over which a gain is spread, at least.
+"""
 SEEN = 6.0
 """Standard deviations of an echo by which places move, at least, as the sensor turns or moves."""
-
-CERTAIN = 4.0
-"""Standard deviations that a shift of the clock is away from 0."""
-
-
 STANDS = "as echoes of what stands show, "
 MIRRORED = (
     f"{STANDS}the azimuths are clockwise, where own ship's yaw is counter-clockwise: use the field "
@@ -67,17 +59,6 @@ REVERSED = (
 )
 CLOCK = STANDS + "own ship is {:.2f} +- {:.2f} s {} by its stamps: give own_ship_delay {:.2f}"
 """What is said of each hypothesis."""
-
-
-class _Echoes(NamedTuple):
-    """Echoes of a scan, (n,) each: time, range, azimuth, deviation in m; and the sensor's pose."""
-
-    time: FloatArray
-    range: FloatArray
-    azimuth: FloatArray
-    along: FloatArray
-    turn: FloatArray
-    pose: FloatArray
 
 
 class RegistrationCheck:
@@ -97,7 +78,7 @@ class RegistrationCheck:
 
     def start_over(self) -> None:
         """Begin without scans; what was said is not said again."""
-        self._frames: list[_Echoes] = []
+        self._frames: list[tuple[FloatArray, FloatArray]] = []  # of echoes (5, n), and poses
         self._new, self._wait = 0, BATCH[0]
 
     def add_pose(self, sample: PoseSample) -> None:
@@ -113,44 +94,45 @@ class RegistrationCheck:
         self, arrived: UnregisteredScan, scan: Scan, sensor: SensorModel, mounting: Mounting
     ) -> list[Notice]:
         """Take a scan as it arrived and as it was registered; what is set up wrong."""
+        newest = self._frames[-1][0][0, 0] if self._frames else -math.inf
+        unusable = self._said or arrived.north_referenced or not len(scan)
+        if unusable or scan.stamp < newest + LEAST_TIME:
+            return []
         times = registration_arrival_times(arrived)
-        if (
-            self._said
-            or arrived.north_referenced
-            or not len(scan)
-            or len(times) not in (1, len(scan))
-        ):
-            return []
-        newest = self._frames[-1].time[0] if self._frames else -math.inf
-        if scan.stamp < newest + LEAST_TIME:
-            return []
-        self._keep(_echoes_of(scan, times, sensor))
-        self._new += 1
+        if len(times) in (1, len(scan)):  # else echoes were left out
+            self._keep(_echoes_of(scan, times, sensor), np.reshape(scan.sensor_pose, (-1, 3))[0])
         if self._new < self._wait:
             return []
         self._new = 0
         return self._compared(sensor, mounting)
 
-    def _keep(self, echoes: _Echoes) -> None:
+    def _keep(self, echoes: FloatArray, pose: FloatArray) -> None:
         """Keep the echoes of a scan; drop those that show least."""
         frames = self._frames
-        frames.append(echoes)
-        while len(frames) > LEAST_FRAMES and echoes.time[0] - frames[0].time[0] > MEMORY:
+        frames.append((echoes, pose))
+        self._new += 1
+        while len(frames) > LEAST_FRAMES and echoes[0, 0] - frames[0][0][0, 0] > MEMORY:
             del frames[0]
         if len(frames) > FRAMES:
-            pose = np.array([frame.pose for frame in frames])
-            change = np.abs(pose[2:] - pose[:-2]) @ [1.0, 1.0, float(np.median(echoes.range))]
+            poses = np.array([frame[1] for frame in frames])
+            change = np.abs(poses[2:] - poses[:-2]) @ [1.0, 1.0, float(np.median(echoes[1]))]
             del frames[1 + int(change.argmin())]
 
     def _compared(self, sensor: SensorModel, mounting: Mounting) -> list[Notice]:
         """Compare the hypotheses over the scans that are kept."""
-        last = self._poses[-1][0] - LONGEST if self._poses else -math.inf
-        frames = [each for each in self._frames if each.time.max() <= last]
+        first, last = (self._poses[k][0] if self._poses else math.nan for k in (0, -1))
+        frames = [
+            frame
+            for frame in self._frames
+            if first <= frame[0][0].min() and frame[0][0].max() <= last - LONGEST
+        ]
         if len(frames) <= APART:
             return []
-        echoes = _kept_of(frames, self._poses, mounting)
-        sigma = float(np.median(echoes.sigma))
-        pose = np.array([frame.pose for frame in frames])
+        number = np.repeat(np.arange(len(frames)), [frame.shape[1] for frame, _ in frames])
+        columns, known = np.concatenate([frame for frame, _ in frames], axis=1), self._poses
+        echoes = _Kept(*columns, scan=number, known=np.array(known).T, mounting=mounting)
+        echoes.known[3] = np.unwrap(echoes.known[3])
+        sigma, pose = float(np.median(echoes.sigma)), np.array([pose for _, pose in frames])
         turned = np.ptp(np.unwrap(pose[:, 2])) * float(np.median(echoes.range))
         moved = float(np.ptp(pose[:, :2], axis=0).max())
         if turned + moved < SEEN * sigma:
@@ -161,8 +143,7 @@ class RegistrationCheck:
             ends = sensor.min_range + sensor.max_range
             others[REVERSED] = echoes._replace(range=np.abs(ends - echoes.range))
         as_is = echoes.scores()
-        gains = {said: _gain(other, other.scores() - as_is) for said, other in others.items()}
-        gain, said = max((gain, said) for said, gain in gains.items())
+        gain, said = max((_gain(one, one.scores() - as_is), said) for said, one in others.items())
         if gain > 0.0:
             return self._say(said)
         shift, deviation = echoes.best_shift(as_is, sigma)
@@ -223,10 +204,10 @@ class _Kept(NamedTuple):
         step, best = 2.0 * sigma / max(self.rate, 1e-9), 0.0
         if step > LONGEST:
             return 0.0, 0.0
-        beside = [self.scores(side) - as_is for side in (-step, step)]
-        worse = -np.sum(beside, axis=1)
-        if all(_certainty(-gain) > CLEAR for gain in beside):
-            if abs(worse[0] - worse[1]) < 0.5 * worse.sum():
+        worse = [as_is - self.scores(side) for side in (-step, step)]
+        if min(map(_certainty, worse)) > CLEAR:
+            low, high = np.sum(worse, axis=1)
+            if abs(high - low) < 0.5 * (high + low):
                 return 0.0, 0.0
         else:
             tried = np.linspace(-LONGEST, LONGEST, 2 * STEPS + 1)
@@ -236,26 +217,12 @@ class _Kept(NamedTuple):
         while True:
             middle, before, after = (self.scores(best + side) for side in (0.0, -step, step))
             slope, bend = after - before, float((after + before - 2.0 * middle).sum())
-            if bend >= 0.0:
-                change = math.copysign(step, slope.sum())
-            else:
-                change = float(np.clip(-0.5 * slope.sum() / bend, -1.5, 1.5)) * step
-            best += change
+            best += step * float(np.clip(0.5 * slope.sum() / max(-bend, 1e-9), -1.5, 1.5))
             if step <= narrow:
                 break
             step *= 0.4
         of_scans = np.bincount(self.scan, slope)
         return best, step * math.sqrt((of_scans**2).sum()) / max(-bend, 1e-9)
-
-
-def _kept_of(
-    frames: list[_Echoes], poses: Iterable[tuple[float, ...]], mounting: Mounting
-) -> _Kept:
-    columns = (np.concatenate(column) for column in list(zip(*frames, strict=True))[:-1])
-    known = np.array(poses).T
-    known[3] = np.unwrap(known[3])
-    number = np.repeat(np.arange(len(frames)), [len(frame.time) for frame in frames])
-    return _Kept(*columns, number, known, mounting)
 
 
 def _certainty(gain: FloatArray) -> float:
@@ -272,21 +239,15 @@ def _gain(echoes: _Kept, gain: FloatArray) -> float:
     return float(gain.sum()) if _certainty(gain) > CLEAR and spread else 0.0
 
 
-def _echoes_of(scan: Scan, times: FloatArray, sensor: SensorModel) -> _Echoes:
-    """The echoes of a scan that are likeliest to stand, else the strongest, or some."""
-    worth = scan.features.get("standing", scan.features.get("intensity"))
-    rows = np.arange(len(scan))
-    if len(rows) > ECHOES:
-        order = np.random.default_rng(len(rows)).permutation(rows)
-        if worth is not None:
-            order = order[np.argsort(-np.nan_to_num(worth[order]), kind="stable")]
-        rows = order[:ECHOES]
-    distance = scan.range[rows]
-    along = (
-        np.sqrt(sensor.range_variance(distance)) if scan.range_std is None else scan.range_std[rows]
-    )
-    turn = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std[rows]
-    pose = np.reshape(scan.sensor_pose, (-1, 3))[0]
-    of_echoes = (np.broadcast_to(values, len(rows)) for values in (along, turn))
-    times = np.broadcast_to(times, len(scan))[rows]
-    return _Echoes(times, distance, scan.azimuth[rows], *of_echoes, pose)
+def _echoes_of(scan: Scan, times: FloatArray, sensor: SensorModel) -> FloatArray:
+    """The echoes of a scan that are likeliest to stand, else the strongest, or some, (5, n).
+
+    Of each the time of arrival, range, azimuth, and the deviations of these.
+    """
+    along = np.sqrt(sensor.range_variance(scan.range)) if scan.range_std is None else scan.range_std
+    turn = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
+    columns = np.broadcast_arrays(times, scan.range, scan.azimuth, along, turn)
+    worth = scan.features.get("standing", scan.features.get("intensity", np.zeros(len(scan))))
+    order = np.random.default_rng(len(scan)).permutation(len(scan))
+    order = order[np.argsort(-np.nan_to_num(worth[order]), kind="stable")]
+    return np.stack(columns)[:, order[:ECHOES]]
