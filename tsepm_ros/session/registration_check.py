@@ -129,9 +129,10 @@ class RegistrationCheck:
         if len(frames) <= APART:
             return []
         number = np.repeat(np.arange(len(frames)), [frame.shape[1] for frame, _ in frames])
-        columns, known = np.concatenate([frame for frame, _ in frames], axis=1), self._poses
-        echoes = _Kept(*columns, scan=number, known=np.array(known).T, mounting=mounting)
-        echoes.known[3] = np.unwrap(echoes.known[3])
+        columns = np.concatenate([frame for frame, _ in frames], axis=1)
+        known = np.array(self._poses).T
+        known[3] = np.unwrap(known[3])
+        echoes = _Kept._make([*columns, number, known, mounting])
         sigma, pose = float(np.median(echoes.sigma)), np.array([pose for _, pose in frames])
         turned = np.ptp(np.unwrap(pose[:, 2])) * float(np.median(echoes.range))
         moved = float(np.ptp(pose[:, :2], axis=0).max())
