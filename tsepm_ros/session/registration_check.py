@@ -31,7 +31,7 @@ LEAST_TIME, MEMORY, LEAST_FRAMES = 0.5, 180.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s."""
 POSES, POSE_PERIOD = 4096, 0.1
 """Poses of own ship that are kept, and time between two, s, at least."""
-BATCH = 8, 24
+BATCH = 8, 48
 """Scans that are kept after which places are compared: at first, and at most."""
 INFLATED, REACH = 1.25, 3.0
 """Deviations of a kernel in those that are stated, which may be too small; and its reach in its."""
@@ -138,7 +138,7 @@ class RegistrationCheck:
         moved = float(np.ptp(pose[:, :2], axis=0).max())
         if turned + moved < SEEN * sigma:
             return []
-        self._wait = min(self._wait + BATCH[0], BATCH[1])
+        self._wait = min(2 * self._wait, BATCH[1])
         others = {MIRRORED: echoes._replace(azimuth=-echoes.azimuth)}
         if moved > SEEN * sigma:
             ends = sensor.min_range + sensor.max_range
