@@ -121,6 +121,8 @@ class ImageInput:
         Images with another coverage than the one before.
     poses : PoseHistory
         Of the vessel; empty where the sonar does not move, or its poses are not known.
+    rescaled : bool
+        Whether the ranges changed by one factor at the last image: the tracker is to begin anew.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -138,7 +140,8 @@ class ImageInput:
         }
         self._drop, self._say = drop, say
         self.plans: list[Plan] | None = None
-        self.in_parts, self._look = False, FirstLook()
+        self.in_parts = self.rescaled = False
+        self._look = FirstLook()
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage: ImageCoverage | None = None
@@ -167,6 +170,8 @@ class ImageInput:
             sample.check()
         except ValueError as error:
             raise MessageError("own_ship_invalid", str(error)) from None
+        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
+        sample = replace(sample, stamp=sample.stamp - given.own_ship_delay)
         if not self.poses.add(sample) and self.poses.late_span > MAX_LATE:
             self.poses.start_over()
 
@@ -218,10 +223,12 @@ class ImageInput:
             try:
                 axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
                 image = SonarImage(1e-9 * whole.stamp_ns, *axes, self._pose(whole))
+                before = self.detector.rescaled
                 scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
+            self.rescaled = self.detector.rescaled > before
             looks = self._look.add(whole, layout.rows if whole.corners else "")
             for sentence in (*looks, *self.detector.notes):
                 self._say(sentence)

@@ -363,3 +363,20 @@ def test_poses_give_a_moving_sonar_the_background_of_the_ground():
 def test_poses_that_tremble_take_nothing_from_a_sonar_at_rest():
     exact, trembling = (over_the_ground(0.0, known) for known in (0.0, 2.0))
     assert trembling[0] >= exact[0] - 0.05 and trembling[1] < exact[1] + 1.0
+
+
+def test_a_change_of_the_range_that_the_images_do_not_state_is_said_and_all_is_learned_anew():
+    rng, places = np.random.default_rng(6), np.random.default_rng(7)
+    rows, cells = places.integers(3, 61, 10), places.uniform(20, 190, 10)
+    detector, known = make_detector(false_detections_per_ping=5, **POINT), []
+    for k in range(30):
+        image, factor = rng.rayleigh(size=(64, 400)), 1.0 if k < 20 else 2.0
+        for row, cell in zip(rows, (factor * cells).astype(int), strict=True):
+            image[row - 2 : row + 3, cell - 3 : cell + 4] += rng.rayleigh(5.0, (5, 7))
+        axes = 0.1 * np.arange(1, 401), np.linspace(-1.0, 1.0, 64)
+        scan = detector.process(SonarImage(float(k), *axes, image))
+        known.append(not np.isnan(scan.features["standing"]).any())
+    (note,) = detector.notes
+    assert detector.rescaled == 1
+    assert "at 21.000 s" in note and "2 times" in note and "to 0.5 of that before" in note
+    assert known[15:20] == [True] * 5 and not any(known[21:24]), "nothing is known yet"

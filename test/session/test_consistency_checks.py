@@ -451,6 +451,16 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
     assert check_findings(few) == {}
 
 
+def test_detections_in_the_mirror_of_a_sector_are_asked_about_and_no_wider_sector_is_advised():
+    sensor = SensorModel(max_range=300.0, azimuth_min=0.2, azimuth_max=1.4)
+    for low, high, mirrored in ((-1.35, -0.25, True), (0.3, 2.2, False), (-1.4, 1.4, False)):
+        extent = ClutterExtent(3.0, 290.0, low, high)
+        lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+        said = check_findings(lost)["coverage_too_small"]
+        assert ("clockwise" in said) is mirrored
+        assert ("azimuth_min" in said) is not mirrored
+
+
 @pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
 def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
     extent = ClutterExtent(3.0, 812.0, -math.pi, math.pi)

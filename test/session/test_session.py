@@ -28,6 +28,7 @@ from support.sessions import (
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session import inputs
 from tsepm_ros.session.inputs import Arrival
@@ -333,3 +334,18 @@ def test_a_gap_drops_potential_tracks_and_keeps_the_held_also_before_a_dropped_s
     sail(one, 505.0, 600.0)
     results = play(one, [512, 524, 536], now=0.0)
     assert [len(result.new) for result in results] == [0, 0, 1]
+
+
+def test_own_ship_delay_shifts_the_stamps_of_own_ship():
+    places = []
+    for delay, late in ((0.0, 0.0), (0.3, 0.3), (0.0, 0.3)):
+        delayed = moving(own_ship_delay=delay)
+        for time in np.arange(0.0, 3.0, 0.1):
+            sample = PoseSample(time + late, 5.0 * time, 0.0, 0.1 * time)
+            delayed.add_own_ship(
+                dataclasses.replace(sample, frame_id="odom", child_frame_id="sonar")
+            )
+        (result,) = play(delayed, [1.0])
+        places.append(result.scan.sensor_pose)
+    np.testing.assert_allclose(places[1], places[0], atol=1e-9)
+    assert not np.allclose(places[2], places[0])

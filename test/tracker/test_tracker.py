@@ -1,6 +1,7 @@
 """The tracker's verb stage by stage on made scans; its ids, refusals and options."""
 
 import dataclasses
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -325,3 +326,53 @@ def test_a_track_that_coasts_ends_no_other_beside_it():
     assert [lost.status, other.status] == [TrackStatus.COASTING, TrackStatus.CONFIRMED]
     assert other.track_id == 1
     assert "duplicate" not in ended.values()
+
+
+def swum(stated: float, errors: str = "learned", method: str = "score", pings: int = 120):
+    """Ids, deviation of the place over that stated, and the initiator, of a target alone.
+
+    The errors are stated as a factor of the true ones.
+    """
+    rng = np.random.default_rng(8)
+    sensor = SensorModel(
+        range_std=0.2 * stated, range_std_fraction=0.0, azimuth_std=0.01 * stated, max_range=60.0
+    )
+    made = make_initiator(method, sensor=sensor, max_speed=2.0, sensor_errors=errors)
+    ids, square = set(), []
+    for ping in range(pings):
+        place = np.array([20.0 - 0.1 * ping, 15.0 + 0.05 * ping])
+        range_, azimuth = np.hypot(*place), np.arctan2(place[1], place[0])
+        error = rng.standard_normal(2)
+        scan = Scan(0.2 * ping, [range_ + 0.2 * error[0]], [azimuth + 0.01 * error[1]])
+        made.process(scan)
+        ids |= {*made.current.track_id.tolist()}
+        for state, covariance in zip(made.current.state, made.current.covariance, strict=True):
+            away = state[0::2] - place
+            square.append(away @ np.linalg.solve(covariance[0::2, 0::2], away))
+    return ids, float(np.mean(square[len(square) // 2 :])) / 2.0, made
+
+
+@pytest.mark.parametrize("stated", [0.5, 1.0, 2.0])
+def test_errors_that_are_stated_wrong_are_learned_and_used(stated):
+    ids, square, made = swum(stated)
+    of_given, square_of_given, _ = swum(stated, "given")
+    assert len(ids) <= len(of_given)
+    assert abs(math.log(square)) <= abs(math.log(square_of_given)) + 0.5 * (stated == 1.0)
+    assert 0.2 < square < 2.0
+    assert made.sensor.azimuth_std == 0.01 * stated, "as given"
+    assert made.method.sensor.azimuth_std == pytest.approx(0.01, rel=0.35)
+    assert made.method.sensor.range_std == pytest.approx(0.2, rel=0.45)
+    made.reset()
+    assert made.method.sensor == made.sensor
+
+
+def test_errors_that_are_given_stay():
+    _, square, made = swum(0.5, "given")
+    assert made.method.sensor == made.sensor
+    assert square > 1.5
+    assert swum(0.5, method="tsepm")[2].method.sensor.azimuth_std == 0.005
+
+
+def test_learned_errors_are_followed_up_to_a_factor_of_four():
+    _, _, made = swum(0.01)
+    assert made.method.sensor.azimuth_std <= 4.001 * 0.0001

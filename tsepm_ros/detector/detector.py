@@ -32,6 +32,7 @@ from tsepm_ros.detector.cfar import (
 from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
+from tsepm_ros.detector.range_scale import RangeScale
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import parameter_table
 from tsepm_ros.tracker.scan import STANDING, Scan, wrap
@@ -55,6 +56,11 @@ SAME_CELLS = 0.02
 ANEW = (
     "the ranges or the bearings of an image differ from those of the image before: the detector "
     "learns anew at each change, and the coverage follows where the next image has it too"
+)
+RESCALED = (
+    "at {:.3f} s, what stands lies at {:.2g} times its ranges in the images before: if the sonar's "
+    "range was changed, to {:.2g} of that before, give the new ranges (image.near_range and "
+    "far_range), as a picture does not state them; the detector and the tracks begin anew"
 )
 YOUNG = 60
 """Images up to which the background removes nothing: it flags."""
@@ -176,6 +182,8 @@ class Detector:
         What images show that is no echo, and that all is learned anew: each sentence once.
     stages : Stages or None
         Of the last image; None if it was empty.
+    rescaled : int
+        Changes of the ranges by one factor, see `RangeScale`: images at each begin anew.
     """
 
     def __init__(self, options: DetectorOptions, coverage: Coverage | None = None) -> None:
@@ -187,6 +195,7 @@ class Detector:
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
         self.notes: list[str] = []
         self.stages: Stages | None = None
+        self.rescaled = 0
         self._axes, self._begin = np.zeros(0), 0
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
@@ -214,6 +223,12 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
+        factor = self._scale.factor(image.intensity, np.isfinite(image.intensity), image.range)
+        if factor != 1.0:
+            self.rescaled += 1
+            self._say([RESCALED.format(image.stamp, factor, 1.0 / factor)])
+            self._axes = np.zeros(0)
+            spacing, turn = self._prepare(image)
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -312,6 +327,7 @@ class Detector:
                 _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
             ]
             self._profile = self._grid = self._first_pose = None
+            self._scale = RangeScale()
             self._bright = BrightLines(*image.intensity.shape)
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
         return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth

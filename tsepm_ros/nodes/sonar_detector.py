@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import MessageError, detections_cloud, diagnostics, make_header
@@ -60,6 +61,7 @@ class SonarDetector(BaseNode):
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
         self._asked = Future()
         self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
+        self._reset = options.tracker and self.create_client(Trigger, f"{options.tracker}/reset")
         self._images = DetectionsSubscription(
             self,
             options.image_type,
@@ -95,7 +97,8 @@ class SonarDetector(BaseNode):
     def _look_up(self, header: Any) -> None:
         """Take the pose of the sensor at a message, or the newest before, from tf."""
         stamp = header.stamp.sec + 1e-9 * header.stamp.nanosec
-        frame = self.options[SonarDetectorNodeOptions].fixed_frame
+        options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
+        frame, stamp = options.fixed_frame, stamp + options.own_ship_delay
         try:
             self._input.add_pose(tf_own_ship(self._tf, frame, header.frame_id, stamp))
         except MessageError as error:
@@ -120,6 +123,8 @@ class SonarDetector(BaseNode):
             self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
             self._follow(ping)
+            if self._input.rescaled and self._reset and self._reset.service_is_ready():
+                self._reset.call_async(Trigger.Request())
             self._publish(scan, ping)
             self._pace.done()
 

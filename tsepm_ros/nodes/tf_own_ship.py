@@ -65,11 +65,12 @@ def tf_look_up(
             last_stamp = session.own_ship.poses.last_stamp
             if stamp < 0 or (last_stamp is not None and stamp <= last_stamp):
                 continue
-            at = Time(nanoseconds=round(stamp * 1e9))
+            late = stamp + session.settings.session.own_ship_delay
+            at = Time(nanoseconds=max(0, round(late * 1e9)))
             if not buffer.can_transform(fixed_frame, frame, at):
-                return f"tf has no transform from {frame!r} to {fixed_frame!r} at {stamp:.3f} s"
+                return f"tf has no transform from {frame!r} to {fixed_frame!r} at {late:.3f} s"
             transform = buffer.lookup_transform(fixed_frame, frame, at).transform
-            session.add_own_ship(_tf_pose_sample(stamp, transform, axes, fixed_frame))
+            session.add_own_ship(_tf_pose_sample(late, transform, axes, fixed_frame))
         return ""
 
     return look_up

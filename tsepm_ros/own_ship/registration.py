@@ -490,7 +490,7 @@ def register_in_fixed_frame(
     if heading or not sector:
         return registered
     return _registration_by_sensor(
-        registered, _registration_arrival_times(sensor_scan), poses, mounting
+        registered, registration_arrival_times(sensor_scan), poses, mounting
     )
 
 
@@ -527,7 +527,7 @@ def selected_for_registration(
     )
 
 
-def _registration_arrival_times(sensor_scan: UnregisteredScan) -> FloatArray:
+def registration_arrival_times(sensor_scan: UnregisteredScan) -> FloatArray:
     """Arrival times of the echoes, s, (n,), or (1,) without time offsets."""
     scan = sensor_scan.scan
     if scan.time_offset is None:
@@ -614,7 +614,7 @@ def _level_for_registration(
     scan = sensor_scan.scan
     range_, azimuth = scan.range, scan.azimuth
     if not sensor_scan.north_referenced:
-        _, _, _, roll, pitch = poses.poses(_registration_arrival_times(sensor_scan)).T
+        _, _, _, roll, pitch = poses.poses(registration_arrival_times(sensor_scan)).T
         range_, azimuth = levelled_for_registration(
             range_, azimuth, sensor_scan.height, roll, pitch, mounting.yaw, mounting.roll
         )

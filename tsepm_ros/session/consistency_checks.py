@@ -394,10 +394,21 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     extent = figures.outside_extent
     if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
         return ""
+    remedy = (
+        f"set {_check_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
+    )
+    ends = -np.array([extent.azimuth_min, extent.azimuth_max])
+    if (
+        _check_is_sector(extent)
+        and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all()
+    ):
+        remedy = (
+            "that is the mirror of the coverage. Are the azimuths clockwise? Then use the field "
+            "bearing; of images, the other image.port_first"
+        )
     return (
         f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "
-        f"{_check_extent_in_words(extent)}: set {_check_settings(extent, figures.sensor)}, unless "
-        "the coverage is limited on purpose"
+        f"{_check_extent_in_words(extent)}: {remedy}"
     )
 
 

@@ -43,6 +43,7 @@ from tsepm_ros.session.inputs import (
     refuse_input_size,
     register_input,
 )
+from tsepm_ros.session.registration_check import RegistrationCheck
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
@@ -262,12 +263,13 @@ class Session:
         self._losses = LossCheck()
         self._repetitions = RepetitionCheck(), RepetitionCheck()  # of messages, and of scans
         self._sensor_check = SensorCheck()
+        self._registration = RegistrationCheck(self.settings.session.own_ship_delay)
         self.arrived_stamp: float | None = None
         self._queue = ScanInputQueue(self.settings)
         self._sweep = Sweep(self.settings)
         self._frames = InputFrames(self.settings.session)
         self._downstream = ExternalTrackerInput()
-        self._totals_before = ScanStatistics()  # of runs before the last `_start_over`
+        self._totals_before = ScanStatistics()  # of runs before the last `start_over`
 
     @property
     def fixed_frame(self) -> str:
@@ -313,6 +315,13 @@ class Session:
         self._land.reset()
         self._start()
 
+    def start_over(self) -> None:
+        """Discard tracks and what was learned, and keep counts and poses."""
+        self._totals_before = self.totals
+        self.tracker.reset()
+        self._sensor_check = SensorCheck()
+        self._registration.start_over()
+
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count a drop, and report it, unless it has no sentence."""
         self.dropped[reason] += number
@@ -332,8 +341,11 @@ class Session:
         except ValueError as error:
             self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return
+        sample = replace(sample, stamp=sample.stamp - self.settings.session.own_ship_delay)
         refusal = self._frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
+        if refusal is None:
+            self._registration.add_pose(sample)
 
     def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
@@ -352,7 +364,7 @@ class Session:
         scans, remarks = self._sweep.take(arrived, now)
         if self._sweep.active and not of_a_sweep:  # the messages before were no scans
             self._queue = ScanInputQueue(self.settings)
-            self._start_over()
+            self.start_over()
         self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
 
@@ -457,12 +469,6 @@ class Session:
             else:
                 self._report(remark.subject, shortened_reason(remark.sentence))
 
-    def _start_over(self) -> None:
-        """Discard tracks and keep counts."""
-        self._totals_before = self.totals
-        self.tracker.reset()
-        self._sensor_check = SensorCheck()
-
     def _must_wait(self, first: Waiting) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
         own_ship = self.own_ship
@@ -486,9 +492,12 @@ class Session:
             return None
         self._queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
+        if self.own_ship.moves:
+            check, settings = self._registration, self.settings
+            self._report_all(check.take(arrived, scan, settings.sensor, settings.mounting))
         if first.arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
-            self._start_over()
+            self.start_over()
             self._downstream = ExternalTrackerInput()
         elif first.arrival is Arrival.GAP:
             self._report("gap", f"long gap before {scan.stamp:.3f} s: potential tracks dropped")
@@ -539,7 +548,7 @@ class Session:
             begin = time.perf_counter()
             new = tracker.process(scan)
         except Exception:
-            self._start_over()
+            self.start_over()
             raise
         seconds = time.perf_counter() - begin
         self._ends.update(tracker.maintenance.ended.values())

@@ -278,6 +278,14 @@ class SessionOptions(ParameterGroup):
     sensor_frame: str = parameter(
         "", "Frame of the detections; empty: the frame of the first message", read_only=True
     )
+    own_ship_delay: float = parameter(
+        0.0,
+        "Time by which the stamps of own-ship data are late; below 0: early",
+        unit="s",
+        minimum=-60.0,
+        maximum=60.0,
+        read_only=True,
+    )
     own_ship_timeout: float = parameter(
         2.0,
         "Maximum time that a scan waits for the own-ship data of its time",
@@ -588,6 +596,14 @@ class SonarDetectorNodeOptions(ParameterGroup):
         "Source of the pose of a sonar that moves, so that the background is that of the ground: "
         "none, odometry or tf, as for track_initiator",
         choices=OWN_SHIP_SOURCES,
+        read_only=True,
+    )
+    own_ship_delay: float = parameter(
+        0.0,
+        "Time by which the stamps of own-ship data are late; below 0: early",
+        unit="s",
+        minimum=-60.0,
+        maximum=60.0,
         read_only=True,
     )
     fixed_frame: str = parameter(

@@ -91,6 +91,13 @@ class CommonOptions(ParameterGroup):
         "sensor.clutter_density; given: sensor.clutter_density everywhere",
         choices=("estimated", "given"),
     )
+    sensor_errors: str = parameter(
+        "learned",
+        "Errors of detections that state none. learned: begin with sensor.range_std, "
+        "range_std_fraction and azimuth_std, and follow what confirmed tracks show, up to a factor "
+        "of 4, with the method score; given: these",
+        choices=("learned", "given"),
+    )
     intensity: str = parameter(
         "auto",
         "Amplitudes of the detections, in any unit, as evidence with the method score. auto: where "

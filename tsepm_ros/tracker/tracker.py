@@ -28,6 +28,7 @@ from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import Learned, LearnedScanClutter
+from tsepm_ros.tracker.clutter.sensor_performance import STEP
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
@@ -63,6 +64,8 @@ WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
 MAX_UNKNOWN = 8
 """Scans in a row for which detections of which that is unknown count as standing."""
+SOON, LATER = 2, 32
+"""Scans between two looks at the errors that tracks show, before enough are known, and later."""
 STANDING_PROBABILITY = 0.98
 """That a detection that stands is no start of a target's track."""
 
@@ -130,6 +133,8 @@ class Tracker:
         self.statistics = self.totals = ScanStatistics()
         self.revised = TrackArrays.from_tracks([])
         self.learned = Learned.initial(self.sensor)
+        self.method.sensor = self.sensor
+        self._use(self.method)
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
         self._unknown = 0
@@ -179,6 +184,7 @@ class Tracker:
     def _use(self, method: Method) -> None:
         """Take a method with its sensor and options."""
         self.method, self.sensor, self.options = method, method.sensor, method.options
+        self._in_use, self._steps, self._due = method.sensor, np.zeros(2, np.int64), 0
         self.common = self.maintenance.options = method.common
 
     def process(self, scan: Scan) -> TrackArrays:
@@ -215,6 +221,8 @@ class Tracker:
         The confirmed tracks take their detections at the density that was known before.
         """
         interval = self._count_in(scan)
+        if self.scan_index >= self._due:
+            self._follow_errors()
         detections = self._detections(scan)
         amplitudes = self._clutter.judge_amplitudes(
             detections, self.scan_index, self.options.window
@@ -235,7 +243,7 @@ class Tracker:
                 self.learned.scan_interval.median,
             )
         detections["clutter_density"] = self._learn_clutter(confirmed)
-        if self.learned.batch.is_new:
+        if self.learned.batch.is_new or self.learned.errors.young:
             self._learn_errors()
         self._learn_extended_targets()
         self._clutter.learn_amplitudes(detections, self._reach)
@@ -294,7 +302,7 @@ class Tracker:
     def _clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
         """The sensor with its clutter's range rates, and the density of the detections' own."""
         self.learned.clutter_range_rates.update(detections)
-        sensor = self.sensor
+        sensor = self._in_use
         if self.common.clutter_density == "estimated":
             sensor = self.learned.clutter_range_rates.estimate(sensor)
         return sensor, range_rates.clutter_density(detections, sensor)
@@ -318,7 +326,7 @@ class Tracker:
             detections,
             clutter,
             self.detection_probability_at,
-            changed(self.sensor, detection_probability=self.detection_probability),
+            changed(self._in_use, detection_probability=self.detection_probability),
             self.common.max_speed,
             self.learned.scan_interval.median / (1.0 if whole else swept),
             amplitudes,
@@ -370,15 +378,36 @@ class Tracker:
         older[judged] = merging.of_older(tracks, size)
         return older
 
+    def _follow_errors(self) -> None:
+        """Take the errors that confirmed tracks show into use, where they changed."""
+        errors, sensor = self.learned.errors, self.sensor
+        self._due = self.scan_index + (SOON if errors.young else LATER)
+        if self.common.sensor_errors == "given" or not self.method.most_tracks_true:
+            return
+        steps = errors.followed(self._steps)
+        if not np.array_equal(steps, self._steps):
+            along, turn = np.exp2(STEP * steps).tolist()
+            self._steps = steps
+            self._in_use = self.method.sensor = changed(
+                sensor,
+                range_std=along * sensor.range_std,
+                range_std_fraction=along * sensor.range_std_fraction,
+                azimuth_std=turn * sensor.azimuth_std,
+            )
+
     def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
-        if self._own:
-            track_id, detections = zip(*self._own, strict=True)
-            own, confirmed = appended_arrays(*detections), self.maintenance.confirmed
-            variance = self.sensor.range_variance(measured_polar(own)[0])
-            ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
-            self.learned.errors.update(np.concatenate(track_id), own, variance, ids, moves)
-            self._own = []
+        if not self._own:
+            return
+        track_id, detections = zip(*self._own, strict=True)
+        own, confirmed, self._own = appended_arrays(*detections), self.maintenance.confirmed, []
+        rows = np.flatnonzero(np.isnan(own["range_std"]))
+        own = taken(own, rows)
+        variance = self.sensor.range_variance(measured_polar(own)[0])
+        if self._scan.azimuth_std is None:
+            own["azimuth_std"] = self.sensor.azimuth_std
+        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
+        self.learned.errors.update(np.concatenate(track_id)[rows], own, variance, ids, moves)
 
     def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
@@ -432,7 +461,7 @@ class Tracker:
         as_stated = scan.azimuth_std is not None or not self.method.most_tracks_true
         own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert_measurements(measured, self.sensor, self.scan_index, least)
+        detections = convert_measurements(measured, self._in_use, self.scan_index, least)
         self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
         detections["index"] = rows if clusters is None else rows[clusters.strongest]
         if clusters is not None and scan.range_std is None:
@@ -516,6 +545,10 @@ class Tracker:
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
+        if self.learned.errors.young and not self.extended_targets.active:
+            for track in tracks:
+                hits = self.window.find(track.hits)
+                self._own.append((np.full(len(hits), track.track_id), self.window[hits]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma

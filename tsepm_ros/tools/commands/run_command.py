@@ -262,8 +262,12 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     if is_images:
         into = Path(stack.enter_context(TemporaryDirectory()))
         given_values = given_parameter_values(options.parameter).items()
-        mounting = {key: value for key, value in given_values if key.startswith("mounting.")}
-        source, coverage = image_folder_detected(path, into, notes, outputs, **mounting)
+        of_poses = {
+            key: value
+            for key, value in given_values
+            if key.startswith("mounting.") or key == "own_ship_delay"
+        }
+        source, coverage = image_folder_detected(path, into, notes, outputs, **of_poses)
     if is_bag:
         return _run_of_bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)

@@ -14,6 +14,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 import shutil
 from collections.abc import Iterator, Sequence
@@ -78,13 +79,14 @@ def read_image_folder(
     outputs : sequence of Path, optional
         Files that will be written: none may be read here.
     **options
-        Of the detector, in place of those in the folder.
+        Of the detector, in place of those in the folder; and own_ship_delay, s.
 
     Raises
     ------
     ValueError
         If a file is missing or malformed; the message names it.
     """
+    delay = float(options.pop("own_ship_delay", 0.0))
     try:
         values, axes = _image_folder_geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
         groups = make_groups(FOLDER, {**values, **options})
@@ -109,7 +111,7 @@ def read_image_folder(
     recorded = read_recorded_own_ship(folder)
     for sample in recorded:
         if sample.covariance is None:  # its heading is known
-            poses.add(sample)
+            poses.add(dataclasses.replace(sample, stamp=sample.stamp - delay))
     first, last = (recorded[0].stamp, recorded[-1].stamp) if recorded else (times[0], times[-1])
     if recorded and not poses:
         notes.append("own_ship.csv has no heading_rad: the background is that of a sonar at rest")

@@ -65,7 +65,7 @@ def offline_recording_results(
         until = recorded.time + _offline_longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
         last = session.own_ship.poses.last_stamp
         while poses and (last is None or last < until):
-            last = poses[0].stamp
+            last = poses[0].stamp - session.settings.session.own_ship_delay
             session.add_own_ship(replace(poses.popleft(), frame_id=session.fixed_frame or FRAME))
         session.dropped.update(ping.dropped)
         session.add_scan(ping.sensor_scan, now=-math.inf)  # no clock is recorded
@@ -113,6 +113,8 @@ def offline_bag_results(
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
                 _offline_follow(session, images.coverage)
+                if images.rescaled:
+                    session.start_over()
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)

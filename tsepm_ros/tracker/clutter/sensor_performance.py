@@ -50,6 +50,18 @@ NEARLY_ZERO = 1e-4
 MAX_SAMPLES = 1000
 MIN_SAMPLES = 60
 """Innovations from which on a judgement is made: a standard deviation of it is a sixth."""
+FEWEST, PRIOR = 5, 6.0
+"""Innovations from which on larger errors are followed, and those that the stated errors are
+worth."""
+LARGEST = 16.0
+"""Most variances that a square of a few counts for."""
+STEP = 0.25
+"""Step of the factor of errors that are followed, as a power of two: thresholds are computed for
+each."""
+CHANCE = 1.5, 0.75
+"""Steps by which a factor differs by chance, before enough innovations are known, and later."""
+MOST_STEPS = 8
+"""Steps of the factor at most, up and down: 4 and 1/4."""
 MAX_SPACING = 4.0
 """Ratio of the two intervals up to which three detections count."""
 
@@ -184,6 +196,36 @@ class SensorPerformanceErrors:
             moves[(ids[third, None] == confirmed).nonzero()[1]],
         )
         self.samples.extend(zip(*(column.tolist() for column in columns), strict=True))
+
+    @property
+    def young(self) -> bool:
+        """Whether there are too few innovations for a judgement."""
+        return len(self.samples) < MIN_SAMPLES
+
+    def followed(self, steps: IntArray) -> IntArray:
+        """Steps of the factors of range and azimuth errors in use, (2,), after those before.
+
+        Larger errors are followed early, as tracks are lost and doubled by them, smaller ones with
+        certainty. A factor changes where it is nearer to another one by more than chance.
+        """
+        number = len(self.samples)
+        if number < FEWEST:
+            return np.zeros(2, np.int64)
+        columns = np.array(self.samples).T
+        moves = columns[5] > 0.0
+        wanted = np.zeros(2)
+        for axis in range(2):
+            ratio = columns[1 + axis] / columns[3 + axis]
+            if self.young:  # the mean varies less than the median
+                variance = float(np.minimum(ratio, LARGEST).mean())
+            else:
+                variance = _sensor_performance_variance(moves, ratio, np.ones(1))
+            wanted[axis] = 0.5 * math.log2(max(variance, 1e-9)) / STEP
+        wanted *= number / (number + PRIOR)
+        lowest, chance = (0, CHANCE[0]) if self.young else (-MOST_STEPS, CHANCE[1])
+        wanted = np.clip(wanted, lowest, MOST_STEPS)
+        changes = np.abs(wanted - steps) > chance
+        return np.where(changes, np.rint(wanted), steps).astype(np.int64)
 
     @property
     def fitted(self) -> FittedErrors | None:

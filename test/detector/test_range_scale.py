@@ -1,0 +1,62 @@
+"""A change of the range that a picture does not state shows in what stands."""
+
+import numpy as np
+import pytest
+
+from tsepm_ros.detector.range_scale import RangeScale
+
+RANGE = 0.1 * (np.arange(400) + 0.5)
+
+
+def picture(far, rng, *, standing=8, cells=(128, 400)):
+    """Speckle, and things that stand, of which a picture shows those up to a range."""
+    image = rng.rayleigh(1.0, cells)
+    places = np.random.default_rng(5)
+    ranges, rows = places.uniform(4.0, 38.0, standing), places.integers(3, 125, standing)
+    for cell, row in zip((ranges / far * cells[1]).astype(int), rows, strict=True):
+        echo = image[row - 2 : row + 3, max(cell - 3, 0) : cell + 4]
+        echo += rng.rayleigh(5.0, echo.shape)
+    return image
+
+
+def factors(fars, *, seed=1, **more):
+    """Factors other than 1 that are found in pictures that show ranges up to these, by image."""
+    rng, scale, found = np.random.default_rng(seed), RangeScale(), {}
+    for index, far in enumerate(fars):
+        image = picture(far, rng, **more)
+        factor = scale.factor(image, np.isfinite(image), RANGE)
+        if factor != 1.0:
+            found[index] = factor
+    return found
+
+
+@pytest.mark.parametrize("change", [0.5, 0.75, 1.5, 2.0])
+def test_a_change_of_the_range_is_found_by_the_second_image_with_its_factor(change):
+    found = factors([40.0] * 10 + [40.0 * change] * 10)
+    assert found == {11: pytest.approx(1.0 / change, rel=0.03)}
+
+
+def test_each_of_several_changes_is_found():
+    found = factors([40.0] * 8 + [20.0] * 8 + [40.0] * 8)
+    assert list(found) == [9, 17]
+
+
+def test_images_of_one_range_show_no_change():
+    assert factors([40.0] * 60) == {}
+    assert factors([40.0] * 60, standing=0) == {}
+
+
+def test_a_single_image_of_another_range_is_no_change():
+    assert factors([40.0] * 10 + [20.0] + [40.0] * 10) == {}
+
+
+def test_where_nothing_stands_nothing_is_said():
+    assert factors([40.0] * 10 + [20.0] * 10, standing=0) == {}
+
+
+@pytest.mark.parametrize("cells", [(1, 400), (3, 400)])
+def test_few_bearings_show_no_change(cells):
+    image = np.zeros(cells)
+    scale = RangeScale()
+    for _ in range(8):
+        assert scale.factor(image, np.ones(cells, bool), RANGE) == 1.0

@@ -1,0 +1,101 @@
+"""What recurs falls together in the fixed frame, or what is set up wrong is said."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from support.sessions import arrived
+
+from tsepm_ros import Scan, SensorModel
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import Mounting, register_in_fixed_frame
+from tsepm_ros.session.registration_check import RegistrationCheck
+
+SENSOR = SensorModel(
+    range_std=0.1,
+    range_std_fraction=0.0,
+    azimuth_std=0.008,
+    min_range=0.5,
+    max_range=40.0,
+    azimuth_min=-1.0,
+    azimuth_max=1.0,
+)
+TURN = math.radians(5.0)
+
+
+def way(time: float, *, turns: bool, speed: float) -> tuple[float, float, float]:
+    """A vessel that turns to and fro by 30 degrees, with rests between."""
+    phase = time % 24.0
+    yaw = TURN * (np.clip(phase - 4.0, 0.0, 6.0) - np.clip(phase - 16.0, 0.0, 6.0)) * turns
+    return speed * time, 0.1 * speed * time, float(yaw)
+
+
+def notes(
+    wrong: str = "", *, turns=True, speed=0.3, standing=10, seconds=60.0, late=0.0, delay=0.0
+) -> list[str]:
+    """Sentences about the registration of a sonar among things that stand, and of clutter."""
+    rng, said = np.random.default_rng(3), []
+    check, poses = RegistrationCheck(delay), PoseHistory(max_extrapolation=1.0)
+    things = np.column_stack([rng.uniform(3.0, 45.0, standing), rng.uniform(-25, 25, standing)])
+    sent = 0.0
+    for time in np.arange(1.0, seconds, 0.25):
+        while sent < time + 0.8:
+            sample = PoseSample(sent + late - delay, *way(sent, turns=turns, speed=speed))
+            poses.add(sample)
+            check.add_pose(sample)
+            sent += 0.1
+        x, y, yaw = way(time, turns=turns, speed=speed)
+        east, north = (things - (x, y)).T
+        range_ = np.hypot(east, north) + 0.1 * rng.standard_normal(standing)
+        azimuth = np.arctan2(north, east) - yaw + 0.008 * rng.standard_normal(standing)
+        seen = (range_ < 40.0) & (np.abs(azimuth) < 1.0) & (rng.random(standing) < 0.9)
+        range_ = np.append(range_[seen], 40.0 * np.sqrt(rng.random(4))).clip(0.5)
+        azimuth = np.append(azimuth[seen], rng.uniform(-1.0, 1.0, 4))
+        if wrong == "mirrored":
+            azimuth = -azimuth
+        elif wrong == "reversed":
+            range_ = 40.5 - range_
+        scan = arrived(Scan(float(time), range_, azimuth))
+        registered = register_in_fixed_frame(scan, poses, Mounting())
+        said += check.take(scan, registered, SENSOR, Mounting())
+    return [notice.sentence for notice in said]
+
+
+def test_a_right_set_up_is_silent():
+    assert notes() == []
+    assert notes(turns=False) == []
+
+
+def test_azimuths_that_are_clockwise_are_said_with_the_remedy():
+    (said,) = notes("mirrored", speed=0.0)
+    assert "clockwise" in said
+    assert "field bearing" in said
+    assert "image.port_first" in said
+
+
+def test_ranges_from_the_far_end_are_said_once_the_sensor_has_moved():
+    (said,) = notes("reversed")
+    assert "image.near_first" in said
+    assert notes("reversed", speed=0.0) == []
+
+
+@pytest.mark.parametrize("late", [0.4, -0.4])
+def test_a_clock_of_own_ship_is_said_with_its_shift_and_following_it_silences_the_note(late):
+    (said,) = notes(late=late)
+    shift, error = map(float, re.search(r"is ([\d.]+) \+- ([\d.]+) s", said).groups())
+    assert shift == pytest.approx(abs(late), abs=0.08)
+    assert error < 0.08
+    assert ("late" if late > 0.0 else "early") in said
+    remedy = float(re.search(r"own_ship_delay (-?[\d.]+)", said)[1])
+    assert notes(late=late, delay=remedy) == []
+
+
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_nothing_is_said_where_nothing_stands(late):
+    assert notes(late=late, standing=0) == []
+
+
+def test_nothing_is_said_where_the_vessel_neither_turns_nor_moves():
+    assert notes("mirrored", turns=False, speed=0.0) == []
+    assert notes(late=0.4, turns=False, speed=0.0) == []
