@@ -279,7 +279,7 @@ def curve(result: Result, points: Sequence[str] = ()) -> str:
 
 
 def _cells(row: Row) -> list[str]:
-    return [_share(row["detection"]), _rate(row["false_per_hour"])]
+    return [_share(row["found"]), _rate(row["false_per_hour"])]
 
 
 def _share(estimate: Sequence[float]) -> str:
@@ -349,7 +349,7 @@ def readme(result: Result) -> str:
     """A sea, a pool and an imaging sonar: `score` beside plain Kalman starts."""
     rows = {(row["method"], row["point"]): row for row in result.measures if row["scans"] == 16}
     sea = [
-        f"{100 * row['detection'][0]:.0f} % of targets found, {_plain(row['false_per_hour'][0])} "
+        f"{100 * row['found'][0]:.0f} % of targets found, {_plain(row['false_per_hour'][0])} "
         "false tracks per hour"
         for row in (rows["score", "10/h"], rows["kalman", "3/5"])
     ]
@@ -385,7 +385,7 @@ def _plain(value: float) -> str:
 
 
 MEASURES = {
-    "detection": ("targets with a true track", "{:.3f}"),
+    "found": ("targets with a true track", "{:.3f}"),
     "false_per_run": ("false and misplaced tracks per run", "{:.2f}"),
     "redundant_per_run": ("redundant tracks per run", "{:.2f}"),
     "nees": ("NEES of true tracks (ideal 4)", "{:.1f}"),

@@ -154,9 +154,9 @@ def _environment_encounter_parts() -> list[Part]:
         f"With azimuths and headings clockwise from north the targets are {start:.0f} m apart at "
         f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
         "counter-clockwise from the x axis and headings from north the targets only separate: they "
-        f"were closest {-float(separating[0]):.0f} s before. The text's t_c is at least 0, gets smaller, is "
-        "below 0 when the targets separate, and then grows in size. The last line of the "
-        "table corrects Eqs. 2, 8 and 9. Of all "
+        f"were closest {-float(separating[0]):.0f} s before. The text's t_c is at least 0, gets "
+        "smaller, is below 0 when the targets separate, and then grows in size. The last line of "
+        "the table corrects Eqs. 2, 8 and 9. Of all "
         f"{len(readings)} combinations this holds for: {'; '.join(valid)}.",
         ReportTable(
             "environment_2018_figure_4",
