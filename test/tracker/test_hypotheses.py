@@ -77,7 +77,6 @@ def test_a_tree_sums_the_ratios_of_the_hypotheses_that_end_in_each_detection():
     assert tree.newest.tolist() == [0, 0, 2]
     sums = [np.log(np.exp(1.0) + np.exp(2.0)), -np.inf, 0.5]
     np.testing.assert_allclose(tree.evidence, sums)
-    assert tree.largest(hypotheses.score).tolist() == [2.0, -np.inf, 0.5]
     assert tree.ending_in(0).hits.tolist() == [[3, 7], [4, 7]]
     assert len(tree.ending_in(1)) == 0
     assert tree.ending_in(2).score.tolist() == [0.5]

@@ -7,7 +7,9 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.polar_grid import (
-    BATCH,
+    BATCH_DETECTIONS,
+    BATCH_SCANS,
+    BATCH_TIME,
     CELL,
     INNER_RINGS,
     Cells,
@@ -132,12 +134,27 @@ def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
     np.testing.assert_allclose(windows, expected)
 
 
-def test_a_batch_is_whole_after_its_time_and_begins_anew():
-    batch = PolarBatch(4)
-    assert batch.is_whole(0.0), "the first scan is alone"
+def batch_of(number: int, detections: int) -> PolarBatch:
+    """A batch begun at 10 s, of scans of as many detections."""
+    batch, place = PolarBatch(4), np.zeros(detections, np.int64)
     batch.end(10.0)
-    assert not batch.is_whole(10.0 + 0.9 * BATCH)
-    assert batch.is_whole(10.0 + BATCH)
+    for _ in range(number):
+        batch.take(Cells(place, place), (1.0 * place, 1.0 * place), 1.0 * place, np.ones(4))
+    return batch
+
+
+def test_a_batch_is_whole_by_time_and_scans_or_by_detections():
+    few, many = batch_of(int(BATCH_SCANS) - 1, 3), batch_of(int(BATCH_SCANS), 3)
+    assert few.is_new is False and batch_of(0, 3).is_new
+    assert not few.is_whole(1000.0), "slow pings wait for others"
+    assert not many.is_whole(10.0 + 0.9 * BATCH_TIME), "fast pings wait for the time"
+    assert many.is_whole(10.0 + BATCH_TIME)
+    assert batch_of(1, BATCH_DETECTIONS).is_whole(10.0), "many detections do not wait"
+    assert not batch_of(1, BATCH_DETECTIONS - 1).is_whole(1000.0)
+
+
+def test_a_batch_has_what_it_took_and_begins_anew():
+    batch = PolarBatch(4)
     for k in range(2):
         cells = Cells(np.array([k]), np.array([k + 1]))
         polar = np.array([100.0 + k]), np.array([0.1 * k])

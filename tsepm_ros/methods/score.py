@@ -109,6 +109,8 @@ class Score(Method):
         See `Method.step`.
         """
         self._threshold.observe(observed)
+        if not len(self.hypotheses) and not len(observed.detections):
+            return Step()
         tree, counts = self._tree(observed)  # split, evaluate, prune
         starts, merged = self._starts(tree, observed)  # confirm
         given = given_starts(tree.hypotheses, starts)  # merge

@@ -20,10 +20,10 @@ def changed(table: T, **columns: Any) -> T:
 
     As `dataclasses.replace`, without a constructor: a tenth of the time.
     """
-    if not columns.keys() <= table.__dict__.keys():
-        raise TypeError(f"{type(table).__name__} has no {set(columns) - set(table.__dict__)}")
     new = object.__new__(type(table))
     new.__dict__.update(table.__dict__, **columns)
+    if len(new.__dict__) > len(table.__dict__):
+        raise TypeError(f"{type(table).__name__} has no {set(columns) - set(table.__dict__)}")
     return new
 
 
@@ -40,12 +40,12 @@ def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.vo
     return records.take(array_indices(rows), axis=0)
 
 
-def appended_arrays(records: NDArray[np.void], more: NDArray[np.void]) -> NDArray[np.void]:
+def appended_arrays(records: NDArray[np.void], *more: NDArray[np.void]) -> NDArray[np.void]:
     """Structured arrays (n,) one after the other.
 
     As blocks of bytes, which is many times faster than field by field.
     """
-    blocks = [part.view((np.void, part.itemsize)) for part in (records, more)]
+    blocks = [part.view((np.void, part.itemsize)) for part in (records, *more)]
     return np.concatenate(blocks).view(records.dtype)
 
 
@@ -112,6 +112,13 @@ class Rows:
                 value.take(rows, axis=0, out=column[end - len(rows) : end], mode="clip")
             columns.append(column)
         return cls(*columns)
+
+
+def array_run_starts(labels: IntArray) -> IntArray:
+    """First row of each run of equal labels (n,)."""
+    starts = np.ones(len(labels), bool)
+    np.not_equal(labels[1:], labels[:-1], out=starts[1:])
+    return starts.nonzero()[0]
 
 
 def array_log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
@@ -165,12 +164,10 @@ def pairs_within_disc(
     centres: FloatArray, positions: FloatArray, distance: float
 ) -> tuple[IntArray, IntArray]:
     """Rows of centres (k, 2) and positions (n, 2) no farther apart than a distance, ascending."""
-    near = cKDTree(centres).sparse_distance_matrix(
-        cKDTree(positions), distance, output_type="ndarray"
-    )
-    row, other = near["i"].astype(np.int64), near["j"].astype(np.int64)
-    order = np.lexsort((other, row))
-    return row[order], other[order]
+    every = len(centres) * len(positions)
+    pairs = pairs_within_discs(positions, centres, np.full(len(centres), distance), every)
+    assert pairs is not None
+    return pairs
 
 
 def _disc_pair_numbers(first: IntArray, number: IntArray) -> IntArray:

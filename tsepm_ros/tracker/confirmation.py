@@ -146,7 +146,8 @@ def confirm(
 
 def _has_hits(tree: Tree) -> BoolArray:
     """Which detections (d,) end a hypothesis of enough hits."""
-    return tree.largest(tree.hypotheses.hit_count.astype(float)) >= MIN_HITS
+    enough = tree.hypotheses.hit_count[tree.missed :] >= MIN_HITS
+    return np.bincount(tree.newest[enough], minlength=len(tree.ids)) > 0
 
 
 def attainable(tree: Tree) -> FloatArray:

@@ -20,7 +20,6 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     Rows,
-    array_largest_of_groups,
     array_log_sums,
     array_sums_over_hits,
     changed,
@@ -28,20 +27,19 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
-from tsepm_ros.tracker.measurement import measurement_covariance_at
+from tsepm_ros.tracker.measurement import DETECTION, measurement_covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 PRIOR_TARGET_ODDS = 0.001
 """Prior odds, for the clutter map, that a detection is of a target that began in a given scan."""
-_ERRORS = (
-    "time",
-    "range_std",
-    "azimuth_std",
-    "least_across",
-    "sensor_pose",
-    "sensor_pose_covariance",
-)
-"""What the innovation covariance of a hypothesis and a detection depends on."""
+_MARKS = np.zeros(1, DETECTION)
+for _name in (
+    *("time", "range_std", "azimuth_std", "least_across"),
+    *("sensor_pose", "sensor_pose_covariance"),
+):
+    _MARKS[_name] = np.frombuffer(b"\xff" * 8)
+_ERRORS = np.flatnonzero(_MARKS.view(np.uint8))
+"""Bytes of a detection on which its innovation covariance with a hypothesis depends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +131,6 @@ class Tree:
         -inf where none does.
         """
         return array_log_sums(score[self.missed :], self.newest, len(self.ids))
-
-    def largest(self, values: FloatArray) -> FloatArray:
-        """Largest of the values (n,) over those that end in each detection, (d,); or -inf."""
-        return array_largest_of_groups(values[self.missed :], self.newest, len(self.ids))
 
     def ending_in(self, detection: int) -> Hypotheses:
         """The hypotheses that end in a detection of the scan."""
@@ -301,11 +295,5 @@ class ExpectedDetections(Generic[H]):
 
 def _alike(detections: NDArray[np.void]) -> bool:
     """Whether all detections have the time, the pose and the errors of the first."""
-    for name in _ERRORS:
-        values = detections[name]
-        same = values == values[0]
-        if name == "range_std":  # nan: the sensor model's
-            same |= np.isnan(values) & np.isnan(values[0])
-        if not same.all():
-            return False
-    return True
+    errors = detections.view((np.uint8, detections.itemsize)).take(_ERRORS, axis=1)
+    return bool((errors == errors[0]).all())

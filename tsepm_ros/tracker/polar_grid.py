@@ -24,8 +24,8 @@ MEMORY = 50
 """Scans over which what is learned of clutter fades, or for which it is remembered."""
 RENEWAL = 0.1
 """Share of what is new from which on an estimate is made anew."""
-BATCH = 0.5
-"""Duration of the scans that are learned from together, s: those up to 2 Hz one by one."""
+BATCH_TIME, BATCH_SCANS, BATCH_DETECTIONS = 0.5, RENEWAL * MEMORY, 200
+"""Scans are learned from together until they have this duration, s, and number, or detections."""
 
 
 class Cells(NamedTuple):
@@ -209,7 +209,8 @@ class PolarBatch:
 
     def is_whole(self, stamp: float) -> bool:
         """Whether the scan of a stamp, s, is the last of the batch."""
-        return stamp - self._begin >= BATCH - 1e-9
+        lasts = stamp - self._begin >= BATCH_TIME - 1e-9 and len(self.weights) >= BATCH_SCANS
+        return lasts or sum(map(len, self.weights)) >= BATCH_DETECTIONS
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""
@@ -218,6 +219,11 @@ class PolarBatch:
         self.weights: list[FloatArray] = []
         self.densities: list[FloatArray] = []
         self.looks = np.zeros(len(self.looks))
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it has no scan yet: the one before was learned from in the last scan."""
+        return not self.weights
 
     @property
     def cells(self) -> Cells:

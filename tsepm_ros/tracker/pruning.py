@@ -20,6 +20,7 @@ from tsepm_ros.numerics.arrays import (
     IntArray,
     among_best_of_array,
     array_rows_of_least_cost,
+    array_run_starts,
 )
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 
@@ -81,8 +82,8 @@ def prune(
     place = newest[rows] - newest.min(initial=newest.max(initial=0))
     # Numbers of 16 bits are sorted in half of the time.
     rows = rows[np.argsort(place.astype(np.min_scalar_type(place.max(initial=0))), kind="stable")]
-    begin = np.flatnonzero(np.diff(newest[rows], prepend=-1))  # of the runs
-    number = np.diff(begin, append=len(rows))
+    begin = array_run_starts(newest[rows])
+    number = np.append(begin[1:], len(rows))[: len(begin)] - begin
     best = np.repeat(np.maximum.reduceat(score[rows], begin), number)
     kept = score[rows] > best + RELATIVE_PRUNING
     if number.max(initial=0) > most:

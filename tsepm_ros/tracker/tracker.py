@@ -13,7 +13,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    appended_arrays,
+    changed,
+    taken,
+)
 from tsepm_ros.tracker import initial_state, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, extended_target_density
 from tsepm_ros.tracker.clusters.grouping import Clusters
@@ -126,6 +133,7 @@ class Tracker:
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
         self._unknown = 0
+        self._own: list[tuple[IntArray, NDArray[np.void]]] = []
         self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
         self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
@@ -216,7 +224,8 @@ class Tracker:
         confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
-            self._learn_errors(detections)
+            track_id, row = self.maintenance.own_detections
+            self._own.append((track_id, taken(detections, row)))
             self.maintenance.manoeuvre.update(
                 *self.maintenance.innovations,
                 self.common,
@@ -224,6 +233,8 @@ class Tracker:
                 self.learned.scan_interval.median,
             )
         detections["clutter_density"] = self._learn_clutter(confirmed)
+        if self.learned.batch.is_new:
+            self._learn_errors()
         self._learn_extended_targets()
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
@@ -243,7 +254,7 @@ class Tracker:
             confirmed_probability=confirmed,
             may_start=may_start,
             detected=tracks.where(
-                np.isin(tracks.track_id, self.maintenance.probable_detections[0])
+                (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
             ),
             clutter_sensor=clutter_sensor,
             seen_extent=self.learned.clutter_map.seen.region.extent,
@@ -328,9 +339,10 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        own, confirmed = self.maintenance.probable_detections, self.maintenance.confirmed
         if self.method.most_tracks_true:
-            self.extended_targets.learn(own, confirmed, self.clutter_density)
+            self.extended_targets.take_own(self.maintenance.probable_detections)
+        if self.learned.batch.is_new:
+            self.extended_targets.learn(self.maintenance.confirmed, self.clutter_density)
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
@@ -353,15 +365,19 @@ class Tracker:
         older[judged] = merging.of_older(tracks, math.sqrt(variances) * size)
         return older
 
-    def _learn_errors(self, detections: NDArray[np.void]) -> None:
+    def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
-        track_id, row = self.maintenance.own_detections
-        rows = np.isnan(detections["range_std"][row])
-        own = taken(detections, row[rows])
+        taken_rows, self._own = self._own, []
+        if not taken_rows:
+            return
+        track_ids, detections = zip(*taken_rows, strict=True)
+        own = appended_arrays(*detections)
+        rows = np.flatnonzero(np.isnan(own["range_std"]))
+        own = taken(own, rows)
         variance = self.sensor.range_variance(measured_polar(own)[0])
         confirmed = self.maintenance.confirmed
         ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
-        self.learned.errors.update(track_id[rows], own, variance, ids, moves)
+        self.learned.errors.update(np.concatenate(track_ids)[rows], own, variance, ids, moves)
 
     def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""
@@ -402,9 +418,7 @@ class Tracker:
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, rows, runs)
         measured = covered_scan if runs is None else runs.scan
-        made = self.extended_targets.clusters_of(
-            measured, self.clutter_density, self._clutter.is_fixed
-        )
+        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
         if made is not None:
             detections = self._converted(
                 covered_scan, rows, made if runs is None else made.traced_through(runs)

@@ -34,10 +34,18 @@ TANK = SensorModel(max_range=100.0, range_std=0.2, range_std_fraction=0.0, azimu
 DENSITY = 1e-4
 
 
+NONE = np.zeros(0, np.int64)
+
+
+def take(test: ExtendedTargetTest, scan: Scan, own=(NONE, NONE), confirmed=NONE, apart=()) -> None:
+    """Let a test take a ping by itself."""
+    test.update([scan], DENSITY, [own], confirmed, np.array(apart, bool))
+
+
 def largest(sensor: SensorModel, scans, density: float) -> float:
     excess, found = ExtendedTargetTest(sensor), -math.inf
     for scan in scans:
-        excess.update(scan, density)
+        excess.update([scan], density, [(NONE, NONE)], NONE, np.zeros(0, bool))
         found = max(found, excess.log_ratio)
     return found
 
@@ -74,11 +82,10 @@ def test_pairs_of_detections_may_be_two_targets():
 
 def beside_a_track(offset) -> float:
     """Largest L after 40 pings of a track with another detection at an offset, m."""
-    excess, own = ExtendedTargetTest(TANK), np.array([0])
+    excess, track_id = ExtendedTargetTest(TANK), np.array([7])
     for ping in range(40):
         scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
-        excess.update(scan, DENSITY)
-        excess.update_tracks(scan, DENSITY, np.array([7]), own, np.array([False]), np.array([7]))
+        take(excess, scan, (track_id, np.array([0])), track_id, [False])
     return excess.log_ratio
 
 
@@ -98,8 +105,7 @@ def test_what_tracks_apart_from_each_other_explain_is_no_evidence_for_one_target
     for ping in range(60):
         range_ = 50.0 + 3.0 * own + 0.2 * rng.standard_normal(5)
         scan = Scan(float(ping), range_, 0.004 * rng.standard_normal(5))
-        test.update(scan, DENSITY)
-        test.update_tracks(scan, DENSITY, own, own, np.full(5, apart), own)
+        take(test, scan, (own, own), own, np.full(5, apart))
         found.append(test.log_ratio >= LOG_RATIO)
     assert any(found) == shown
 
@@ -110,8 +116,9 @@ def test_clusters_are_made_no_longer_once_nothing_lies_beside_the_tracks():
     for ping in range(900):
         several = ping < 20
         scan = Scan(float(ping), np.full(1 + 2 * several, 50.0), 0.01 * np.arange(1 + 2 * several))
-        targets.clusters_of(scan, DENSITY, np.zeros(len(scan), bool))
-        targets.learn(own, confirmed, DENSITY)
+        targets.clusters_of(scan, np.zeros(len(scan), bool))
+        targets.take_own(own)
+        targets.learn(confirmed, DENSITY)
         on.append(targets.seen)
     assert on[30] and not on[-1]
     assert targets.test.log_ratio < ENOUGH
@@ -128,8 +135,8 @@ def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
         for test, rows in ((together, seen), *((alone[row], seen[seen == row]) for row in seen)):
             range_ = np.append(np.full(len(rows), 50.0), 50.0 + 3.0 * side[rows])
             scan = Scan(float(ping), range_, np.tile(azimuth[rows], 2))
-            apart = rng.random(len(rows)) < 0.5
-            test.update_tracks(scan, DENSITY, ids[rows], np.arange(len(rows)), apart, ids)
+            apart = rng.random(number) < 0.5
+            take(test, scan, (ids[rows], np.arange(len(rows))), ids, apart)
     assert together._tracks["pings"].max(axis=1).sum() > 60
     for row, track_id in enumerate(ids):
         (mine,), (its,) = (
@@ -139,12 +146,44 @@ def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
         assert mine["pings"].tolist() == its["pings"].tolist()
 
 
+def test_pings_that_are_learned_from_together_count_as_one_by_one():
+    """Two tracks with others now on one side and now on the other, in clutter of a tank."""
+    rng, ids, apart = np.random.default_rng(7), np.array([4, 9]), np.zeros(2, bool)
+    together, alone = ExtendedTargetTest(TANK), ExtendedTargetTest(TANK)
+    for _ in range(8):
+        scans, own = [], []
+        for _ in range(5):
+            targets = np.array([40.0, 70.0])
+            beside = targets + rng.choice([-3.0, 3.0], 2)
+            range_ = np.concatenate([targets, beside, rng.uniform(5, 99, 8)])
+            azimuth = np.concatenate([[0.0, 1.0, 0.0, 1.0], rng.uniform(-3.0, 3.0, 8)])
+            scans.append(Scan(0.0, range_, azimuth))
+            seen = rng.permutation(2)[: rng.integers(0, 3)]
+            own.append((ids[seen], seen))
+            take(alone, scans[-1], own[-1], ids, apart)
+        together.update(scans, DENSITY, own, ids, apart)
+    assert alone._tracks["pings"].sum() > 50.0
+    np.testing.assert_array_equal(together._tracks["pings"], alone._tracks["pings"])
+    np.testing.assert_allclose(together._tracks["offset"], alone._tracks["offset"])
+    np.testing.assert_allclose(together._pairs.counted, alone._pairs.counted, rtol=0.05, atol=0.1)
+    np.testing.assert_allclose(together._more.expected, alone._more.expected, rtol=0.05, atol=0.1)
+    assert together.log_ratio > LOG_RATIO and alone.log_ratio > LOG_RATIO
+
+
 def test_a_seam_of_a_sweep_parts_no_neighbours():
     azimuth = [math.pi - 0.004, 0.004 - math.pi, 0.008 - math.pi]
     pose = [[0.0, 0.0, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     scan = Scan(0.0, [1000.0] * 3, azimuth, sensor_pose=pose, time_offset=[12.0, 0.0, 0.01])
-    beside = Beside(scan, np.arange(3), extended_target_boxes(SensorModel(max_range=2000.0)))
-    assert beside.number[-1].tolist() == [2.0, 2.0, 2.0]
+    number, _ = counted(scan, np.arange(3), extended_target_boxes(SensorModel(max_range=2000.0)))
+    assert number[-1].tolist() == [2.0, 2.0, 2.0]
+
+
+def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers in boxes around some detections of a scan, and in strips."""
+    ping = np.zeros(len(scan), np.int64)
+    beside = Beside(scan.range, scan.azimuth, ping, centre, extents)
+    number, strips, _ = beside.counted(np.ones(len(beside.row), bool))
+    return number[:, centre], strips[..., centre]
 
 
 @pytest.mark.parametrize(
@@ -175,7 +214,7 @@ def test_counts_are_those_of_a_loop():
     rng, extents = np.random.default_rng(3), extended_target_boxes(TANK)
     scan = Scan(0.0, rng.uniform(40.0, 60.0, 30), rng.uniform(-0.2, 0.2, 30))
     centre = np.array([4, 9, 20])
-    beside = Beside(scan, centre, extents)
+    number, strips = counted(scan, centre, extents)
     for size, extent in enumerate(GroupingExtent(*one) for one in extents[..., 0].T):
         for place, one in enumerate(centre):
             across = extent.across_at(scan.range[one])
@@ -189,7 +228,7 @@ def test_counts_are_those_of_a_loop():
                     depth <= 1.0 and 2.0 < width <= 3.0,
                     2.0 < depth <= 3.0 and width <= 1.0,
                 ]
-            found = [beside.number[size, place], *beside.strips[:, size, place]]
+            found = [number[size, place], *strips[:, size, place]]
             np.testing.assert_array_equal(found, counts)
 
 

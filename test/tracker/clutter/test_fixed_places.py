@@ -151,11 +151,11 @@ def test_densities_are_those_of_a_loop_over_cells(most, turning, monkeypatch):
         pose = (0.5 * ping, -20.0, 0.05 * ping if turning else 0.0)
         range_, azimuth = detected(quay(rng), pose, rng)
         position = placed(range_, azimuth + pose[2]) + pose[:2]
-        cells = learned.cells(position, deviations(range_))
         plain.update(0.4 * ping, view(*pose), position, range_)
-        learned.update(0.4 * ping, view(*pose), cells, NONE)
+        learned.update(0.4 * ping, view(*pose), position, deviations(range_), NONE)
         if ping % 3 == 0 and learned.known:
             expected = [plain.at(*one) for one in zip(position, range_, strict=True)]
+            cells = learned.cells(position, deviations(range_))
             np.testing.assert_allclose(learned.density(cells), expected, rtol=1e-12)
             compared += int(np.count_nonzero(expected))
         assert learned.known or not any(plain.densities.values())
@@ -168,7 +168,7 @@ def learned_from(places, pings: int = 200) -> FixedPlaces:
     for ping in range(pings):
         range_, azimuth = detected(places(ping, rng), (0.0, 0.0, 0.0), rng)
         position = placed(range_, azimuth)
-        learned.update(float(ping), view(), learned.cells(position, deviations(range_)), NONE)
+        learned.update(float(ping), view(), position, deviations(range_), NONE)
     return learned
 
 
@@ -239,9 +239,8 @@ def test_where_the_fixed_frame_begins_does_not_matter():
             range_, azimuth = detected(quay(rng), (0.0, 0.0, 0.0), rng)
             position = placed(range_, azimuth)
             position = np.round(position * 16.0) / 16.0 + offset
-            cells = learned.cells(position, deviations(range_))
-            learned.update(float(ping), view(*offset), cells, NONE)
-        return learned.density(cells)
+            learned.update(float(ping), view(*offset), position, deviations(range_), NONE)
+        return learned.density(learned.cells(position, deviations(range_)))
 
     assert moved(np.zeros(2)).max() > 0.0
     np.testing.assert_allclose(moved(far), moved(np.zeros(2)), rtol=1e-9)
@@ -251,8 +250,8 @@ def test_a_scan_that_is_observed_again_is_not_counted_again():
     learned, rng = FixedPlaces(SensorModel()), np.random.default_rng(5)
     for stamp in (*range(40), *range(30, 40), *range(40, 80)):
         range_ = rng.uniform(100.0, 200.0, 5)
-        cells = learned.cells(placed(range_, 0.0 * range_), deviations(range_))
-        learned.update(float(stamp), view(), cells, NONE)
+        position = placed(range_, 0.0 * range_)
+        learned.update(float(stamp), view(), position, deviations(range_), NONE)
     assert sum(one.scans for one in learned._periods) == 72  # nine whole periods of 80 scans
 
 
@@ -265,9 +264,8 @@ def test_of_many_views_in_a_period_the_share_of_each_counts():
         seen = np.mod(azimuth - arc[0], 2.0 * math.pi) < arc[1]
         range_, azimuth = range_[seen], azimuth[seen]
         position = placed(range_, azimuth)
-        cells = learned.cells(position, deviations(range_))
         looked = SensorView(SECTOR, (0.0, 0.0, 0.0), arc)
-        learned.update(0.3125 * ping, looked, cells, NONE)
+        learned.update(0.3125 * ping, looked, position, deviations(range_), NONE)
     along = np.linspace(-110.0, 110.0, 45)
     found = [density_at(learned, (140.0 + 0.3 * one, 0.95 * one)) for one in along]
     # A line of 40 echoes on 399 m, as wide as 4 m or more.

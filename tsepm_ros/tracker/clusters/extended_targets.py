@@ -38,6 +38,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -130,57 +131,68 @@ def extended_target_boxes(sensor: SensorModel) -> FloatArray:
 
 
 class Beside:
-    """Detections in boxes around centres, by size of box and centre, (e, k) each.
+    """Detections in boxes around those (n,) of some pings, each ping by itself, by size of box e.
 
     Attributes
     ----------
-    number : ndarray
-        Others in the box.
-    strips : (2, e, k) ndarray
-        Those in the strips of the same area beside it, and before and behind it.
-    offset : (2, e, k) ndarray
-        Mean of the others' offsets along and across, m.
-    area : ndarray
+    area : (e, n) ndarray
         Of the box, m^2; 0 where it reaches the sensor.
-    along, across : ndarray
+    along, across : (e, 1) and (e, n) ndarray
         Half widths, m.
-    near : (n,) ndarray of bool
-        Detections in the largest box around some centre.
+    row, other : (p,) ndarray of int
+        Pairs of a centre and a detection near it, by centres.
     """
 
     def __init__(
-        self, scan: Scan, centre: IntArray, extents: FloatArray, counted: BoolArray | bool = True
+        self,
+        range: FloatArray,
+        azimuth: FloatArray,
+        ping: IntArray,
+        centre: IntArray,
+        extents: FloatArray,
     ) -> None:
-        range_, azimuth, k = scan.range[centre], scan.azimuth[centre], len(centre)
-        self.across = GroupingExtent(*extents).across_at(range_)
-        self.along = np.broadcast_to(extents[0], self.across.shape)
-        # A distance is at most that along and that across.
-        reach = 3.0 * (self.along.max(initial=0.0) + self.across.max(initial=0.0))
-        places = scan_in_sensor_frame(scan.range, scan.azimuth)
+        self.across, self.along = GroupingExtent(*extents).across_at(range), extents[0]
+        # A distance is at most that along and that across; pings are moved away from each other.
+        reach = 3.0 * float(self.along.max() + self.across.max(initial=0.0))
+        places = scan_in_sensor_frame(range, azimuth)
+        places[:, 0] += (2.0 * range.max(initial=0.0) + 2.0 * reach) * ping
         row, other = pairs_within_disc(places[centre], places, reach)
-        far = scan.range[other] - range_[row]
-        aside = range_[row] * wrap(scan.azimuth[other] - azimuth[row])
+        row = centre[row]
+        far = range[other] - range[row]
+        aside = range[row] * wrap(azimuth[other] - azimuth[row])
         near = (
-            (np.abs(far) <= 3.0 * self.along.max(axis=0)[row])
+            (np.abs(far) <= 3.0 * self.along.max())
             & (np.abs(aside) <= 3.0 * self.across.max(axis=0)[row])
-            & (other != centre[row])
-            & np.broadcast_to(counted, len(scan))[other]
+            & (other != row)
         )
-        row, other, far, aside = row[near], other[near], far[near], aside[near]
-        depth = np.abs(far) / self.along[:, row]
-        width = np.abs(aside) / self.across[:, row]
+        self.row, self.other, far, aside = row[near], other[near], far[near], aside[near]
+        depth = np.abs(far) / self.along
+        width = np.abs(aside) / self.across.take(self.row, axis=1)
         inside = (depth <= 1.0) & (width <= 1.0)
-        self.near = np.zeros(len(scan), bool)
-        self.near[centre] = self.near[other[inside[-1]]] = True
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
         parts = np.stack([inside, beside, behind, inside * far, inside * aside])
-        sums = _extended_target_sums(np.asarray(parts, float), row, k)
-        self.number, self.strips = sums[0], sums[1:3]
-        self.offset = sums[3:] / np.maximum(self.number, 1.0)
+        self._parts = np.asarray(parts, float)
         self.area = np.where(
-            np.maximum(self.along, self.across) < range_, 4.0 * self.along * self.across, 0.0
+            np.maximum(self.along, self.across) < range, 4.0 * self.along * self.across, 0.0
         )
+
+    def counted(self, pairs: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What some of the pairs (p,) are of each detection: others, those in strips, and where.
+
+        Number in the box (e, n); numbers in the strips of the same area beside it, and before and
+        behind it (2, e, n); mean offset of the others along and across (2, e, n), m.
+        """
+        sums = _extended_target_sums(
+            self._parts.compress(pairs, axis=2), self.row[pairs], self.across.shape[1]
+        )
+        return sums[0], sums[1:3], sums[3:] / np.maximum(sums[0], 1.0)
+
+    def near(self, centre: IntArray, pairs: BoolArray) -> BoolArray:
+        """Which detections (n,) are centres, or in the largest box around one by these pairs."""
+        near = np.zeros(self.across.shape[1], bool)
+        near[centre] = near[self.other[pairs & (self._parts[0, -1] > 0.0)]] = True
+        return near
 
 
 def extended_target_log_ratio(
@@ -212,7 +224,7 @@ class ExtendedTargetTest:
         sizes = self._extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
-        self._more = self._before = Excess(np.zeros(sizes), np.zeros((3, sizes)))
+        self._more = Excess(np.zeros(sizes), np.zeros((3, sizes)))
         self._tracks = np.zeros(0, extended_target_record(sizes))
 
     @property
@@ -228,87 +240,101 @@ class ExtendedTargetTest:
         )
         return GroupingExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
 
-    def update(self, scan: Scan, density: float) -> None:
-        """Count the detections of a ping beside each other.
-
-        Parameters
-        ----------
-        scan : Scan
-            n detections.
-        density : float
-            Mean clutter density, 1/m^2.
-        """
-        beside = self._beside_each_other(scan)
-        some = beside.number / (beside.number + 1.0)
-        group = (beside.area > 0.0) & (beside.number[-1] > 1.0)
-        expected = 0.5 * density * (group * beside.area).sum(axis=1)
-        self._pairs = self._pairs.faded(KEPT, (group * some).sum(axis=1), expected)
-        self._before, groups = self._more, _extended_target_detections(beside, density)
-        self._more = self._before.faded(KEPT, groups.counted, groups.expected)
-
-    def update_tracks(
+    def update(
         self,
-        scan: Scan,
+        scans: Sequence[Scan],
         density: float,
-        track_id: IntArray,
-        own: IntArray,
-        apart: BoolArray,
+        own: Sequence[OwnDetections],
         confirmed: IntArray,
+        apart: BoolArray,
     ) -> None:
-        """Count what lies beside the detections of tracks instead, in the ping of `update`.
+        """Count the detections of pings beside each other, and those beside tracks' detections.
 
         What a track apart from the others explains is no part of these. Beyond the largest box
-        around them, detections count beside each other.
+        around tracks' detections, detections count beside each other.
 
         Parameters
         ----------
-        scan : Scan
-            n detections.
+        scans : sequence of Scan
+            n detections of some pings in a row.
         density : float
             Mean clutter density, 1/m^2.
-        track_id, own : (k,) ndarray of int
-            Tracks, and the detection of each.
-        apart : (k,) ndarray of bool
-            Which differ from every older track.
+        own : sequence of OwnDetections
+            Tracks and the detection of each, for each ping.
         confirmed : (h,) ndarray of int
-            Ids of all confirmed tracks.
+            Ids of all confirmed tracks; detections of others count as none's.
+        apart : (h,) ndarray of bool
+            Which differ from every older track.
         """
-        self._tracks = self._tracks[np.isin(self._tracks["track_id"], confirmed)]
-        if not len(own):
-            return
-        free = np.ones(len(scan), bool)
-        free[own[apart]] = False
-        beside = Beside(scan, own, self._extents, free)
-        variance = 2.0 * extended_target_variances(scan, self._sensor)[:, own]
-        least = np.minimum(beside.along**2 / variance[0], beside.across**2 / variance[1]).T
-        tracks = np.zeros(len(own), self._tracks.dtype)
-        _, row, known = np.intersect1d(track_id, self._tracks["track_id"], return_indices=True)
-        tracks[row] = self._tracks[known]
-        number, pings = beside.number.T, tracks["pings"]
-        tracks["track_id"] = track_id
-        pings += number > 0.0
-        tracks["offset"] += beside.offset.transpose(2, 0, 1)
-        squares = (tracks["offset"] ** 2 / variance.T[..., None]).sum(axis=1)
-        one_side = squares / np.maximum(pings, 1.0) > SIDE
-        resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
-        # As long as these may be a second target's, one a ping does not count.
-        extra = np.maximum(number - ~(resolved & ~one_side), 0.0)
-        self._tracks = np.append(np.delete(self._tracks, known), tracks)
-        used = beside.area > 0.0
-        rest = scan_of_rows(scan, np.flatnonzero(~beside.near & free))
-        groups = _extended_target_detections(self._beside_each_other(rest), density)
-        self._more = self._before.faded(
-            KEPT,
-            (used * extra.T).sum(axis=1) + groups.counted,
-            np.stack([density * beside.area.sum(axis=1), *(used * beside.strips).sum(axis=2)])
+        lengths = np.array([len(scan) for scan in scans])
+        ping, first = np.arange(len(scans)).repeat(lengths), np.cumsum(lengths) - lengths
+        range_ = np.concatenate([scan.range for scan in scans])
+        azimuth = np.concatenate([scan.azimuth for scan in scans])
+        ids = np.concatenate([track_id for track_id, _ in own])
+        rows = np.concatenate([row + start for (_, row), start in zip(own, first, strict=True)])
+        pair, track = (ids[:, None] == confirmed).nonzero()
+        rows = rows[pair]
+        # Others are counted beside all detections, or beside those in some sector.
+        order, most = np.argsort(azimuth, kind="stable"), MOST_CENTRES * len(scans)
+        start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
+        centres = np.zeros(len(order), bool)
+        centres[order[start : start + most]] = True
+        centre = np.flatnonzero(centres | np.isin(np.arange(len(order)), rows))
+        beside = Beside(range_, azimuth, ping, centre, self._extents)
+        number, strips, _ = beside.counted(centres[beside.row])
+        group = centres & (beside.area > 0.0) & (number[-1] > 1.0)
+        some = (group * number / (number + 1.0)).sum(axis=1)
+        expected = 0.5 * density * (group * beside.area).sum(axis=1)
+        keep = KEPT ** len(scans)
+        self._pairs = self._pairs.faded(keep, some, expected)
+        free = np.ones(len(order), bool)
+        free[rows[apart[track]]] = False
+        counts = free[beside.other]
+        rest = centres & free & ~beside.near(rows, counts & np.isin(beside.row, rows))
+        number, strips, _ = beside.counted(rest[beside.row] & rest[beside.other])
+        groups = _extended_target_detections(number, strips, beside.area * rest, density)
+        number, strips, offset = beside.counted(counts)
+        variances = [extended_target_variances(scan, self._sensor) for scan in scans]
+        extra = self._beside_tracks(
+            confirmed,
+            track,
+            number[:, rows],
+            offset[..., rows],
+            2.0 * np.concatenate(variances, axis=1)[:, rows],
+            (beside.along, beside.across[:, rows]),
+        )
+        area = beside.area[:, rows]
+        used = area > 0.0
+        self._more = self._more.faded(
+            keep,
+            (used * extra).sum(axis=1) + groups.counted,
+            np.stack([density * area.sum(axis=1), *(used * strips[..., rows]).sum(axis=2)])
             + groups.expected,
         )
 
-    def _beside_each_other(self, scan: Scan) -> Beside:
-        """What lies beside each detection of a scan, or of those in some sector."""
-        centre = np.argsort(scan.azimuth, kind="stable")
-        first = int(7919 * scan.stamp) % max(len(centre) - MOST_CENTRES + 1, 1)
-        return Beside(scan, centre[first : first + MOST_CENTRES], self._extents)
+    def _beside_tracks(
+        self,
+        confirmed: IntArray,
+        track: IntArray,
+        number: FloatArray,
+        offset: FloatArray,
+        variance: FloatArray,
+        widths: tuple[FloatArray, FloatArray],
+    ) -> FloatArray:
+        """Detections beside tracks' own (k,) that count as these targets', (e, k)."""
+        tracks = np.zeros(len(confirmed), self._tracks.dtype)
+        new, old = (confirmed[:, None] == self._tracks["track_id"]).nonzero()
+        tracks[new] = self._tracks[old]
+        tracks["track_id"], self._tracks = confirmed, tracks
+        np.add.at(tracks["pings"], track, number.T > 0.0)
+        np.add.at(tracks["offset"], track, offset.transpose(2, 0, 1))
+        pings, mean = tracks["pings"][track].T, tracks["offset"][track].transpose(1, 2, 0)
+        least = np.minimum(*(width**2 / one for width, one in zip(widths, variance, strict=True)))
+        squares = (mean**2 / variance[:, None]).sum(axis=0)
+        one_side = squares / np.maximum(pings, 1.0) > SIDE
+        resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
+        # As long as these may be a second target's, one a ping does not count.
+        return np.maximum(number - ~(resolved & ~one_side), 0.0)
 
 
 def _largest_extended_target_ratio(more: Excess) -> float:
@@ -317,13 +343,18 @@ def _largest_extended_target_ratio(more: Excess) -> float:
     return float(extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0)).max())
 
 
-def _extended_target_detections(beside: Beside, density: float) -> Excess:
-    """Detections of groups beyond two, by size of box, and those that clutter explains."""
-    used, mean = beside.area > 0.0, beside.area * density
+def _extended_target_detections(
+    number: FloatArray, strips: FloatArray, area: FloatArray, density: float
+) -> Excess:
+    """Detections of groups beyond two, by size of box, and those that clutter explains.
+
+    Of the numbers in boxes (e, n) and strips (2, e, n), where the area is not 0.
+    """
+    used, mean = area > 0.0, area * density
     more = (mean + np.expm1(-mean)) / 3.0
-    strips = (used * extended_target_parts(beside.strips)).sum(axis=2)
-    counted = (used * extended_target_parts(beside.number)).sum(axis=1)
-    return Excess(counted, np.stack([more.sum(axis=1), *strips]))
+    expected = (used * extended_target_parts(strips)).sum(axis=2)
+    counted = (used * extended_target_parts(number)).sum(axis=1)
+    return Excess(counted, np.stack([more.sum(axis=1), *expected]))
 
 
 def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
@@ -429,8 +460,8 @@ class ExtendedTargets:
         self.seen = False
         self.scatter = ExtendedTargetDispersion()
         self.test = ExtendedTargetTest(self.sensor)
-        self._part, self._row = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
-        self._counts = np.zeros(0, bool)
+        self._row = np.zeros(0, np.int64)
+        self._taken: list[tuple[Scan, BoolArray, OwnDetections]] = []
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
@@ -463,25 +494,21 @@ class ExtendedTargets:
             return GroupingExtent(given + cell, given, beam)
         return self.test.extent
 
-    def clusters_of(self, scan: Scan, density: float, stays: BoolArray) -> Clusters | None:
+    def clusters_of(self, scan: Scan, stays: BoolArray) -> Clusters | None:
         """The clusters of a scan's detections; None where none is asked for.
 
         Parameters
         ----------
         scan : Scan
             n detections, or clusters of `runs_of`.
-        density : float
-            Mean clutter density, 1/m^2.
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        number = len(scan)
-        self._row, self._counts = np.arange(number), ~stays
-        if self._learns and number:
-            self._part = part = scan_of_rows(scan, np.flatnonzero(self._counts))
-            self.test.update(part, density)
-            self._judge()
-        if not self.active or not number:
+        self._row = np.arange(len(scan))
+        if self._learns and len(scan):
+            none = np.zeros(0, np.int64)
+            self._taken.append((scan, ~stays, (none, none)))
+        if not self.active or not len(scan):
             return None
         extent = self.extent
         label = grouping.group_detections(scan.range, scan.azimuth, extent)
@@ -492,30 +519,32 @@ class ExtendedTargets:
         self._row = clusters.strongest
         return clusters
 
-    def learn(self, own: OwnDetections, confirmed: ConfirmedTracks, density: float) -> None:
-        """Learn from what lies beside confirmed tracks' detections in the last scan's clusters.
+    def take_own(self, own: OwnDetections) -> None:
+        """Take the detections in the last scan's clusters that are confirmed tracks' own."""
+        if self._learns and len(self._row):
+            self._taken[-1] = *self._taken[-1][:2], (own[0], self._row[own[1]])
+
+    def learn(self, confirmed: ConfirmedTracks, density: float) -> None:
+        """Learn from the scans taken whether targets have several detections.
 
         Parameters
         ----------
-        own : OwnDetections
         confirmed : ConfirmedTracks
-            At that scan.
+            At the last scan.
         density : float
             Mean clutter density, 1/m^2.
         """
-        if not self._learns or not len(self._row):
+        taken, self._taken = self._taken, []
+        if not taken:
             return
-        track_id, row = own[0], self._row[own[1]]
-        tracks, rows = confirmed.tracks, np.flatnonzero(self._counts)
-        ids = tracks.track_id
-        still = np.isin(track_id, ids) & self._counts[row]
-        track_id, position = track_id[still], np.searchsorted(rows, row[still])
-        apart = np.isin(track_id, ids[~of_older(tracks, np.zeros(len(tracks)))])
-        self.test.update_tracks(self._part, density, track_id, position, apart, ids)
-        self._judge()
-
-    def _judge(self) -> None:
-        """Whether targets have several detections, from now on."""
+        scans, own = [], []
+        for scan, counts, (track_id, row) in taken:
+            scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
+            still = counts[row]
+            own.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
+        tracks = confirmed.tracks
+        apart = ~of_older(tracks, np.zeros(len(tracks)))
+        self.test.update(scans, density, own, tracks.track_id, apart)
         self.seen = self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:

@@ -494,6 +494,11 @@ class ClutterAmplitudes:
         raws = np.concatenate([rows["raw"][likely], raw])
         return amplitude_level_of_ping(self._level, raws, [*sizes, len(raw)])
 
+    @property
+    def judged(self) -> bool:
+        """Whether the last scan had amplitudes, which are not learned from yet."""
+        return self._next is not None
+
     def update(self, weight: FloatArray, near: float, reach: FloatArray) -> None:
         """Learn from the scan that was judged last.
 

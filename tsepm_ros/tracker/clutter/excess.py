@@ -329,24 +329,26 @@ class SecondaryEchoExcess:
     ----------
     pairs : Excess
         Pairs of clutter detections of a scan, one behind the other, for each width (w,) of a strip.
+    correlation : (w,) ndarray
+        ``g - 1``, at least 0.
+    rises : bool
+        Whether clutter is denser behind any target.
     """
 
     def __init__(self, grid: PolarGrid) -> None:
-        self._grid = grid
-        self.pairs = Excess(*np.zeros((2, len(HALF_WIDTHS))))
+        self._grid, width = grid, len(HALF_WIDTHS)
+        self.pairs, self.correlation = Excess(*np.zeros((2, width))), np.zeros(width)
         self._track_id, self._scans = np.zeros(0, np.int64), np.zeros(0)
-        self._behind = Excess(*np.zeros((2, 0, len(HALF_WIDTHS), 2)))
+        self._behind = Excess(*np.zeros((2, 0, width, 2)))
+        self._rise, self.rises = self._behind.counted, False
 
     def behind_targets(self, targets: ConfirmedTargets, cells: Cells) -> FloatArray:
         """Factor (n,) of the map's density in cells, by confirmed targets."""
-        if not len(targets.track_id) or not len(cells.row):
+        row, known = (targets.track_id[:, None] == self._track_id).nonzero()
+        if not len(row) or not len(cells.row):
             return np.ones(len(cells.row))
-        _, scans, behind = self._of_targets(targets.track_id)
-        target = np.minimum(scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
-        rise = np.maximum(behind.lower(target), 1.0) - 1.0
-        factor = 1.0 + targets.existence[:, None, None] * rise
-        if not rise.any():
-            return np.ones(len(cells.row))
+        targets = ConfirmedTargets(*(column[row] for column in targets))
+        factor = 1.0 + targets.existence[:, None, None] * self._rise[known]
         in_strips = _ExcessStrips(self._grid, targets).hold(cells)
         return np.asarray(np.where(in_strips, factor[..., None], 1.0).max(axis=(0, 1, 2)))
 
@@ -362,16 +364,13 @@ class SecondaryEchoExcess:
         expected : PolarBlockSums
             Of the numbers that the map expects in a scan.
         """
-        correlation = self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS)[:, None]
-        if not (correlation > 1.0).any() or not len(weight):
-            return np.ones(len(weight))
-        level = self._before(cells, weight, expected).mean(np.maximum(correlation - 1.0, 0.0))
+        level = self._before(cells, weight, expected).mean(self.correlation[:, None])
         return np.maximum(level, 1.0).max(axis=0)
 
     def update(
         self, targets: ConfirmedTargets, batch: PolarBatch, expected: PolarBlockSums
     ) -> None:
-        """Learn from a batch: pairs of its last scan, and what is behind targets in all.
+        """Learn from a batch: pairs of each scan, and what is behind targets in all.
 
         Parameters
         ----------
@@ -380,10 +379,12 @@ class SecondaryEchoExcess:
         expected : PolarBlockSums
             Of the numbers that the map expects in a scan.
         """
-        (*cells, _, _), weight = batch.places[-1], batch.weights[-1]
-        before, number = self._before(Cells(*cells), weight, expected), batch.scans
-        keep = (1.0 - 1.0 / MEMORY) ** number
-        self.pairs = self.pairs.faded(keep, before.counted @ weight, before.expected @ weight)
+        number, pairs = batch.scans, Excess(*np.zeros((2, len(HALF_WIDTHS))))
+        for (row, column, *_), weight in zip(batch.places, batch.weights, strict=True):
+            before = self._before(Cells(row, column), weight, expected)
+            pairs = pairs.faded(1.0, before.counted @ weight, before.expected @ weight)
+        self.pairs = self.pairs.faded((1.0 - 1.0 / MEMORY) ** number, pairs.counted, pairs.expected)
+        self.correlation = np.maximum(self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS) - 1.0, 0.0)
         ids, scans, behind = self._of_targets(targets.track_id)
         if len(ids):
             strips, keep = _ExcessStrips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
@@ -391,6 +392,9 @@ class SecondaryEchoExcess:
             behind = behind.faded(keep, count, looks * strips.sums(expected))
             scans = keep * scans + looks[:, 0, 0]
         self._track_id, self._scans, self._behind = ids, scans, behind
+        target = np.minimum(scans + 2.0, MAX_TARGET_COUNT)[:, None, None]
+        self._rise = np.maximum(behind.lower(target), 1.0) - 1.0
+        self.rises = bool(self._rise.any())
 
     def _before(self, cells: Cells, weight: FloatArray, expected: PolarBlockSums) -> Excess:
         """Detections (w, n) in front of each of these, in the strips around its bearing."""

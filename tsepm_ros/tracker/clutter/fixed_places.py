@@ -177,7 +177,7 @@ class FixedPlaces:
 
     def _begin(self) -> None:
         self._scans = self._number = 0
-        self._taken: list[IntArray] = []
+        self._taken: list[tuple[FloatArray, FloatArray]] = []
         self._views: list[SensorView] = []
 
     @property
@@ -206,7 +206,14 @@ class FixedPlaces:
         row, known = _fixed_place_rows(cells.nearest, self._cells)
         return np.asarray(np.where(known, self._densities[row], 0.0).max(axis=1))
 
-    def update(self, stamp: float, view: SensorView, cells: CellNumbers, moving: IntArray) -> None:
+    def update(
+        self,
+        stamp: float,
+        view: SensorView,
+        position: FloatArray,
+        deviation: FloatArray,
+        moving: IntArray,
+    ) -> None:
         """Take a scan's detections; they count when the period ends.
 
         A scan that was taken before, and is observed again, is left out.
@@ -217,7 +224,8 @@ class FixedPlaces:
             s.
         view : SensorView
             What the scan looked at.
-        cells : CellNumbers
+        position, deviation : (n, 2), (n,) ndarray
+            As in `cells`.
         moving : (k,) ndarray of int
             Rows of detections that are left out, those of confirmed tracks that move.
         """
@@ -231,12 +239,15 @@ class FixedPlaces:
             self._begun = stamp
         self._scans += 1
         if self._number < MOST_DETECTIONS:
-            self._number += len(cells.all)
-            self._taken.append(np.delete(cells.all, moving, axis=0).ravel())
+            self._number += len(position)
+            stays = np.ones(len(position), bool)
+            stays[moving] = False
+            self._taken.append((position[stays], deviation[stays]))
             self._views.append(view)
 
     def _end_period(self) -> None:
-        cells, counts = np.unique(np.concatenate(self._taken), return_counts=True)
+        taken = self.cells(*(np.concatenate(column) for column in zip(*self._taken, strict=True)))
+        cells, counts = np.unique(taken.all, return_counts=True)
         views = self._views
         if len(set(views)) > VIEWS:
             rng = np.random.default_rng(len(views))

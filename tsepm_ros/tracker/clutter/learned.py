@@ -39,7 +39,7 @@ from tsepm_ros.tracker.clutter.excess import (
     Overdispersion,
     SecondaryEchoExcess,
 )
-from tsepm_ros.tracker.clutter.fixed_places import RISE, CellNumbers, FixedPlaces
+from tsepm_ros.tracker.clutter.fixed_places import RISE, FixedPlaces
 from tsepm_ros.tracker.clutter.sensor_performance import (
     MAX_GAP,
     DetectionProbability,
@@ -241,14 +241,12 @@ class LearnedScanClutter:
         self._echoes = self._estimated and counts_echoes
         self._given = sensor.clutter_density
         self.polar = range, azimuth
-        self._places: CellNumbers | None = None
-        self._staying = np.zeros(len(range))
+        self._places: tuple[FloatArray, FloatArray] | None = None
+        self._staying, fixed = np.zeros(len(range)), learned.fixed_places
         if self._echoes and detections is not None:
-            self._places = learned.fixed_places.cells(
-                detections["position"], detections["major_sigma"]
-            )
-            if learned.fixed_places.known:
-                self._staying = learned.fixed_places.density(self._places)
+            self._places = detections["position"], detections["major_sigma"]
+            if fixed.known:
+                self._staying = fixed.density(fixed.cells(*self._places))
         self.cells = learned.clutter_map.grid.cells(range, azimuth)
         self.weight = np.zeros(len(range))
         self.predictive: ExcessPrediction | None = None
@@ -259,7 +257,7 @@ class LearnedScanClutter:
     def before(self, targets: Callable[[], ConfirmedTargets]) -> FloatArray:
         """Density at each detection, (d,), 1/m^2, with confirmed targets as of the last scan."""
         density = self.density()
-        if self._echoes:
+        if self._echoes and self._learned.secondary_echoes.rises:
             density *= self._learned.secondary_echoes.behind_targets(targets(), self.cells)
         return self._raised(density)
 
@@ -301,11 +299,12 @@ class LearnedScanClutter:
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
         density, area = self.density(), clutter_map.seen.counted
         if self._echoes:
-            confirmed, expected = targets(), clutter_map.expected
             if whole:
-                echoes.update(confirmed, batch, expected)
-            density *= echoes.among(self.cells, weight, expected)
-            density *= echoes.behind_targets(confirmed, self.cells)
+                echoes.update(targets(), batch, clutter_map.expected)
+            if echoes.correlation.any():
+                density *= echoes.among(self.cells, weight, clutter_map.expected)
+            if echoes.rises:
+                density *= echoes.behind_targets(targets(), self.cells)
             batch.densities.append(density)
             if whole:
                 learned.overdispersion.update(batch, area)
@@ -313,7 +312,7 @@ class LearnedScanClutter:
         if whole:
             batch.end(stamp)
         if self._places is not None:
-            learned.fixed_places.update(stamp, view, self._places, moving())
+            learned.fixed_places.update(stamp, view, *self._places, moving())
         return self._raised(density)
 
     def judge_amplitudes(
@@ -339,7 +338,7 @@ class LearnedScanClutter:
         moved : float
             Distance that a target moves at most from scan to scan, m.
         """
-        if self.amplitudes is None:
+        if self.amplitudes is None or not self.amplitudes.judged:
             return
         sigma = detections["major_sigma"]
         error = 3.0 * float(np.median(sigma)) if len(sigma) else 0.0
@@ -350,7 +349,7 @@ class LearnedScanClutter:
         """Take back a share of each detection (d,): that of a target after all."""
         taken = self.weight * share
         self.weight -= taken  # in place, also in the batch
-        if not self._learned.batch.weights:  # else it is learned from with its batch
+        if self._learned.batch.is_new:  # else it is learned from with its batch
             self._learned.clutter_map.withdraw(self.cells, taken)
 
     @property

@@ -29,7 +29,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended_arrays, taken
+from tsepm_ros.tracker.measurement import DETECTION
 
 DATA_SHEET_SCANS = 5.0
 """Weight of the data sheet's probability, as a number of scans of a target."""
@@ -131,10 +132,8 @@ class SensorPerformanceErrors:
     """
 
     def __init__(self) -> None:
-        self._track_id = np.zeros(0, np.int64)
-        # Time and x + iy of the last three detections of each track, the oldest first; NaN before
-        # the first.
-        self._last = np.zeros((2, 0, 3), complex)
+        # The last two detections of each track, the oldest first: its id, range variance, and they.
+        self._last = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, DETECTION)
         self.samples: deque[tuple[float, ...]] = deque(maxlen=MAX_SAMPLES)
 
     def update(
@@ -145,7 +144,7 @@ class SensorPerformanceErrors:
         confirmed: IntArray,
         moves: BoolArray,
     ) -> None:
-        """Update with the detections (k,) that are confirmed tracks' own.
+        """Update with the detections (k,) of some scans that are confirmed tracks' own, in order.
 
         Parameters
         ----------
@@ -158,33 +157,31 @@ class SensorPerformanceErrors:
         moves : (n,) ndarray of bool
             Whether each moves.
         """
-        if not np.array_equal(confirmed, self._track_id):
-            _, new, old = np.intersect1d(confirmed, self._track_id, return_indices=True)
-            last = np.full((2, len(confirmed), 3), complex(np.nan, np.nan))
-            last[:, new] = self._last[:, old]
-            self._track_id, self._last = confirmed, last
-        own, row = (track_id[:, None] == confirmed).nonzero()
-        detections = taken(detections, own)
-        self._last[:, row, :2] = self._last[:, row, 1:]
-        self._last[:, row, 2] = detections["time"], detections["position"] @ (1.0, 1j)
-        time, position = self._last[:, row]
-        before, after = np.diff(time.real).T
-        sight = position[:, 1] - detections["sensor_pose"][:, :2] @ (1.0, 1j)
+        ids = np.append(self._last[0], track_id)
+        own = np.flatnonzero((ids[:, None] == confirmed).any(axis=1))
+        own = own[np.argsort(ids[own], kind="stable")]
+        ids, variance = ids[own], np.append(self._last[1], range_variance)[own]
+        detections = taken(appended_arrays(self._last[2], detections), own)
+        older = np.append(ids[2:] == ids[:-2], np.zeros(min(len(ids), 2), bool))
+        self._last = ids[~older], variance[~older], detections[~older]
+        third = np.flatnonzero(older) + 2
+        time, position = detections["time"], detections["position"] @ (1.0, 1j)
+        before, after = (time[third - k] - time[third - k - 1] for k in (1, 0))
+        sight = position[third - 1] - detections["sensor_pose"][third, :2] @ (1.0, 1j)
         distance = np.abs(sight)
         shorter, longer = np.minimum(before, after), np.maximum(before, after)
         use = (shorter > 0.0) & (longer <= MAX_SPACING * shorter) & (distance > 0.0)
-        share, distance = after[use] / (before[use] + after[use]), distance[use]
-        z1, z2, z3 = position[use].T
+        share, distance, third = after[use] / (before[use] + after[use]), distance[use], third[use]
         spread = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-        innovation = (z2 - share * z1 - (1.0 - share) * z3) / spread
-        turned = innovation * sight[use].conj() / distance
+        line = share * position[third - 2] + (1.0 - share) * position[third]
+        turned = (position[third - 1] - line) / spread * sight[use].conj() / distance
         columns = (
             distance,
             turned.real**2,
             (turned.imag / distance) ** 2,
-            range_variance[own][use],
-            detections["azimuth_std"][use] ** 2,
-            moves[row][use],
+            variance[third],
+            detections["azimuth_std"][third] ** 2,
+            moves[(ids[third, None] == confirmed).nonzero()[1]],
         )
         self.samples.extend(zip(*(column.tolist() for column in columns), strict=True))
 

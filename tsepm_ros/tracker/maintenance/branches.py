@@ -23,7 +23,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, array_log_sums, changed
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Rows,
+    array_log_sums,
+    array_run_starts,
+    changed,
+)
 from tsepm_ros.numerics.gaussian import gaussian_mixture
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.evaluation import (
@@ -384,7 +392,7 @@ def straight_fits(
     track, row, ratio = evaluated.fit
     order = np.lexsort((-ratio, track))
     order = order[(owner[row[order]] < 0) | (owner[row[order]] == track[order])]
-    best = order[np.flatnonzero(np.diff(track[order], prepend=-1))]
+    best = order[array_run_starts(track[order])]
     state, covariance, total = fits.state.copy(), fits.covariance.copy(), empty.copy()
     if not len(best):
         return fits, total
