@@ -1,4 +1,4 @@
-"""The commands of README and user pages: those that end by themselves within 20 s run as written."""
+"""The commands of README and user pages that end by themselves within 20 s run as written."""
 
 import re
 import shlex
@@ -21,10 +21,10 @@ CODE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 COMMAND = re.compile(r"(\.venv/bin/)?(tsepm|ros2|make|python|git|rosdep|colcon|ssh|rviz2)\s")
 NOT_RUN = {
     "until Ctrl-C": (
-        r"ros2 run tsepm_ros (track_initiator|sonar_detector|sonar_simulator|scan_player|track_bridge)"
+        r"ros2 run tsepm_ros (track_|sonar_|scan_player)"
         r"|tsepm (watch|record)|\S*python examples/"
     ),
-    "of ROS 2 or of the machine": r"git clone|rosdep|colcon|ros2 (launch|bag|run tf2_ros)|ssh|rviz2",
+    "of ROS 2 or the machine": r"git clone|rosdep|colcon|ros2 (launch|bag|run tf2_ros)|ssh|rviz2",
     "longer than 20 s": r"make demo|tsepm evaluate box --method score|tsepm design",
 }
 """Commands that no test runs as they are written, and why."""
