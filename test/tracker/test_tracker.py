@@ -9,7 +9,7 @@ from support.builders import FIXED_RANGE_ERROR, reconfigured, scan_at
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 HERE = (3000.0, 0.0)
 
@@ -310,3 +310,17 @@ def test_a_track_continues_on_a_target_that_comes_to_stand():
 def test_a_start_waits_until_it_is_known_what_stands_but_not_for_ever(unknown, first):
     ids, _ = standing_scene(99, unknown=unknown)
     assert not any(ids[:first]) and len(ids[first]) == 1
+
+
+def test_a_track_that_coasts_ends_no_other_beside_it():
+    options = {"plots": "on", "target_extent": 30.0, "false_tracks_per_hour": 10.0}
+    made, ended = make_initiator("score", sensor=FIXED_RANGE_ERROR, **options), {}
+    for k in range(40):
+        first = [(3000.0 + 50.0 * k, 0.0)] * (k < 12)
+        second = [(3000.0 + 50.0 * k, 250.0)] * (k >= 6)
+        made.process(scan_at(12.0 * k, [*first, *second]))
+        ended |= made.maintenance.ended
+    lost, other = made.current
+    assert [lost.status, other.status] == [TrackStatus.COASTING, TrackStatus.CONFIRMED]
+    assert other.track_id == 1
+    assert "duplicate" not in ended.values()

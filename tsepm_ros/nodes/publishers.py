@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,8 @@ OUTPUTS = {
     "detections/placed": (PointCloud2, 100, VOLATILE),
 }
 """Topics with their types, depths and durabilities."""
+HELD = {"tracks/current": "current", "fixed_echoes": "fixed_echoes"}
+"""Clouds of confirmed tracks, latched, and the field of a result that each has."""
 
 
 def published_announcement(track: ConfirmedTrack, frame_id: str, reason: str) -> str:
@@ -161,11 +164,13 @@ class TrackPublishers:
     ) -> None:
         self._session = session
         self._with_potential_tracks = with_potential_tracks
-        self._shown: tuple[Header, TrackArrays] = make_header(0, ""), NO_TRACKS
-        self._echoes: Sequence[ConfirmedTrack] = ()
+        self._header = make_header(0, "")
+        self._result: ScanResult | None = None
+        self._wanted: set[str] = set()
         self._redraw = True
         self._has_drawn_potential = False
-        for_viewers = {
+        for_viewers: dict[str, Callable[[], None]] = {
+            **{topic: partial(self._publish_held, topic) for topic in HELD},
             "tracks/markers": self._draw_afresh,
             "fixed_echoes/markers": self._draw_echoes,
             "potential_tracks/markers": self._clear_potential,
@@ -188,7 +193,9 @@ class TrackPublishers:
         """
         begin = time.perf_counter()
         header = make_header(result.stamp_ns, result.frame_id)
-        self._publish("tracks", track_cloud(header, result.starts))
+        latched = self._publishers["tracks"].qos_profile.durability == LATCHED  # by an override
+        if latched or self._is_heard("tracks"):
+            self._publish("tracks", track_cloud(header, result.starts))
         published = time.perf_counter()
         self._publish_more(header, result)
         end = time.perf_counter()
@@ -203,23 +210,35 @@ class TrackPublishers:
     def _publish(self, topic: str, message: Any) -> None:
         self._publishers[topic].publish(message)
 
+    def _held(self, topic: str) -> TrackArrays:
+        """The confirmed tracks of a topic, after the last scan."""
+        return NO_TRACKS if self._result is None else getattr(self._result, HELD[topic])
+
+    def _publish_held(self, topic: str) -> None:
+        """Publish a topic of confirmed tracks: in every scan from its first subscriber on."""
+        self._wanted.add(topic)
+        if self._result is not None:
+            self._publish(topic, track_cloud(self._header, self._held(topic)))
+
     def _is_heard(self, topic: str) -> bool:
         return self._publishers[topic].get_subscription_count() > 0
 
     def _publish_more(self, header: Header, result: ScanResult) -> None:
         if self._is_heard("detections/placed"):  # first: trackers wait for it
             self._publish_placed(header, result.scan)
-        self._publish("tracks/current", track_cloud(header, result.current))
-        self._publish("fixed_echoes", track_cloud(header, result.fixed_echoes))
+        before = self._result
+        self._header, self._result = header, result
+        for topic in HELD:
+            if topic in self._wanted or self._is_heard(topic):
+                self._publish_held(topic)
         # Nested messages are slow to build in Python: only if there is a subscriber.
         if self._is_heard("tracks/odometry"):
             for track in result.starts:
                 self._publish("tracks/odometry", track_odometry(header, track))
-        # Those that ended, and those that have become fixed echoes.
-        gone = np.setdiff1d(self._shown[1].track_id, result.current.track_id).tolist()
-        self._shown, self._echoes = (header, result.current), result.fixed_echoes
         if self._is_heard("tracks/markers"):
-            self._draw_tracks(gone)
+            # Those that ended, and those that have become fixed echoes.
+            drawn = NO_TRACKS if before is None else before.current
+            self._draw_tracks(np.setdiff1d(drawn.track_id, result.current.track_id).tolist())
             self._redraw = False
         if self._is_heard("fixed_echoes/markers"):
             self._draw_echoes()
@@ -233,16 +252,16 @@ class TrackPublishers:
 
     def clear(self, header: Header) -> None:
         """Publish empty tracks and markers."""
-        self._shown, self._echoes = (header, NO_TRACKS), ()
+        self._header, self._result = header, None
         for topic in ("tracks/markers", "potential_tracks/markers", "fixed_echoes/markers"):
             self._publish(topic, clear_markers(header))
-        for topic in ("tracks/current", "fixed_echoes"):
+        for topic in HELD:
             self._publish(topic, track_cloud(header, []))
 
     def show_potential_tracks(self, shown: bool) -> None:
         """Publish potential tracks from now on, or no longer; the last ones are removed then."""
         if self._with_potential_tracks and not shown:
-            self._publish("potential_tracks", track_cloud(self._shown[0], []))
+            self._publish("potential_tracks", track_cloud(self._header, []))
             self._clear_potential()
         self._with_potential_tracks = shown
 
@@ -268,7 +287,8 @@ class TrackPublishers:
             self._has_drawn_potential = True
 
     def _draw_tracks(self, gone: Sequence[int] = ()) -> None:
-        markers = track_markers(*self._shown, gone, afresh=self._redraw, **self._sizes)
+        tracks = self._held("tracks/current")
+        markers = track_markers(self._header, tracks, gone, afresh=self._redraw, **self._sizes)
         self._publish("tracks/markers", markers)
 
     def _draw_afresh(self) -> None:
@@ -282,10 +302,10 @@ class TrackPublishers:
     def _draw_echoes(self) -> None:
         """Publish the present fixed echoes, also for a new viewer in place of those drawn last."""
         size = self._sizes["minimum_size"]
-        markers = fixed_echo_markers(self._shown[0], self._echoes, minimum_size=size)
+        markers = fixed_echo_markers(self._header, self._held("fixed_echoes"), minimum_size=size)
         self._publish("fixed_echoes/markers", markers)
 
     def _clear_potential(self) -> None:
         """Remove the potential tracks drawn last for a new viewer; the next scan draws its own."""
         if self._has_drawn_potential:
-            self._publish("potential_tracks/markers", clear_markers(self._shown[0]))
+            self._publish("potential_tracks/markers", clear_markers(self._header))

@@ -232,7 +232,8 @@ class RepetitionCheck:
         self._stamp, self._bits = scan.stamp, bits
         if not equal:
             self._places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
-            share = np.isin(self._places, before).mean() if len(before) else 1.0
+            known = (self._places[:, None] == before).any(axis=1)
+            share = known.mean() if len(before) else 1.0
             self._changing = bool(share < CHANGED_SHARE)
         self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
         said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
@@ -287,7 +288,7 @@ class LossCheck:
 
     def _judge(self, dropped: Counter[str]) -> list[Notice]:
         names, numbers, losses = zip(*self._last, strict=True)
-        scans, detections = Counter(filter(None, names)), sum(losses, Counter[str]())
+        scans, detections = Counter(filter(None, names)), sum(filter(None, losses), Counter[str]())
         share = detections.total() / max(detections.total() + sum(numbers), MIN_LOST)
         said = []
         for reasons, half, lost in (

@@ -17,6 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import UnregisteredScan, exchanged_after_registration
@@ -45,8 +46,10 @@ from tsepm_ros.session.inputs import (
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
@@ -149,10 +152,10 @@ class ScanResult:
         Newly confirmed tracks.
     revised : TrackArrays
         Confirmed tracks that starts continued, under their ids.
-    current : TrackArrays
-        All published confirmed tracks, at `stamp`.
-    fixed_echoes : TrackArrays
-        Fixed echoes, with `min_speed`, at `stamp`.
+    confirmed : ConfirmedTracks
+        All confirmed tracks, published or not, at `stamp`, in east and north.
+    common : CommonOptions
+        By which they stand still.
     ended : dict of int to str
         Tracks that ended: their ids, and the reason of each, see `track_maintenance.ENDS`.
     statistics : ScanStatistics
@@ -161,6 +164,8 @@ class ScanResult:
         Computing time of the initiator, s.
     waiting : float
         Time that the scan waited for own-ship data, s; infinite if `Session.process` got no time.
+    in_axes : bool
+        Whether tracks are in the axes of the fixed frame.
     """
 
     stamp: float
@@ -170,12 +175,26 @@ class ScanResult:
     arrival: Arrival
     new: TrackArrays
     revised: TrackArrays
-    current: TrackArrays
-    fixed_echoes: TrackArrays
+    confirmed: ConfirmedTracks
+    common: CommonOptions
     ended: dict[int, str]
     statistics: ScanStatistics
     core_seconds: float
     waiting: float
+    in_axes: bool = False
+
+    @cached_property
+    def current(self) -> TrackArrays:
+        """All published confirmed tracks, at `stamp`."""
+        return self._in_axes(self.confirmed.stated(self.common).published.proper())
+
+    @cached_property
+    def fixed_echoes(self) -> TrackArrays:
+        """Fixed echoes, with `min_speed`, at `stamp`."""
+        return self._in_axes(self.confirmed.stated(self.common).fixed_echoes.proper())
+
+    def _in_axes(self, tracks: TrackArrays) -> TrackArrays:
+        return exchanged_after_registration(tracks, self.frame_id) if self.in_axes else tracks
 
     @property
     def starts(self) -> TrackArrays:
@@ -188,8 +207,7 @@ class ScanResult:
             self,
             new=exchanged_after_registration(self.new, self.frame_id),
             revised=exchanged_after_registration(self.revised, self.frame_id),
-            current=exchanged_after_registration(self.current, self.frame_id),
-            fixed_echoes=exchanged_after_registration(self.fixed_echoes, self.frame_id),
+            in_axes=True,
         )
 
 
@@ -497,8 +515,8 @@ class Session:
             arrival=first.arrival,
             new=new,
             revised=tracker.revised,
-            current=tracker.current,
-            fixed_echoes=tracker.fixed_echoes,
+            confirmed=tracker.maintenance.confirmed,
+            common=tracker.common,
             ended=tracker.maintenance.ended,
             statistics=tracker.statistics,
             core_seconds=seconds,

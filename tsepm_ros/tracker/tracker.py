@@ -225,7 +225,8 @@ class Tracker:
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
             track_id, row = self.maintenance.own_detections
-            self._own.append((track_id, taken(detections, row)))
+            if len(row):
+                self._own.append((track_id, taken(detections, row)))
             self.maintenance.manoeuvre.update(
                 *self.maintenance.innovations,
                 self.common,
@@ -346,23 +347,23 @@ class Tracker:
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
-    def _on_older(self, starts: TrackArrays, variances: float = 1.0) -> BoolArray:
+    def _on_older(self, starts: TrackArrays) -> BoolArray:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
-        As many variances of a place on it may be between them. A fixed echo is no part of a target
-        that moves, and a track that coasts ends no other.
+        A start without the margin of a second target is, up to twice the variance of a place on
+        it. A fixed echo is no part of a target that moves, and a track that coasts ends no other.
         """
         confirmed, current = self.maintenance.confirmed.tracks, self.maintenance.current
-        others = self.maintenance.fixed_echoes.track_id
-        if not len(starts):
-            coasting = np.setdiff1d(current.track_id, current.sure.track_id)
-            others = np.append(others, coasting)
+        coasting = np.setdiff1d(current.track_id, current.sure.track_id)
+        others = np.append(self.maintenance.fixed_echoes.track_id, coasting)
         judged = np.append(~np.isin(confirmed.track_id, others), np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
+        weak = starts.evaluation < merging.SECOND_TARGET_MARGIN
+        size[len(tracks) - len(starts) :][weak] *= math.sqrt(3.0)
         older = np.zeros(len(judged), bool)
-        older[judged] = merging.of_older(tracks, math.sqrt(variances) * size)
+        older[judged] = merging.of_older(tracks, size)
         return older
 
     def _learn_errors(self) -> None:
@@ -460,10 +461,8 @@ class Tracker:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
             if self.method.most_tracks_true and self.extended_targets.active:
-                number, starts = len(self.maintenance.confirmed), step.tracks
-                beside = starts.evaluation < merging.SECOND_TARGET_MARGIN
-                beside &= self._on_older(starts, variances=2.0)[number:]
-                step = step.where(~(beside | self._on_older(starts)[number:]))
+                number = len(self.maintenance.confirmed)
+                step = step.where(~self._on_older(step.tracks)[number:])
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
