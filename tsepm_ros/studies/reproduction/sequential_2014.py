@@ -444,10 +444,9 @@ def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
     period, p_d = MAIN
     return [
         "### The conventional methods in this scene",
-        "The source says, without numbers: the heuristic and logic-based methods, the Hough "
-        "transform and its modification cannot start the real tracks; Hough finds tracks with "
-        "large errors by few cells and none by many. TSEPM 2018 calls the start from two points "
-        f"inaccurate. T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s.",
+        "The source says that these methods cannot start the real tracks, and that Hough finds "
+        "tracks with large errors by few cells and none by many. TSEPM 2018 calls the start from "
+        f"two points inaccurate. T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s.",
         ReportTable(
             "sequential_2014_conventional",
             {
