@@ -19,7 +19,6 @@ import argparse
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -48,10 +47,8 @@ BLOCK = re.compile(
 )
 UNRELEASED = re.compile(r"^## \[Unreleased\]\n(.*?)(?=^## )", re.MULTILINE | re.DOTALL)
 BUILD = ROOT / "build" / "figures"
-PICTURES = {
-    "box": (BUILD / "box_operating_curve.png", DOCS / "pictures" / "operating_curve.png"),
-}
-"""Pictures that the command of a result file draws, and their places on the pages."""
+PICTURES = {"box": (str(DOCS / "images" / "draw_methods.py"), str(BUILD / "evaluation.csv"))}
+"""Programs that draw a picture of a page from what the command of a result file has written."""
 RENEW = "python docs/figures.py renew"
 
 
@@ -515,7 +512,8 @@ def renew(names: Sequence[str], data: Path | None = None) -> None:
         environment = os.environ | {"PYTHONPATH": str(ROOT)}  # this source tree, not another one
         subprocess.run(line, check=True, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
         if path.stem in PICTURES:
-            shutil.copyfile(*PICTURES[path.stem])
+            drawn = [sys.executable, *PICTURES[path.stem]]
+            subprocess.run(drawn, check=True, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
     fill()
 
 

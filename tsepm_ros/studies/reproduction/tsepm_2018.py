@@ -391,7 +391,7 @@ class Tsepm2018Curves:
         ]
 
     def table(self, name: str, heading: str, spec: str) -> ReportTable:
-        """P_D, and false and misplaced tracks per start; the report shows those of `SHOWN`."""
+        """P_D, and false and misplaced tracks per start, for the CSV file."""
         columns = {heading: spec}
         values: list[Sequence[Cell]] = [[*self.scenes]]
         for curve in CURVES:
