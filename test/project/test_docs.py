@@ -278,6 +278,22 @@ def test_a_page_without_its_figures_is_found(figures, monkeypatch, tmp_path):
     assert not any("page.md" in problem for problem in figures.problems())
 
 
+def test_a_command_of_real_data_is_renewed_with_their_folder_only(figures, one_result, capsys):
+    content = json.loads(one_result.read_text("utf-8"))
+    command = "python benchmarks/detector.py clips --data FOLDER"
+    one_result.write_text(json.dumps(content | {"command": command}))
+    figures.renew(["box"])
+    assert f"box needs --data FOLDER: {command}" in capsys.readouterr().out
+
+
+def test_rows_of_a_chapter_that_its_page_does_not_have_are_found(tmp_path):
+    page, report = tmp_path / "page.md", tmp_path / "report.md"
+    page.write_text("| M/N | P_D |\n|---|---|\n| 5/8 | 0.9 |\n")
+    report.write_text("text\n| M/N | P_D |\n| --- | --- |\n| 5/8 | 0.9 |\n| 6/8 | 0.8 |\n")
+    script = loaded(DOCS / "fill_reproduction.py")
+    assert script.different_tables(page, report) == ["| 6/8 | 0.8 |"]
+
+
 def sections() -> dict[str, list[str]]:
     """Pages by the top-level heading of the navigation."""
     text = re.sub(r"^(plugins|hooks|markdown_extensions):.*?(?=^\w)", "", CONFIG, flags=re.M | re.S)
