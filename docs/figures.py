@@ -228,7 +228,7 @@ def _parameter_rows(groups: Groups) -> list[str]:
     for row in settings_table(groups):
         unit = f" {row.unit}" if row.unit else ""
         told = row.choices and all(f"{choice}:" in row.description for choice in row.choices)
-        bounds = row.bounds.removeprefix("from ")
+        bounds = row.bounds.removeprefix("from ").replace(" and at most ", ", to ")
         bounds = f" {bounds[0].upper()}{bounds[1:]}." if bounds and not told else ""
         fixed = " *Fixed.*" if row.read_only else ""
         meaning = row.description.rstrip(".")
@@ -291,8 +291,8 @@ def _rate(estimate: Sequence[float]) -> str:
 
 RULES = {
     "score": ("1/h", "10/h", "100/h", "300/h"),
-    "tsepm": ("8/12", "6/8", "5/8"),
-    "kalman": ("8/10", "5/6", "3/5"),
+    "tsepm": ("6/8", "5/8"),
+    "kalman": ("5/6", "3/5"),
 }
 """Points of each method from few to many false tracks."""
 
@@ -373,6 +373,15 @@ def readme(result: Result) -> str:
     )
 
 
+def held(result: Result) -> str:
+    """What starts of several methods are held on real images; of the pool with a learned extent."""
+    names = ["starts by", "clip, stated", "labels detected", "labels held", "tracks on each fish"]
+    names += ["other tracks", "tracks elsewhere per minute"]
+    shown = [name for name in names if name in result.header]
+    rows = [row for row in _named(result) if row.get("extent", "learned") == "learned"]
+    return terminal_markdown_table(shown, [[row[name] for name in shown] for row in rows])
+
+
 def _named(result: Result) -> list[dict[str, str]]:
     return [dict(zip(result.header, row, strict=True)) for row in result.rows]
 
@@ -416,6 +425,7 @@ VIEWS: dict[str, Callable[[Result], str]] = {
     "rules": rules,
     "methods": methods,
     "readme": readme,
+    "held": held,
     "compared": compared,
 }
 

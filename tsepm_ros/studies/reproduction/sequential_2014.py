@@ -456,6 +456,7 @@ def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
                 "position, rms, m": ".0f",
             },
             rows,
+            rows[::2],
         ),
     ]
 
