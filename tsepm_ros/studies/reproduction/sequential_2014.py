@@ -419,10 +419,9 @@ def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
         f"({shifted.distance(earlier=True):.2f}). P(all six) = {ALL_SIX} lies in the "
         f"interval of {agree} of {len(counts)} readings. Four or more are started "
         f"in every run by {len(certain)} of {len(counts)} readings.",
-        f"P(all six) = {ALL_SIX} of independent targets means {share:.3f} for each, and "
-        f"P(>= 4) = {four_or_more:.3f}: four or more in all of {RUNS} runs then "
-        f"have the probability {four_or_more**RUNS:.1g}. Whatever the "
-        f"dependence, it allows {most:.2f} started targets on average.",
+        f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
+        f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
+        f"Whatever the dependence, it allows {most:.2f} started targets on average.",
         _starts_picture_2014(counts),
     ]
 
