@@ -87,6 +87,8 @@ def draw(rows: Sequence[Row], methods: Sequence[str], horizons: Sequence[str], p
     figure, axes = plt.subplots(lines, COLUMNS, figsize=size, layout="constrained", **shared)
     for axis, method in zip(axes.flat, methods, strict=False):
         panel(axis, method, rows, horizons)
+    for axis in axes.flat[len(methods) :]:
+        axis.axis("off")
     axes[0, 0].legend(loc="lower right", fontsize=9)
     figure.supxlabel("false and misplaced tracks per hour (none in all runs: half a track)")
     figure.supylabel("share of targets with a true track, P_DT")
