@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SonarImage, make_detector
-from tsepm_ros.detector.cfar import CfarThreshold, Peaks, cfar_echoes, cfar_peaks
+from tsepm_ros.detector.cfar import (
+    CfarThreshold,
+    Peaks,
+    cfar_echoes,
+    cfar_of_structure,
+    cfar_peaks,
+)
 
 B, M = 64, 200
 
@@ -86,3 +92,13 @@ def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
         limit, _ = threshold.update(peaks)
         above += [np.count_nonzero(height > limit)] if ping >= 20 else []
     assert np.mean(above) == pytest.approx(4.0, abs=0.8)
+
+
+@pytest.mark.parametrize(("rise", "flagged"), [(0.7, True), (0.9, False)])
+def test_what_is_weak_beside_what_stands_is_of_it(rise, flagged):
+    past, cell = np.zeros((40, 90), np.float32), np.array([[20, 40], [20, 70]])
+    past[18:23, 44:48] = 10.0  # a rock, 8 over a box, within a box of the first echo alone
+    x, modes = np.zeros_like(past), ("constant", "constant")
+    for row, column in cell:
+        x[row - 1 : row + 2, column - 2 : column + 3] += rise * 5.0
+    assert cfar_of_structure(x, past, cell, (3, 5), modes).tolist() == [flagged, False]

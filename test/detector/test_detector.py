@@ -356,6 +356,7 @@ def over_the_ground(motion: float, known: float, images: int = 60):
 def test_poses_give_a_moving_sonar_the_background_of_the_ground():
     seen, others = over_the_ground(0.2, 0.0)
     assert seen > 0.8 and others < 9.0
+    assert over_the_ground(0.2, 0.4)[0] > seen - 0.1, "errors of poses are found in the images"
     assert over_the_ground(0.2, 1e4)[0] < seen - 0.3, "with poses that are wrong as without"
 
 

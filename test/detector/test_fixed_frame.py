@@ -67,6 +67,29 @@ def test_what_a_sensor_sees_of_the_ground_stays_in_its_place_while_it_drives_and
     assert np.median(errors) < 0.3
 
 
+@pytest.mark.parametrize(("error", "sees"), [((0.5, -0.4, 0.03), 1.0), ((0.5, -0.4, 0.03), 0.0)])
+def test_the_error_of_a_pose_is_found_where_there_is_a_ground_to_see(error, sees):
+    """The ground is a sum of plane waves in noise; without a ground the error counts as none."""
+    rng, grid = np.random.default_rng(5), FixedGrid(AZIMUTH, RANGE)
+    waves = rng.normal(0.0, 0.6, (40, 2)), rng.uniform(0.0, 6.0, 40)
+    state, before, errors = np.zeros(grid.shape, np.float32), np.zeros(3), []
+    cells = np.stack(np.meshgrid(np.arange(64.0), np.arange(90.0), indexing="ij"), axis=-1)
+    for k in range(12):
+        grid.look(poses(0.3 * k, 3.0, 0.02 * k))
+        if not k:
+            side = (np.arange(grid.shape[0]) + grid.origin[:, None]) * grid._cell
+            place = np.stack(np.meshgrid(*side, indexing="ij"), axis=-1)
+            state += sees * np.cos(place @ waves[0].T + waves[1]).sum(axis=-1)
+            first = grid.origin
+        place = grid.places(cells.reshape(-1, 2))
+        image = sees * np.cos(place @ waves[0].T + waves[1]).sum(axis=-1).reshape(64, 90)
+        image = (image + rng.normal(0.0, 3.0, image.shape)).astype(np.float32)
+        mean = grid.moved_along(state, first, 0.0)
+        before = grid.displaced(mean, image, poses(0.3 * k, 3.0, 0.02 * k) + error, before)
+        errors.append(before + (np.array(error) if sees else 0.0))
+    assert np.abs(np.median(errors, axis=0)).max() < 0.05
+
+
 def test_the_grid_is_bounded_and_forgets_what_it_leaves():
     grid = FixedGrid(AZIMUTH, RANGE)
     assert np.prod(grid.shape) < 10 * len(AZIMUTH) * len(RANGE)

@@ -307,9 +307,10 @@ def test_a_track_continues_on_a_target_that_comes_to_stand():
 
 
 @pytest.mark.parametrize(("unknown", "first"), [(6, 6), (30, 8)])
-def test_a_start_waits_until_it_is_known_what_stands_but_not_for_ever(unknown, first):
+def test_a_start_is_of_detections_of_which_it_is_known_that_they_do_not_stand(unknown, first):
+    """But not for ever: after some scans all count."""
     ids, _ = standing_scene(99, unknown=unknown)
-    assert not any(ids[:first]) and len(ids[first]) == 1
+    assert not any(ids[: first + 1]) and len(ids[first + 3]) == 1
 
 
 def test_a_track_that_coasts_ends_no_other_beside_it():

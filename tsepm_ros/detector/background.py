@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsepm_ros.detector.fixed_frame import FixedGrid
+from tsepm_ros.detector.fixed_frame import FixedGrid, block_means
 from tsepm_ros.detector.range_profile import Image
-from tsepm_ros.numerics.arrays import BoolArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 MEMORY = 40
 """Images over which a cell's mean and deviation are learned."""
@@ -48,10 +48,8 @@ HOLD = 400
 """Most images for which a cell is frozen."""
 CHANGED = 0.25
 """Part of the cells that have changed from which on all are learned anew."""
-BLOCK = 4
-"""Cells, each way, of a block of the regression of means: their noise lowers it."""
 MOST = 9.0
-"""Largest mean of a block that counts there."""
+"""Largest mean of a block of cells that counts."""
 ALIKE = 1e-4
 """Variance of the logarithms of deviations that are alike."""
 STEP = 3
@@ -63,19 +61,12 @@ def predicted(x: Image, mean: Image) -> tuple[float, float]:
 
     Second, the part of the image that is explained: ``1 - sum (x - b m)^2 / sum x^2``.
     """
-    now, past = (np.clip(_blocks(a), -MOST, MOST) for a in (x, mean))
+    now, past = (np.clip(block_means(a), -MOST, MOST) for a in (x, mean))
     common, square, whole = (
         float(np.vdot(*pair)) for pair in ((now, past), (past, past), (now, now))
     )
     share = min(max(common / max(square, 1e-9), 0.0), 1.0)
     return share, share * (2.0 * common - share * square) / max(whole, 1e-9)
-
-
-def _blocks(a: Image) -> Image:
-    """Means of blocks of cells (b, m)."""
-    b, m = (min(BLOCK, n) for n in a.shape)
-    rows = a[: len(a) // b * b, : a.shape[1] // m * m].reshape(len(a) // b, b, -1).sum(axis=1)
-    return np.asarray(rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), np.float32))
 
 
 def power(z: Image, deviation: Image, median: float) -> float:
@@ -105,7 +96,7 @@ class Background:
     share : float
         The regression of means, b.
     explained : float
-        Part of the last image that the means explain.
+        Part of the last images that the means explain.
     power : float
         That of deviations, c.
     """
@@ -130,8 +121,16 @@ class Background:
         if grid is not None:
             self._origin = grid.origin
         mean = self._at_cells(0)
-        self.share, self.explained = predicted(x, mean) if self.images >= FIRST else (0.0, 0.0)
+        self.share, explained = predicted(x, mean) if self.images >= FIRST else (0.0, 0.0)
+        self.explained += (explained - self.explained) / min(self.images + 1, RECENT)
         return mean * np.float32(self.share)
+
+    def displaced(self, x: Image, pose: FloatArray, before: FloatArray) -> FloatArray:
+        """How far the poses (b, 3) of an image are from where it fits what is known of the grid."""
+        if self._grid is None or self.images < FIRST:
+            return np.zeros(3)
+        mean = self._grid.moved_along(self._state[0], self._origin, 0.0)
+        return self._grid.displaced(mean, x, pose, before)
 
     def _at_cells(self, k: int) -> Image:
         """A state at the cells of the image."""

@@ -81,6 +81,8 @@ STANDS = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
 RECURS = 0.5
 """Share of the pings with an echo in one place above which it is no false detection."""
+STRUCTURE = 0.5
+"""Part of what stands beside an echo below which the echo is of it."""
 LIKE = 4.0, 0.01
 """Standard errors, and part of the median, by which medians of like pings may differ."""
 MAX_CHANCE = 0.8
@@ -310,6 +312,17 @@ def cfar_peaks(
     gate = np.array(box) + 1.0
     area = z.size / float(gate.prod())
     return Peaks(height[order], cell / gate, area, float(median), float(error), len(flat)), cell
+
+
+def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, modes: Modes) -> BoolArray:
+    """Which echoes at cells (n, 2) are weak beside what stands within a box of them, (n,).
+
+    Where poses have errors, edges are left of what stands; `x` is without the `past`.
+    """
+    own, level = (ndimage.uniform_filter(a, box, mode=modes) for a in (x, past))
+    around = ndimage.maximum_filter(level, [2 * length + 1 for length in box], mode=modes)
+    row, column = cell.T
+    return np.asarray(own[row, column] < STRUCTURE * around[row, column])
 
 
 def _cfar_highest(z: Image, box: Box, modes: Modes) -> Image:

@@ -25,6 +25,7 @@ from tsepm_ros.detector.cfar import (
     Modes,
     cfar_echoes,
     cfar_normalised,
+    cfar_of_structure,
     cfar_peaks,
     cfar_smoothed,
 )
@@ -127,6 +128,8 @@ class _DetectorScale:
         high = peaks.height > level
         found, standing = cell[high], standing[high]
         echoes = cfar_echoes(y, found, self.box, wraps)
+        if background is not self.backgrounds[0]:
+            standing[cfar_of_structure(x - past, past, found, self.box, modes)] = 1.0
         if background.images <= YOUNG and background.share > REMOVES:
             whole, _ = cfar_normalised(x, defined, self.box, modes)
             w = cfar_smoothed(whole, self.box, modes)
@@ -188,6 +191,7 @@ class Detector:
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
         self._first_pose: FloatArray | None = None
+        self._displaced = np.zeros(3)
         self._bright, self._scales = BrightLines(0, 0), list[_DetectorScale]()
 
     def process(self, image: SonarImage) -> Scan:
@@ -218,7 +222,6 @@ class Detector:
                 "no cell of the image is in the coverage, which min_range, max_range, azimuth_min "
                 f"and azimuth_max limit: {self.coverage}"
             )
-        moved = self._moved(image, spacing)
         self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
         there[self._bright.bearings] = False
@@ -227,6 +230,7 @@ class Detector:
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, turn)
+        moved = self._moved(image, x, spacing)
         modes: Modes = ("wrap" if turn else "constant", "constant")
         trial = len(self._scales) > 1
         tried = [scale.detect(x, defined, modes, trial, moved) for scale in self._scales]
@@ -251,7 +255,7 @@ class Detector:
             self._scales = [scale]
         return _scan_of_detector(image, echoes, standing)
 
-    def _moved(self, image: SonarImage, spacing: tuple[float, float]) -> Moved | None:
+    def _moved(self, image: SonarImage, x: Image, spacing: tuple[float, float]) -> Moved | None:
         """Where cells of the image before are in this one, once the sensor has moved.
 
         From then on there is a second background, on a grid of the fixed frame. The one that
@@ -270,7 +274,8 @@ class Detector:
             self._grid.look(pose)
             return None
         grid, before = self._grid, copy.copy(self._grid)
-        grid.look(pose)
+        self._displaced = self._scales[0].backgrounds[1].displaced(x, pose, self._displaced)
+        grid.look(pose + self._displaced)
         return lambda cells: grid.cells(before.places(cells))
 
     def kinds(self) -> str:

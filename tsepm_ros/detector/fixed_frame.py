@@ -3,6 +3,11 @@
 The cell of an image at range r and azimuth a lies at ``p + r (cos(yaw + a), sin(yaw + a))``, with
 the pose of its bearing. A cell of the grid is as large as those of the image on the mean of their
 area. The grid follows the sensor by whole cells, and forgets what leaves it.
+
+Poses have errors. The displacement d and the turn t of an image x from the mean m of the grid are
+those of least squares, over blocks of cells at places q, with the slope g of m::
+
+    x(q) = b (m(q) + g . d + (g x (q - p)) t),    d, t ~ N(0, DISPLACED)
 """
 
 from __future__ import annotations
@@ -10,6 +15,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy import ndimage
 
 from tsepm_ros.detector.range_profile import Image
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -23,10 +29,24 @@ MOST_SHARE, MOST_CELLS = 16.0, 2000
 """Cells of the grid over those of the image, and of a side, at most."""
 CORRECTIONS = 4
 """Times that the pose of a place's bearing is found anew in a sweep."""
+BLOCK = 4
+"""Cells, each way, of a block whose means are compared: their noise is lower."""
+ITERATIONS = 3
+"""Steps of Gauss and Newton to the displacement of an image."""
+DISPLACED = 4.0
+"""Standard deviation of a displacement before an image is seen, cells."""
 FINE = 8
 """Parts of the smallest spacing by which the nearest cell of an axis is looked up."""
 MOST_FINE = 100_000
 """Of these, at most."""
+
+
+def block_means(a: FloatArray | Image) -> FloatArray:
+    """Means of blocks of cells (b, m)."""
+    b, m = (min(BLOCK, n) for n in a.shape)
+    rows = a[: len(a) // b * b, : a.shape[1] // m * m].reshape(len(a) // b, b, -1).sum(axis=1)
+    means = rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), a.dtype)
+    return np.asarray(means)
 
 
 class ImageAxis:
@@ -84,6 +104,39 @@ class FixedGrid:
         )
         n = math.ceil(side / self._cell) + 2
         self.shape, self.origin, self._images = (n, n), np.zeros(2, int), 0
+
+    def displaced(self, mean: Image, x: Image, pose: FloatArray, before: FloatArray) -> FloatArray:
+        """How far poses (b, 3) are from where an image fits the mean of the grid: x, y, yaw.
+
+        The steps of Gauss and Newton begin with the displacement of the image before, or without.
+        """
+        now = block_means(x).ravel()
+        bearing = block_means((pose[:, 2] + self._azimuth)[:, None])
+        corner = [block_means(pose[:, k, None]) / self._cell - self.origin[k] for k in (0, 1)]
+        arm_length = block_means(self._distance[None]) / self._cell
+        level = ndimage.uniform_filter(mean, BLOCK + 1)
+        steps = np.array([[0, 1, 0], [0, 0, 1]])[:, :, None, None]
+
+        def residual(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+            turned = bearing + moved[2]
+            arm = arm_length * np.stack([np.cos(turned), np.sin(turned)])
+            place = np.stack([corner[k] + moved[k] + arm[k] for k in (0, 1)])
+            m, u, v = ndimage.map_coordinates(level, place[:, None] + steps, order=1)
+            slopes = np.stack([u - m, v - m, (v - m) * arm[0] - (u - m) * arm[1]])
+            share = max(float(now @ m.ravel()) / max(float(np.vdot(m, m)), 1e-9), 1e-9)
+            return now - share * m.ravel(), share * slopes.reshape(3, -1)
+
+        # In cells; a turn moves the farthest by as much.
+        units = np.array([self._cell, self._cell, 1.0])
+        spread = DISPLACED / np.array([1.0, 1.0, arm_length[0, -1]])
+        starts = np.zeros(3), before / units
+        moved = min(starts, key=lambda start: float(np.square(residual(start)[0]).sum()))
+        for _ in range(ITERATIONS):
+            rest, slopes = residual(moved)
+            prior = np.mean(np.square(rest)) / np.square(spread)
+            normal = slopes @ slopes.T + np.diag(prior)
+            moved = moved + np.linalg.solve(normal, slopes @ rest - prior * moved)
+        return np.asarray(moved * units)
 
     def look(self, pose: FloatArray) -> None:
         """Take the poses (b, 3) of an image."""

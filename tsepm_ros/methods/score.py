@@ -132,7 +132,9 @@ class Score(Method):
                 merged=merged,
                 confirmed=number,
             ),
-            confirmation.existence(tracks.evaluation, self.options.false_tracks_per_hour),
+            confirmation.existence(tracks.evaluation, self.options.false_tracks_per_hour)
+            if number
+            else None,
             tree.target_probability,
             tuple(hit_keys(observed.window[start.path]) for start in starts),
             target_hits,

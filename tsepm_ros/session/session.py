@@ -164,8 +164,8 @@ class ScanResult:
         Computing time of the initiator, s.
     waiting : float
         Time that the scan waited for own-ship data, s; infinite if `Session.process` got no time.
-    in_axes : bool
-        Whether tracks are in the axes of the fixed frame.
+    axes : str
+        Frame in whose axes tracks are; empty: east and north.
     """
 
     stamp: float
@@ -181,20 +181,19 @@ class ScanResult:
     statistics: ScanStatistics
     core_seconds: float
     waiting: float
-    in_axes: bool = False
+    axes: str = ""
 
     @cached_property
     def current(self) -> TrackArrays:
         """All published confirmed tracks, at `stamp`."""
-        return self._in_axes(self.confirmed.stated(self.common).published.proper())
+        tracks = self.confirmed.stated(self.common).published.proper()
+        return exchanged_after_registration(tracks, self.axes)
 
     @cached_property
     def fixed_echoes(self) -> TrackArrays:
         """Fixed echoes, with `min_speed`, at `stamp`."""
-        return self._in_axes(self.confirmed.stated(self.common).fixed_echoes.proper())
-
-    def _in_axes(self, tracks: TrackArrays) -> TrackArrays:
-        return exchanged_after_registration(tracks, self.frame_id) if self.in_axes else tracks
+        tracks = self.confirmed.stated(self.common).fixed_echoes.proper()
+        return exchanged_after_registration(tracks, self.axes)
 
     @property
     def starts(self) -> TrackArrays:
@@ -207,7 +206,7 @@ class ScanResult:
             self,
             new=exchanged_after_registration(self.new, self.frame_id),
             revised=exchanged_after_registration(self.revised, self.frame_id),
-            in_axes=True,
+            axes=self.frame_id,
         )
 
 

@@ -272,22 +272,13 @@ class ExpectedDetections(Generic[H]):
         state, covariance = self.hypotheses.state, self.hypotheses.covariance
         innovation, spread = self.innovations(parent, row)
         time_after_state = self.detections["time"][row] - self.stamp
-        if self.of_hypothesis is None:
-            moved, narrowed = motion.update(
-                state[parent], covariance[parent], time_after_state, innovation, spread
-            )
-        else:
-            # A gain and a covariance for all detections of a hypothesis.
-            used = np.zeros(len(state), bool)
-            used[parent] = True
-            rows, index = np.flatnonzero(used), (np.cumsum(used) - 1)[parent]
-            spread, after = self.of_hypothesis[1][rows], self.detections["time"][:1] - self.stamp
-            before = covariance[rows]
-            gain = motion.kalman_gain(before, after, spread)
-            change = gain @ spread @ np.swapaxes(gain, -1, -2)
-            step = gain.take(index, axis=0) @ innovation[..., None]
-            moved = state.take(parent, axis=0) + step[..., 0]
-            narrowed = (before - change).take(index, axis=0)
+        moved, narrowed = motion.update(
+            state.take(parent, axis=0),
+            covariance.take(parent, axis=0),
+            time_after_state,
+            innovation,
+            spread,
+        )
         if not range_rates.measured(self.detections).any():
             return moved, narrowed
         return range_rates.update(moved, narrowed, time_after_state, taken(self.detections, row))

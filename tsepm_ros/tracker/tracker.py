@@ -49,7 +49,7 @@ from tsepm_ros.tracker.sensor import (
     sensor_echo_poses,
     sensor_looked_at,
 )
-from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
+from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
@@ -62,7 +62,7 @@ LEAST_ROOM = 10
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
 MAX_UNKNOWN = 8
-"""Scans in a row for which a start waits until it is known whether its detections stand."""
+"""Scans in a row for which detections of which that is unknown count as standing."""
 STANDING_PROBABILITY = 0.98
 """That a detection that stands is no start of a target's track."""
 
@@ -225,8 +225,9 @@ class Tracker:
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
         if not self.extended_targets.active:
             track_id, row = self.maintenance.own_detections
-            if len(row):
-                self._own.append((track_id, taken(detections, row)))
+            rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
+            if len(rows):
+                self._own.append((track_id[rows], taken(detections, row[rows])))
             self.maintenance.manoeuvre.update(
                 *self.maintenance.innovations,
                 self.common,
@@ -240,7 +241,7 @@ class Tracker:
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
-        stands, may_start = self._starting(scan, detections["index"])
+        stands = self._standing(scan, detections["index"])
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         tracks = self.maintenance.confirmed.tracks
         return Observation(
@@ -253,7 +254,7 @@ class Tracker:
             ids=ids,
             clutter_density=detections["clutter_density"] * of_rates,
             confirmed_probability=confirmed,
-            may_start=may_start,
+            may_start=~stands,
             detected=tracks.where(
                 (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
             ),
@@ -270,18 +271,15 @@ class Tracker:
             predictive=self._clutter.predictive,
         )
 
-    def _starting(self, scan: Scan, index: IntArray) -> tuple[BoolArray, BoolArray]:
-        """Which detections stand, and which may be the last hit of a start, (d,).
-
-        A start waits while the detector does not know yet what stands, but not for ever.
-        """
+    def _standing(self, scan: Scan, index: IntArray) -> BoolArray:
+        """Which detections stand, (d,): all, while the detector does not know, but not for ever."""
         standing = scan.features.get("standing", np.zeros(len(scan)))[index]
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
             standing = np.zeros(len(index))
         stands, unknown = standing > STANDING, np.isnan(standing)
         self._unknown = self._unknown + 1 if unknown.any() else 0
         self._received["standing"] = int(np.count_nonzero(stands))
-        return stands, ~stands & ~(unknown & (self._unknown <= MAX_UNKNOWN))
+        return stands | (unknown & (self._unknown <= MAX_UNKNOWN))
 
     def _count_in(self, scan: Scan) -> float:
         """Count a scan in; returns the time since the one before, s."""
@@ -340,10 +338,13 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        if self.method.most_tracks_true:
-            self.extended_targets.take_own(self.maintenance.probable_detections)
-        if self.learned.batch.is_new:
-            self.extended_targets.learn(self.maintenance.confirmed, self.clutter_density)
+        none = np.zeros(0, np.int64)
+        self.extended_targets.learn(
+            self.maintenance.probable_detections if self.method.most_tracks_true else (none, none),
+            self.maintenance.confirmed,
+            self.clutter_density,
+            self.learned.batch.is_new,
+        )
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
@@ -353,10 +354,13 @@ class Tracker:
         A start without the margin of a second target is, up to twice the variance of a place on
         it. A fixed echo is no part of a target that moves, and a track that coasts ends no other.
         """
-        confirmed, current = self.maintenance.confirmed.tracks, self.maintenance.current
-        coasting = np.setdiff1d(current.track_id, current.sure.track_id)
-        others = np.append(self.maintenance.fixed_echoes.track_id, coasting)
-        judged = np.append(~np.isin(confirmed.track_id, others), np.ones(len(starts), bool))
+        confirmed, announced = (
+            self.maintenance.confirmed.tracks,
+            self.maintenance.confirmed.announced,
+        )
+        others = announced & (confirmed.status == TrackStatus.COASTING)
+        others |= confirmed.status == TrackStatus.STANDS_STILL
+        judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
@@ -368,17 +372,13 @@ class Tracker:
 
     def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
-        taken_rows, self._own = self._own, []
-        if not taken_rows:
-            return
-        track_ids, detections = zip(*taken_rows, strict=True)
-        own = appended_arrays(*detections)
-        rows = np.flatnonzero(np.isnan(own["range_std"]))
-        own = taken(own, rows)
-        variance = self.sensor.range_variance(measured_polar(own)[0])
-        confirmed = self.maintenance.confirmed
-        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
-        self.learned.errors.update(np.concatenate(track_ids)[rows], own, variance, ids, moves)
+        if self._own:
+            track_id, detections = zip(*self._own, strict=True)
+            own, confirmed = appended_arrays(*detections), self.maintenance.confirmed
+            variance = self.sensor.range_variance(measured_polar(own)[0])
+            ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
+            self.learned.errors.update(np.concatenate(track_id), own, variance, ids, moves)
+            self._own = []
 
     def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
         """Learn from what is probably clutter; returns the density at each detection, (d,)."""

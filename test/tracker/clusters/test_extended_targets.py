@@ -117,8 +117,7 @@ def test_clusters_are_made_no_longer_once_nothing_lies_beside_the_tracks():
         several = ping < 20
         scan = Scan(float(ping), np.full(1 + 2 * several, 50.0), 0.01 * np.arange(1 + 2 * several))
         targets.clusters_of(scan, np.zeros(len(scan), bool))
-        targets.take_own(own)
-        targets.learn(confirmed, DENSITY)
+        targets.learn(own, confirmed, DENSITY, True)
         on.append(targets.seen)
     assert on[30] and not on[-1]
     assert targets.test.log_ratio < ENOUGH
@@ -182,8 +181,8 @@ def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
     """Numbers in boxes around some detections of a scan, and in strips."""
     ping = np.zeros(len(scan), np.int64)
     beside = Beside(scan.range, scan.azimuth, ping, centre, extents)
-    number, strips, _ = beside.counted(np.ones(len(beside.row), bool))
-    return number[:, centre], strips[..., centre]
+    sums, _ = beside.counted(centre, ping == 0, 3)
+    return sums[0], sums[1:]
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import MEMORY
+from tsepm_ros.tracker.polar_grid import BATCH_TIME, MEMORY
 from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -171,28 +171,33 @@ class Beside:
         inside = (depth <= 1.0) & (width <= 1.0)
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
-        parts = np.stack([inside, beside, behind, inside * far, inside * aside])
-        self._parts = np.asarray(parts, float)
+        self._parts = np.zeros((5, len(inside), len(far) + 1))
+        self._parts[..., :-1] = inside, beside, behind, inside * far, inside * aside
         self.area = np.where(
             np.maximum(self.along, self.across) < range, 4.0 * self.along * self.across, 0.0
         )
 
-    def counted(self, pairs: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What some of the pairs (p,) are of each detection: others, those in strips, and where.
+    def counted(
+        self, centre: IntArray, counts: BoolArray, kinds: int = 1
+    ) -> tuple[FloatArray, IntArray]:
+        """What counts (n,) beside some of the centres (c,), ascending.
 
-        Number in the box (e, n); numbers in the strips of the same area beside it, and before and
-        behind it (2, e, n); mean offset of the others along and across (2, e, n), m.
+        Returns
+        -------
+        sums : (kinds, e, c) ndarray
+            Number in the box; numbers in the strips of the same area beside it, and before and
+            behind it; sum of the offsets of the others in the box along and across, m.
+        near : (k,) ndarray of int
+            The detections in the largest box around any of them.
         """
-        sums = _extended_target_sums(
-            self._parts.compress(pairs, axis=2), self.row[pairs], self.across.shape[1]
-        )
-        return sums[0], sums[1:3], sums[3:] / np.maximum(sums[0], 1.0)
-
-    def near(self, centre: IntArray, pairs: BoolArray) -> BoolArray:
-        """Which detections (n,) are centres, or in the largest box around one by these pairs."""
-        near = np.zeros(self.across.shape[1], bool)
-        near[centre] = near[self.other[pairs & (self._parts[0, -1] > 0.0)]] = True
-        return near
+        chosen = np.zeros(len(counts), bool)
+        chosen[centre] = True
+        pairs = np.flatnonzero(chosen[self.row] & counts[self.other])
+        first = np.searchsorted(self.row[pairs], np.append(centre, len(counts)))
+        # The sum of an empty group is its first value here.
+        parts = self._parts[:kinds].take(np.append(pairs, len(self.row)), axis=-1)
+        sums = np.add.reduceat(parts, first[:-1], axis=-1) * (np.diff(first) > 0)
+        return sums, self.other[pairs[parts[0, -1, :-1] > 0.0]]
 
 
 def extended_target_log_ratio(
@@ -220,8 +225,8 @@ class ExtendedTargetTest:
 
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
-        self._extents = extended_target_boxes(sensor)
-        sizes = self._extents.shape[1]
+        self.extents = extended_target_boxes(sensor)
+        sizes = self.extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = Excess(np.zeros(sizes), np.zeros((3, sizes)))
@@ -230,7 +235,9 @@ class ExtendedTargetTest:
     @property
     def log_ratio(self) -> float:
         """The largest L."""
-        return _largest_extended_target_ratio(self._more)
+        more, prior = self._more, np.array([[0.0], [PRIOR], [PRIOR]])
+        ratios = extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0))
+        return float(ratios.max())
 
     @property
     def extent(self) -> GroupingExtent:
@@ -238,7 +245,7 @@ class ExtendedTargetTest:
         ratios = extended_target_log_ratio(
             self._pairs.counted, self._pairs.expected + LEAST, LARGEST
         )
-        return GroupingExtent(*(WHOLE * self._extents[:, np.argmax(ratios), 0]).tolist())
+        return GroupingExtent(*(WHOLE * self.extents[:, np.argmax(ratios), 0]).tolist())
 
     def update(
         self,
@@ -273,42 +280,44 @@ class ExtendedTargetTest:
         ids = np.concatenate([track_id for track_id, _ in own])
         rows = np.concatenate([row + start for (_, row), start in zip(own, first, strict=True)])
         pair, track = (ids[:, None] == confirmed).nonzero()
-        rows = rows[pair]
+        own_rows, place = np.unique(rows[pair], return_inverse=True)
         # Others are counted beside all detections, or beside those in some sector.
         order, most = np.argsort(azimuth, kind="stable"), MOST_CENTRES * len(scans)
         start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
-        centres = np.zeros(len(order), bool)
-        centres[order[start : start + most]] = True
-        centre = np.flatnonzero(centres | np.isin(np.arange(len(order)), rows))
-        beside = Beside(range_, azimuth, ping, centre, self._extents)
-        number, strips, _ = beside.counted(centres[beside.row])
-        group = centres & (beside.area > 0.0) & (number[-1] > 1.0)
+        sector, counts = np.sort(order[start : start + most]), np.ones(len(order), bool)
+        beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self.extents)
+        (number,), _ = beside.counted(sector, counts)
+        area = beside.area[:, sector]
+        group = (area > 0.0) & (number[-1] > 1.0)
         some = (group * number / (number + 1.0)).sum(axis=1)
-        expected = 0.5 * density * (group * beside.area).sum(axis=1)
         keep = KEPT ** len(scans)
+        expected = 0.5 * density * (group * area).sum(axis=1)
         self._pairs = self._pairs.faded(keep, some, expected)
-        free = np.ones(len(order), bool)
-        free[rows[apart[track]]] = False
-        counts = free[beside.other]
-        rest = centres & free & ~beside.near(rows, counts & np.isin(beside.row, rows))
-        number, strips, _ = beside.counted(rest[beside.row] & rest[beside.other])
-        groups = _extended_target_detections(number, strips, beside.area * rest, density)
-        number, strips, offset = beside.counted(counts)
+        counts[rows[pair[apart[track]]]] = False
+        sums, near = beside.counted(own_rows, counts, 5)
+        number, *strips, along, across = sums.take(place, axis=-1)
+        counts[own_rows] = counts[near] = False
         variances = [extended_target_variances(scan, self._sensor) for scan in scans]
+        own_rows = own_rows[place]
         extra = self._beside_tracks(
             confirmed,
             track,
-            number[:, rows],
-            offset[..., rows],
-            2.0 * np.concatenate(variances, axis=1)[:, rows],
-            (beside.along, beside.across[:, rows]),
+            number,
+            np.stack([along, across]) / np.maximum(number, 1.0),
+            2.0 * np.concatenate(variances, axis=1)[:, own_rows],
+            (beside.along, beside.across[:, own_rows]),
         )
-        area = beside.area[:, rows]
+        area = beside.area[:, own_rows]
         used = area > 0.0
+        rest = sector[counts[sector]]
+        (others, *of_rest), _ = beside.counted(rest, counts, 3)
+        groups = _extended_target_detections(
+            others, np.stack(of_rest), beside.area[:, rest], density
+        )
         self._more = self._more.faded(
             keep,
             (used * extra).sum(axis=1) + groups.counted,
-            np.stack([density * area.sum(axis=1), *(used * strips[..., rows]).sum(axis=2)])
+            np.stack([density * area.sum(axis=1), *(used * np.stack(strips)).sum(axis=2)])
             + groups.expected,
         )
 
@@ -337,12 +346,6 @@ class ExtendedTargetTest:
         return np.maximum(number - ~(resolved & ~one_side), 0.0)
 
 
-def _largest_extended_target_ratio(more: Excess) -> float:
-    """The largest L of counts, by size of box."""
-    prior = np.array([[0.0], [PRIOR], [PRIOR]])
-    return float(extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0)).max())
-
-
 def _extended_target_detections(
     number: FloatArray, strips: FloatArray, area: FloatArray, density: float
 ) -> Excess:
@@ -363,15 +366,6 @@ def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
     along = sensor.range_variance(scan.range) if range_std is None else range_std**2
     angle = np.full(len(scan), sensor.azimuth_std) if angle is None else angle
     return np.stack([along, (angle * scan.range) ** 2])
-
-
-def _extended_target_sums(values: FloatArray, group: IntArray, count: int) -> FloatArray:
-    """Sums of values (..., n) over the rows of each group (n,), ascending, (..., count)."""
-    first = np.searchsorted(group, np.arange(count + 1))
-    # The sum of an empty group is its first value here.
-    with_end = np.append(values, np.zeros((*values.shape[:-1], 1)), axis=-1)
-    sums = np.add.reduceat(with_end, first[:-1], axis=-1)
-    return np.asarray(np.where(np.diff(first) > 0, sums, 0.0))
 
 
 @dataclass(frozen=True)
@@ -461,7 +455,9 @@ class ExtendedTargets:
         self.scatter = ExtendedTargetDispersion()
         self.test = ExtendedTargetTest(self.sensor)
         self._row = np.zeros(0, np.int64)
+        self._last: tuple[Scan, BoolArray] = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, bool)
         self._taken: list[tuple[Scan, BoolArray, OwnDetections]] = []
+        self._learned = -math.inf
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
@@ -504,10 +500,7 @@ class ExtendedTargets:
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        self._row = np.arange(len(scan))
-        if self._learns and len(scan):
-            none = np.zeros(0, np.int64)
-            self._taken.append((scan, ~stays, (none, none)))
+        self._row, self._last = np.arange(len(scan)), (scan, ~stays)
         if not self.active or not len(scan):
             return None
         extent = self.extent
@@ -519,32 +512,41 @@ class ExtendedTargets:
         self._row = clusters.strongest
         return clusters
 
-    def take_own(self, own: OwnDetections) -> None:
-        """Take the detections in the last scan's clusters that are confirmed tracks' own."""
-        if self._learns and len(self._row):
-            self._taken[-1] = *self._taken[-1][:2], (own[0], self._row[own[1]])
-
-    def learn(self, confirmed: ConfirmedTracks, density: float) -> None:
-        """Learn from the scans taken whether targets have several detections.
+    def learn(
+        self, own: OwnDetections, confirmed: ConfirmedTracks, density: float, whole: bool
+    ) -> None:
+        """Learn from the scans of a batch, the last one included, once it is whole, or sooner.
 
         Parameters
         ----------
+        own : OwnDetections
+            Those in the last scan's clusters that are confirmed tracks'.
         confirmed : ConfirmedTracks
             At the last scan.
         density : float
             Mean clutter density, 1/m^2.
+        whole : bool
+            Whether the last scan is the last of its batch.
         """
-        taken, self._taken = self._taken, []
-        if not taken:
+        scan, (track_id, rows) = self._last[0], own
+        if self._learns and len(self._row):
+            self._taken.append((*self._last, (track_id, self._row[rows])))
+            # Three detections in a box may be a target's: these wait for half a second at most.
+            ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
+            several = (ranges[2:] - ranges[:-2]).min(initial=math.inf) <= size
+            whole |= bool(several) and scan.stamp - self._learned >= BATCH_TIME - 1e-9
+        if not whole or not self._taken:
             return
-        scans, own = [], []
+        self._learned = scan.stamp
+        taken, self._taken = self._taken, []
+        scans, owned = [], []
         for scan, counts, (track_id, row) in taken:
             scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
             still = counts[row]
-            own.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
+            owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
         tracks = confirmed.tracks
         apart = ~of_older(tracks, np.zeros(len(tracks)))
-        self.test.update(scans, density, own, tracks.track_id, apart)
+        self.test.update(scans, density, owned, tracks.track_id, apart)
         self.seen = self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:

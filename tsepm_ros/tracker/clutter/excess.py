@@ -410,8 +410,6 @@ class SecondaryEchoExcess:
 
     def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:
         """Ids of targets (n,), scans since they are known, and what is behind them."""
-        if np.array_equal(track_id, self._track_id):
-            return track_id, self._scans, self._behind
         number = len(track_id)
         scans, both = np.zeros(number), np.zeros((2, number, len(HALF_WIDTHS), 2))
         new, old = (track_id[:, None] == self._track_id).nonzero()
