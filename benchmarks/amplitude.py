@@ -1,9 +1,9 @@
 """What the amplitude of echoes is worth, and whether the target false-track rate holds with it.
 
-- detection: P_D of the box's target 8 pings after it appears, by its signal-to-clutter ratio, and
+- detection: P_DT of the box's target 8 pings after it appears, by its signal-to-clutter ratio, and
   false + misplaced starts; the law of the clutter's amplitude is learned from the 16 pings of
   clutter alone before. All targets, and the row without amplitudes, have the same positions in a
-  run. The difference is that of P_D from the row without amplitudes at the same measured false
+  run. The difference is that of P_DT from the row without amplitudes at the same measured false
   rate, which lies on the line through its points at a third of the target rate, at that and at
   thrice that.
 - false: false starts on clutter alone, by the law of its amplitude and the target rate.
@@ -75,7 +75,7 @@ def counted(outcomes: Sequence[Outcomes]) -> FloatArray:
 
 
 def gain_at_equal_rate(found: FloatArray, plain: FloatArray) -> IntervalEstimate:
-    """P_D less that of plain runs at the same measured false rate, with one-sided 95 % bounds.
+    """P_DT less that of plain runs at the same measured false rate, with one-sided 95 % bounds.
 
     Parameters
     ----------
@@ -97,11 +97,11 @@ def gain_at_equal_rate(found: FloatArray, plain: FloatArray) -> IntervalEstimate
 
 
 def detection_table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
-    """P_D by the target's amplitude."""
+    """P_DT by the target's amplitude."""
     yield (
         "target",
         "target rate",
-        "P_D",
+        "P_DT",
         "less that without amplitudes at this false rate (one-sided bounds)",
         "false + misplaced/run",
         "false + misplaced",

@@ -206,7 +206,7 @@ def box(options: Options) -> Rows:
                 false = mean_count_interval(
                     [sum(ping < pings for ping in starts) for starts in far]
                 )
-                row = {"P_D": proportion_interval(found, len(near) if scene.targets else 0)}
+                row = {"P_DT": proportion_interval(found, len(near) if scene.targets else 0)}
                 row |= {"false a run": false, "over accepted": false / accepted}
                 yield f"{name}, {rate:g}/h, {pings} pings, {accepted * len(far):.3g} expected", row
 
@@ -265,7 +265,7 @@ def amplitude(options: Options) -> Rows:
         ratio, change = TARGETS[name]
         jobs = [Job(with_target(ratio), change, [options.seed, n], 10.0) for n in range(12)]
         outcomes = [run(job) for job in jobs[: options.runs or None]]
-        row = {"P_D": proportion_interval(sum(one.found for one in outcomes), len(outcomes))}
+        row = {"P_DT": proportion_interval(sum(one.found for one in outcomes), len(outcomes))}
         yield name, row | {"wrong a run": mean_count_interval([one.wrong for one in outcomes])}
 
 

@@ -1,4 +1,4 @@
-"""Comparison of methods by their operating curves, at equal false-track rates and at equal P_D."""
+"""Comparison of methods by their operating curves, at equal false-track rates and at equal P_DT."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ class Comparison:
         The point.
     other : str
         The method of the curve.
-    false, detection : float
-        The point's false starts per run and P_D.
-    other_detection, detection_difference : IntervalEstimate
-        P_D of the curve at the point's rate of false starts, and the point's P_D less that.
-    detection_bounds : IntervalEstimate
+    false, found : float
+        The point's false starts per run and P_DT.
+    other_found, found_difference : IntervalEstimate
+        P_DT of the curve at the point's rate of false starts, and the point's P_DT less that.
+    found_bounds : IntervalEstimate
         The same difference with one-sided 95 % bounds.
     other_false, false_ratio : IntervalEstimate
-        False starts per run of the curve at the point's P_D, and their false_ratio to the point's.
+        False starts per run of the curve at the point's P_DT, and their false_ratio to the point's.
     """
 
     method: str
     label: str
     other: str
     false: float
-    detection: float
-    other_detection: IntervalEstimate
-    detection_difference: IntervalEstimate
-    detection_bounds: IntervalEstimate
+    found: float
+    other_found: IntervalEstimate
+    found_difference: IntervalEstimate
+    found_bounds: IntervalEstimate
     other_false: IntervalEstimate
     false_ratio: IntervalEstimate
 
@@ -62,15 +62,15 @@ def compare(points: Points) -> list[Comparison]:
     points : mapping of (str, str) to sequence of RunMeasures
         The same runs for each point, by its method and label.
     """
-    false, detection = _resampled(list(points.values()))
+    false, found = _resampled(list(points.values()))
     methods = np.array([method for method, _ in points])
     curves = {  # through a method's points, in the sample and in its resamples
         method: [PerformanceCurve.of(*of_sample) for of_sample in zip(*pair, strict=True)]
         for method in methods.tolist()
-        if (pair := [part[methods == method].T for part in (false, detection)])
+        if (pair := [part[methods == method].T for part in (false, found)])
     }
     return [
-        _compared(method, label, other, curves[other], false[row], detection[row])
+        _compared(method, label, other, curves[other], false[row], found[row])
         for row, (method, label) in enumerate(points)
         for other in curves
         if other != method
@@ -78,19 +78,19 @@ def compare(points: Points) -> list[Comparison]:
 
 
 def detection_at(curve: PerformanceCurve, false: FloatArray) -> FloatArray:
-    """P_D of a curve at rates of false starts per run, linear in their logarithm.
+    """P_DT of a curve at rates of false starts per run, linear in their logarithm.
 
     nan below the lowest rate of the curve; constant above the highest.
     """
-    return np.interp(np.log(false), curve.log_false, curve.detection, left=np.nan)
+    return np.interp(np.log(false), curve.log_false, curve.found, left=np.nan)
 
 
-def false_at(curve: PerformanceCurve, detection: FloatArray) -> FloatArray:
-    """False starts per run of a curve at values of P_D.
+def false_at(curve: PerformanceCurve, found: FloatArray) -> FloatArray:
+    """False starts per run of a curve at values of P_DT.
 
-    nan above the highest P_D of the curve; constant below the lowest.
+    nan above the highest P_DT of the curve; constant below the lowest.
     """
-    return np.exp(np.interp(detection, curve.detection, curve.log_false, right=np.nan))
+    return np.exp(np.interp(found, curve.found, curve.log_false, right=np.nan))
 
 
 def _compared(
@@ -99,21 +99,21 @@ def _compared(
     other: str,
     curves: list[PerformanceCurve],
     false: FloatArray,
-    detection: FloatArray,
+    found: FloatArray,
 ) -> Comparison:
     """Compare a point with a curve, in the sample and in its resamples, (1 + b,) each."""
-    pairs = list(zip(curves, false[:, None], detection[:, None], strict=True))
-    other_detection = np.concatenate([detection_at(curve, rate) for curve, rate, _ in pairs])
+    pairs = list(zip(curves, false[:, None], found[:, None], strict=True))
+    other_found = np.concatenate([detection_at(curve, rate) for curve, rate, _ in pairs])
     other_false = np.concatenate([false_at(curve, share) for curve, _, share in pairs])
     return Comparison(
         method,
         label,
         other,
         float(false[0]),
-        float(detection[0]),
-        other_detection=_interval(other_detection),
-        detection_difference=_interval(detection - other_detection),
-        detection_bounds=_interval(detection - other_detection, TAILS_90),
+        float(found[0]),
+        other_found=_interval(other_found),
+        found_difference=_interval(found - other_found),
+        found_bounds=_interval(found - other_found, TAILS_90),
         other_false=_interval(other_false),
         false_ratio=_interval(other_false / false),
     )
@@ -129,7 +129,7 @@ def _interval(values: FloatArray, tails: tuple[float, float] = TAILS) -> Interva
 
 
 def _resampled(points: Sequence[Sequence[RunMeasures]]) -> tuple[FloatArray, FloatArray]:
-    """False starts per run and P_D of each point, (n, 1 + b): of the sample and its resamples."""
+    """False starts per run and P_DT of each point, (n, 1 + b): of the sample and its resamples."""
     counts = [
         [(run.count(Outcome.TRUE), run.targets, run.wrong) for run in summaries]
         for summaries in points

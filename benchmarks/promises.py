@@ -4,9 +4,9 @@
 - starts: errors of pure starts over their Cramer-Rao bound, and NEES, on scenes of the box, with
   the speed limit and without;
 - speeds: NEES of true starts by the target's speed, and over all velocities up to `max_speed`;
-- equal-false-rate: `score` against `tsepm` 5/8, in P_D at equal false + misplaced starts per run
-  and in these at equal P_D, on scenes of the box with one change, and on two corners;
-- design: P_D and false tracks predicted by `tsepm design` against those of whole scenes.
+- equal-false-rate: `score` against `tsepm` 5/8, in P_DT at equal false + misplaced starts per run
+  and in these at equal P_DT, on scenes of the box with one change, and on two corners;
+- design: P_DT and false tracks predicted by `tsepm design` against those of whole scenes.
 
 With 95 % intervals. The runs of starts, speeds and equal-false-rate are kept; interrupted studies
 continue.
@@ -71,7 +71,7 @@ LEFT_OUT = 10
 
 HOLDS, DOES_NOT, OPEN = "holds", "does not", "cannot tell"
 MAX_ERROR = 0.03
-"""Maximum difference between the P_D of `tsepm design` and the measured P_D."""
+"""Maximum difference between the P_DT of `tsepm design` and the measured P_DT."""
 
 
 def errors(factor: float) -> dict[str, float]:
@@ -136,8 +136,8 @@ def scene(name: str, warm_up: int = WARM_UP, **changes: float) -> Scenario:
 def starts_table(options: argparse.Namespace, densities: Mapping[float, float] = STARTS_AT) -> Rows:
     """Errors of pure starts over their bound, and NEES."""
     shown = {
-        "detection": "P_D",
-        "detection_by_position": "P_D by position",
+        "found": "P_DT",
+        "found_by_position": "P_DT by position",
         "position_to_bound": "position error / bound",
         "velocity_to_bound": "velocity error / bound",
         "pure_nees": "NEES, pure",
@@ -152,7 +152,7 @@ def starts_table(options: argparse.Namespace, densities: Mapping[float, float] =
             points = [score_at(1), score_at(10), score_at(10, limit_speed="off")]
             [result] = evaluated(box, points, runs, options)
             for point, measures in zip(result.points, result.measures, strict=True):
-                cells = [measures.text(name, interval="detection" not in name) for name in shown]
+                cells = [measures.text(name, interval="found" not in name) for name in shown]
                 yield f"{density:g}", f"{degrees} deg", point.label, str(runs), *cells
 
 
@@ -161,7 +161,7 @@ def speeds_table(options: argparse.Namespace, densities: Sequence[float] = (1e-8
 
     The speeds stand for parts of the disc |v| <= `max_speed` of equal area.
     """
-    yield "density [1/m^2]", "speed [m/s]", "runs", "P_D", "NEES, true"
+    yield "density [1/m^2]", "speed [m/s]", "runs", "P_DT", "NEES, true"
     number = len(SPEED_PARTS)
     for density in densities:
         nees = []
@@ -174,7 +174,7 @@ def speeds_table(options: argparse.Namespace, densities: Sequence[float] = (1e-8
             moving = replace(box, targets=(state,))
             [measures] = evaluated(moving, [score_at(10)], options.runs, options)[0].measures
             nees.append(measures.nees)
-            cells = [measures.text(column) for column in ("detection", "nees")]
+            cells = [measures.text(column) for column in ("found", "nees")]
             yield f"{density:g}", f"{speed:.1f}", str(options.runs), *cells
         yield f"{density:g}", "all", str(number * options.runs), "", f"{mean_of(nees):.2f}"
 
@@ -204,7 +204,7 @@ def evaluated(
 
 HORIZONS = (8, 16)
 MARGIN = 0.01
-"""Loss of P_D against the published method, at its false rate, that counts as none."""
+"""Loss of P_DT against the published method, at its false rate, that counts as none."""
 
 
 def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES) -> Rows:
@@ -213,9 +213,9 @@ def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES
         SimulatedOperatingPoint("tsepm", "5/8", version=result_code_key()),
         *map(score_at, rates),
     ]
-    head = ["scene", "pings", "`tsepm` 5/8: P_D", "its false + misplaced per run"]
-    head += ["`score` at as many: P_D", "`score` at its P_D: false + misplaced per run"]
-    head += ["verdict", "its P_D less that of `score` (one-sided bounds)"]
+    head = ["scene", "pings", "`tsepm` 5/8: P_DT", "its false + misplaced per run"]
+    head += ["`score` at as many: P_DT", "`score` at its P_DT: false + misplaced per run"]
+    head += ["verdict", "its P_DT less that of `score` (one-sided bounds)"]
     yield [*head, f"`score` not below by more than {MARGIN:g}"]
     for name in options.scene or CHANGED:
         box = scene(name, options.warm_up, **CHANGED[name])
@@ -226,9 +226,9 @@ def equal_rate_table(options: argparse.Namespace, rates: Sequence[float] = RATES
 def equal_rate_row(result: PerformanceEvaluated) -> list[str]:
     """The row of a scene after some pings.
 
-    With more false starts than the last point of its sweep `score` has *at least* that point's P_D;
-    for a P_D below its first point's it has *at most* that point's false starts. Above its highest
-    P_D, or below its fewest false starts, it is not compared.
+    With more false starts than the last point of its sweep `score` has *at least* that point's
+    P_DT; for a P_DT below its first point's it has *at most* that point's false starts. Above its
+    highest P_DT, or below its fewest false starts, it is not compared.
     """
     names = [(point.method, point.label) for point in result.points]
     compared = compare(dict(zip(names, result.runs, strict=True)))
@@ -236,31 +236,31 @@ def equal_rate_row(result: PerformanceEvaluated) -> list[str]:
     pairs = list(zip(result.points, result.measures, strict=True))
     [published] = [measures for point, measures in pairs if point.method == "tsepm"]
     false = [measures.false_per_run.value for point, measures in pairs if point.method == "score"]
-    shares = [measures.detection.value for point, measures in pairs if point.method == "score"]
+    shares = [measures.found.value for point, measures in pairs if point.method == "score"]
     beyond = row.false > max(false)
-    below = row.detection < shares[false.index(min(false))]
-    share, cost = f"{row.other_detection:.2f}", f"{row.other_false:.2f}"
-    if math.isnan(row.other_detection.value):
+    below = row.found < shares[false.index(min(false))]
+    share, cost = f"{row.other_found:.2f}", f"{row.other_false:.2f}"
+    if math.isnan(row.other_found.value):
         share = f"not reached: {min(false):.2f} or more"
     if math.isnan(row.other_false.value):
-        cost = f"not reached: P_D up to {max(shares):.2f}"
+        cost = f"not reached: P_DT up to {max(shares):.2f}"
     return [
         result.scenario.name,
         str(result.scans),
-        f"{published.detection:.2f}",
+        f"{published.found:.2f}",
         f"{published.false_per_run:.2f}",
         f"at least {share}" if beyond else share,
         f"at most {cost}" if below else cost,
         verdict(row, beyond=beyond, below=below),
-        f"{row.detection_bounds:+.3f}",
-        within_margin(row.detection_bounds, beyond=beyond),
+        f"{row.found_bounds:+.3f}",
+        within_margin(row.found_bounds, beyond=beyond),
     ]
 
 
 def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
-    """Whether `score` is better in P_D or in false starts, with 95 %, and worse in neither."""
-    better = row.detection_difference.high < 0.0 or row.false_ratio.high < 1.0
-    worse = (row.detection_difference.low > 0.0 and not beyond) or (
+    """Whether `score` is better in P_DT or in false starts, with 95 %, and worse in neither."""
+    better = row.found_difference.high < 0.0 or row.false_ratio.high < 1.0
+    worse = (row.found_difference.low > 0.0 and not beyond) or (
         row.false_ratio.low > 1.0 and not below
     )
     if better == worse:
@@ -269,7 +269,7 @@ def verdict(row: Comparison, *, beyond: bool, below: bool) -> str:
 
 
 def within_margin(loss: IntervalEstimate, *, beyond: bool) -> str:
-    """Whether a loss of P_D, by its one-sided bounds, is at most the margin.
+    """Whether a loss of P_DT, by its one-sided bounds, is at most the margin.
 
     Where it is `beyond` the last point of the sweep, it may be less than it seems.
     """
@@ -287,7 +287,7 @@ def difference(first: IntervalEstimate, second: IntervalEstimate) -> IntervalEst
 
 
 def closeness(gap: IntervalEstimate) -> str:
-    """Whether all, none or a part of the interval of a difference of P_D is small."""
+    """Whether all, none or a part of the interval of a difference of P_DT is small."""
     if gap.low >= -MAX_ERROR and gap.high <= MAX_ERROR:
         return HOLDS
     return DOES_NOT if gap.low > MAX_ERROR or gap.high < -MAX_ERROR else OPEN
@@ -299,8 +299,8 @@ SPEED = 5.0
 
 def design_table(options: argparse.Namespace) -> Rows:
     """Predictions of `tsepm design` against whole scenes."""
-    head = ["density [1/m^2]", "pings", "P_D, plan without clutter", "P_D, simulated by design"]
-    head += ["P_D, whole scenes", "design less measured", f"within {MAX_ERROR}", "false/h, design"]
+    head = ["density [1/m^2]", "pings", "P_DT, plan without clutter", "P_DT, simulated by design"]
+    head += ["P_DT, whole scenes", "design less measured", f"within {MAX_ERROR}", "false/h, design"]
     yield [*head, "false + misplaced/h, whole scenes"]
     for density in (3e-7, 1e-6):
         for scans in HORIZONS:
@@ -316,9 +316,7 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     planned = first_prediction(case, score, given_window=True).found[-1]
     given = {**asdict(case.common), **asdict(score)}
     simulation = {"seed": options.seed, "processes": options.workers, "progress": terminal_progress}
-    simulated = prediction_statistics(
-        case, "score", given, runs=options.runs, **simulation
-    ).detection
+    simulated = prediction_statistics(case, "score", given, runs=options.runs, **simulation).found
     clutter = prediction_clutter_scans(case, TARGET_RATE)
     false = predicted_false_tracks_per_hour(case, "score", given, scans=clutter, **simulation)
     anywhere = ScenarioTargetArea(
@@ -327,8 +325,8 @@ def designed(density: float, scans: int, options: argparse.Namespace) -> list[st
     whole = Scenario(name="disc", scans=scans, sensor=sensor, areas=(anywhere,))
     point = SimulatedOperatingPoint("score", "designed", given, version=result_code_key())
     [measures] = evaluated(whole, [point], options.runs, options)[0].measures
-    gap = difference(simulated, measures.detection)
-    shares = [f"{share:.3f}" for share in (planned, simulated, measures.detection, gap)]
+    gap = difference(simulated, measures.found)
+    shares = [f"{share:.3f}" for share in (planned, simulated, measures.found, gap)]
     rates = [f"{rate:.1f}" for rate in (false, measures.false_per_hour)]
     return [f"{density:g}", str(scans), *shares, closeness(gap), *rates]
 

@@ -1,6 +1,10 @@
 """Put the chapters of a report of `tsepm reproduce` on the page of reproduced papers.
 
 python docs/fill_reproduction.py [build/reproduction/report.md]
+python docs/fill_reproduction.py --check [REPORT]   only say which tables differ from the page's
+
+Ten runs of a chapter on the page that are equal, of the same seed, say that its figures hold for
+this version too.
 """
 
 from __future__ import annotations
@@ -13,7 +17,8 @@ from pathlib import Path
 
 from tsepm_ros.whole_files import write_whole_text, written_whole
 
-PAGE = Path(__file__).parent / "reproduction.md"
+PAGE = Path(__file__).parent / "papers" / "reproduction.md"
+PICTURES = Path(__file__).parent / "pictures"
 PAGE_WIDTH = 120
 """Characters of a line of the page."""
 
@@ -38,8 +43,8 @@ def fill_page(page: Path, report: Path) -> list[Path]:
         if not place.search(text):
             raise ValueError(f"{page} has no chapter {heading[3:]!r}")
         names = re.findall(r"\]\((\w+\.png)\)", chapter)
-        pictures += [page.parent / "pictures" / name for name in names]
-        linked = re.sub(r"\]\((?=\w+\.png\))", "](pictures/", chapter)
+        pictures += [PICTURES / name for name in names]
+        linked = re.sub(r"\]\((?=\w+\.png\))", "](../pictures/", chapter)
         wrapped = "\n".join(map(_wrapped, linked.rstrip().splitlines()))
         before, after = place.split(text, maxsplit=1)
         text = f"{before}{wrapped}\n\n{after}"
@@ -50,11 +55,24 @@ def fill_page(page: Path, report: Path) -> list[Path]:
     return [page, *pictures]
 
 
+def different_tables(page: Path, report: Path) -> list[str]:
+    """Rows of the tables of a report that the page does not have."""
+    known = set(page.read_text(encoding="utf-8").splitlines())
+    rows = [line for line in report.read_text(encoding="utf-8").splitlines() if line[:1] == "|"]
+    return [row for row in rows if row not in known and set(row) - set("|- ")]
+
+
 def _wrapped(line: str) -> str:
     """A line of text in several; tables, headings and pictures as they are."""
     return line if line.startswith(("|", "#", "!")) else textwrap.fill(line, PAGE_WIDTH)
 
 
 if __name__ == "__main__":
-    given = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("build/reproduction/report.md")
+    check = "--check" in sys.argv
+    names = [name for name in sys.argv[1:] if name != "--check"]
+    given = Path(names[0]) if names else Path("build/reproduction/report.md")
+    if check:
+        rows = different_tables(PAGE, given)
+        print("\n".join(rows) or f"every row of {given} is on the page")
+        raise SystemExit(bool(rows))
     print("written: " + ", ".join(map(str, fill_page(PAGE, given))))

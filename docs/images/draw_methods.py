@@ -57,12 +57,12 @@ def with_interval(row: Row, name: str) -> str:
 def panel(axis: Axes, method: str, rows: Sequence[Row], horizons: Sequence[str]) -> None:
     """One method's points in front of those of all methods."""
     last = [row for row in rows if row["scans"] == horizons[-1]]
-    background = [(false_per_hour(row), float(row["detection"])) for row in last]
+    background = [(false_per_hour(row), float(row["found"])) for row in last]
     axis.plot(*zip(*background, strict=True), "o", color=BACKGROUND, markersize=4)
     for scans, colour, face in zip(horizons, (HOLLOW, FULL), ("white", FULL), strict=True):
         own = [row for row in rows if row["method"] == method and row["scans"] == scans]
         own.sort(key=false_per_hour)
-        shares = [estimate(row, "detection") for row in own]
+        shares = [estimate(row, "found") for row in own]
         values = [share.value for share in shares]
         axis.errorbar(
             [false_per_hour(row) for row in own],
@@ -87,9 +87,11 @@ def draw(rows: Sequence[Row], methods: Sequence[str], horizons: Sequence[str], p
     figure, axes = plt.subplots(lines, COLUMNS, figsize=size, layout="constrained", **shared)
     for axis, method in zip(axes.flat, methods, strict=False):
         panel(axis, method, rows, horizons)
+    for axis in axes.flat[len(methods) :]:
+        axis.axis("off")
     axes[0, 0].legend(loc="lower right", fontsize=9)
     figure.supxlabel("false and misplaced tracks per hour (none in all runs: half a track)")
-    figure.supylabel("fraction of targets with a true track, P_D")
+    figure.supylabel("share of targets with a true track, P_DT")
     figure.suptitle(
         f"{rows[0]['scenario']}: few to many false tracks; {rows[0]['runs']} runs, "
         f"seed {rows[0]['seed']}, 95 % intervals; grey: all methods after {horizons[-1]} scans",
@@ -101,14 +103,14 @@ def draw(rows: Sequence[Row], methods: Sequence[str], horizons: Sequence[str], p
 
 def table(rows: Sequence[Row], method: str, horizons: Sequence[str]) -> str:
     """One method's points as Markdown, the horizons side by side."""
-    heads = [part for scans in horizons for part in (f"P_D, {scans} pings", "false/h")]
+    heads = [part for scans in horizons for part in (f"P_DT, {scans} pings", "false/h")]
     own = {(row["point"], row["scans"]): row for row in rows if row["method"] == method}
     lines = []
     for point in dict.fromkeys(point for point, _ in own):
         cells = [f"`{method}` {point}"]
         for scans in horizons:
             row = own[point, scans]
-            share = estimate(row, "detection")
+            share = estimate(row, "found")
             cells.append(f"{share.value:.2f} ({share.low:.2f}-{share.high:.2f})")
             cells.append(with_interval(row, "false_per_hour"))
         lines.append([*cells, *(with_interval(row, key) for key in ("redundant_per_run", "nees"))])

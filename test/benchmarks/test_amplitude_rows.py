@@ -17,7 +17,7 @@ def drawn(rng, share: float, wrong: float, runs: int = 4000) -> np.ndarray:
 
 
 def test_gain_is_judged_at_the_same_false_rate_and_the_verdict_by_bounds():
-    """P_D rises by 0.1 for e times the false rate: more of both by that line gains nothing."""
+    """P_DT rises by 0.1 for e times the false rate: more of both by that line gains nothing."""
     plain = np.array([drawn(np.random.default_rng(1), 0.6 + 0.1 * k, np.e**k) for k in (-1, 0, 1)])
     for k, better in ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.05)):
         found = drawn(np.random.default_rng(1), 0.6 + 0.1 * k + better, np.e**k)

@@ -16,7 +16,7 @@ CURVE = PerformanceCurve.of(np.array([10.0, 1.0, 5.0, 0.1]), np.array([0.9, 0.7,
 
 def test_a_curve_has_its_best_points_is_linear_in_the_logarithm_and_says_nothing_beyond():
     np.testing.assert_allclose(np.exp(CURVE.log_false), [0.1, 1.0, 10.0])
-    np.testing.assert_allclose(CURVE.detection, [0.3, 0.7, 0.9])
+    np.testing.assert_allclose(CURVE.found, [0.3, 0.7, 0.9])
     np.testing.assert_allclose(detection_at(CURVE, np.array([1.0, math.sqrt(10.0)])), [0.7, 0.8])
     np.testing.assert_allclose(false_at(CURVE, np.array([0.7, 0.8])), [1.0, math.sqrt(10.0)])
     assert np.isnan(detection_at(CURVE, np.array([0.09])))
@@ -47,14 +47,14 @@ def test_two_methods_are_compared_at_each_other_s_points():
         ("poor", "one", "good"),
     ]
     # The poor method's rate of 0.2 is the middle of 0.1 to 0.4, in the logarithm.
-    assert (poor.false, poor.detection) == (0.2, 0.6)
-    assert poor.other_detection.value == pytest.approx(0.7)
-    assert poor.detection_difference.value == pytest.approx(-0.1)
+    assert (poor.false, poor.found) == (0.2, 0.6)
+    assert poor.other_found.value == pytest.approx(0.7)
+    assert poor.found_difference.value == pytest.approx(-0.1)
     assert poor.other_false.value == pytest.approx(0.1)
     assert poor.false_ratio.value == pytest.approx(0.5)
     assert few.false_ratio.value == pytest.approx(2.0)
-    assert math.isnan(few.other_detection.value)  # the poor method has no point with so few
-    assert many.other_detection.value == pytest.approx(0.6)
+    assert math.isnan(few.other_found.value)  # the poor method has no point with so few
+    assert many.other_found.value == pytest.approx(0.6)
     assert math.isnan(many.other_false.value)
 
 
@@ -62,9 +62,9 @@ def test_the_same_scenes_are_drawn_for_all_and_no_false_start_counts_half_a_one(
     # With the same results in the same runs nothing differs, whichever runs are drawn.
     (one, _) = compare({("a", "x"): runs(60, 20), ("b", "x"): runs(60, 20)})
     assert (
-        one.detection_difference.value,
-        one.detection_difference.low,
-        one.detection_difference.high,
+        one.found_difference.value,
+        one.found_difference.low,
+        one.found_difference.high,
     ) == (0.0, 0.0, 0.0)
     assert (one.false_ratio.value, one.false_ratio.low, one.false_ratio.high) == pytest.approx(
         (1.0, 1.0, 1.0)

@@ -47,7 +47,7 @@ def beside(found: int, false: int, sweep: dict[str, tuple[int, int]] = SWEEP) ->
 @pytest.mark.parametrize(
     ("found", "false", "share", "cost", "verdict"),
     [
-        # From 1 to 4 false starts 2 are half-way: so is the P_D from 0.5 to 1.
+        # From 1 to 4 false starts 2 are half-way: so is the P_DT from 0.5 to 1.
         (3, 2, "0.75", "2.00", "cannot tell"),
         (2, 2, "0.75", "1.00", "holds"),
         (4, 2, "0.75", "4.00", "does not"),
@@ -79,7 +79,7 @@ def test_loss_of_detection_is_decided_on_its_margin(loss, beyond, found):
 
 
 def test_more_targets_than_the_sweep_finds_are_not_compared_and_a_loss_has_its_interval():
-    assert beside(4, 2, {**SWEEP, "10/h": (3, 4)})[5] == "not reached: P_D up to 0.75"
+    assert beside(4, 2, {**SWEEP, "10/h": (3, 4)})[5] == "not reached: P_DT up to 0.75"
     row = beside(3, 2)
     assert row[7].startswith("+0.000 (") and row[8] == "holds"
 

@@ -42,7 +42,7 @@ def assert_equal(one, other, largest):
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["score", "tsepm"])
 def test_detections_and_errors_are_those_of_a_sonar_that_stays(method):
-    # 160 targets; the same scenes, 40 runs, seed 1. A difference of 0.08 in P_D would be seen, or
+    # 160 targets; the same scenes, 40 runs, seed 1. A difference of 0.08 in P_DT would be seen, or
     # of the whole of a mean square (1.4 times the error), of the NEES or of 15 s. Starts with a
     # wrong hit are left out: their errors are of any size, whether the sonar moves or not.
     (found_moving, moving), (found_fixed, fixed) = (

@@ -105,5 +105,5 @@ def terminal_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def terminal_markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Format a table in Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    head, *lines = [f"| {' | '.join(line)} |" for line in (header, *rows)]
+    return "\n".join([head, f"|{'---|' * len(header)}", *lines])

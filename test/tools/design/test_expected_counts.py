@@ -37,7 +37,7 @@ def test_targets_pass_the_clutter_statistic_up_to_its_critical_density(factor, s
 
 
 def test_no_target_passes_where_none_has_enough_hits():
-    """P_D of a rule 16/16 is 1e-16 at p_d = 0.1: none of 10 000 targets."""
+    """P_DT of a rule 16/16 is 1e-16 at p_d = 0.1: none of 10 000 targets."""
     sensor = SensorModel(detection_probability=0.1)
     gating = ExpectedGating(sensor=sensor, max_speed=10.0, interval=12.0, gate_probability=0.9)
     assert expected_target_pass_share(gating, TsepmOptions(min_hits=16, window=16), 5.0) == 0.0

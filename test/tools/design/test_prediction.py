@@ -46,9 +46,9 @@ def test_p_d_of_targets_in_patches_is_that_in_the_whole_coverage(method, options
     area = ScenarioTargetArea(1, (1000.0, 6000.0), (-0.4, 0.4), 5.0)
     scene = Scenario(name="sector", sensor=SECTOR, areas=(area,))
     point = SimulatedOperatingPoint(method, options=options)
-    measured = measures_of(scene, list(study(scene, point, range(150), 12))).detection
+    measured = measures_of(scene, list(study(scene, point, range(150), 12))).found
     noise = math.sqrt(2 * measured.value * (1 - measured.value) / 150)
-    assert abs(predicted.detection.value - measured.value) < 0.03 + 2.6 * noise
+    assert abs(predicted.found.value - measured.value) < 0.03 + 2.6 * noise
 
 
 @pytest.mark.long
@@ -99,7 +99,7 @@ def test_false_tracks_of_a_rule_that_finds_fewer_targets_are_not_simulated():
         processes=1,
         progress=named_terminal_progress,
     )
-    assert rule.targets.detection.high < score.targets.detection.low
+    assert rule.targets.found.high < score.targets.found.low
     assert score.false_simulated.low >= 0.0 and math.isnan(rule.false_simulated.value)
 
 

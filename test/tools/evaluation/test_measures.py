@@ -44,7 +44,7 @@ RUNS = [
 def test_counts_by_hand_of_all_scans_and_of_a_horizon():
     figures = measures_of(SCENE, RUNS)
     assert (figures.runs, figures.scans) == (2, 4)
-    assert figures.detection == proportion_interval(3, 4)
+    assert figures.found == proportion_interval(3, 4)
     assert figures.false_per_run == mean_count_interval([3, 1])
     assert figures.false_density.value == pytest.approx(2.0 / (4 * 2.0))
     assert figures.false_density.high == pytest.approx(figures.false_per_run.high / 8.0)
@@ -54,7 +54,7 @@ def test_counts_by_hand_of_all_scans_and_of_a_horizon():
     assert figures.confirmation_median.value == 12.0
     figures = measures_of(SCENE, RUNS, 2)
     assert figures.scans == 2
-    assert figures.detection == proportion_interval(2, 4)
+    assert figures.found == proportion_interval(2, 4)
     assert figures.false_per_run == mean_count_interval([3, 0])
     assert figures.false_density.value == pytest.approx(1.5 / (2 * 2.0))
     assert figures.false_per_hour.value == pytest.approx(1.5 * 3600.0 / 24.0)
@@ -76,8 +76,8 @@ def test_errors_of_true_and_of_pure_starts():
 
 def test_what_is_not_known_has_no_figure():
     figures = measures_of(SCENE, [run_of(held=-1)] * 3)
-    assert figures.detection.value == 0.0
-    assert figures.text("detection").startswith("0.0000 (")
+    assert figures.found.value == 0.0
+    assert figures.text("found").startswith("0.0000 (")
     for name in ("held", "nees", "pure_nees", "position_to_bound", "confirmation_median"):
         assert math.isnan(getattr(figures, name).value)
         assert figures.text(name) == "-"
@@ -293,9 +293,9 @@ def test_only_revision_0_counts_and_what_was_before_the_targets_does_not():
     assert [scan.right for scan in kept.scans] == [0, 0, 0, 1]
     assert kept.starts == ()
     measures = measures_of(made.scenario, [kept])
-    assert (measures.detection.value, measures.detection_by_position.value) == (0.0, 1.0)
-    assert (measures.detection_corrected.value, measures.corrections_per_run.value) == (1.0, 1.0)
-    assert measures_of(made.scenario, [kept], 1).detection_by_position.value == 0.0
+    assert (measures.found.value, measures.found_by_position.value) == (0.0, 1.0)
+    assert (measures.found_corrected.value, measures.corrections_per_run.value) == (1.0, 1.0)
+    assert measures_of(made.scenario, [kept], 1).found_by_position.value == 0.0
 
 
 def test_the_closest_approach_is_where_a_fine_grid_of_times_has_it():

@@ -126,7 +126,7 @@ def test_a_point_is_reported_as_soon_as_its_runs_are_done(tmp_path):
         report=lambda one: said.append((len(done), one.points[0].method, one.measures[0])),
     )
     assert [one[:2] for one in said] == [(2, "tsepm"), (4, "toy")]
-    assert [one[2].detection for one in said] == [one.detection for one in evaluated[0].measures]
+    assert [one[2].found for one in said] == [one.found for one in evaluated[0].measures]
     done.clear()
     evaluate_performance(
         plan(TSEPM, TOY, runs=2), tmp_path, progress=count, report=lambda one: said.append(one)
@@ -141,7 +141,7 @@ def test_two_workers_give_the_same_tables_as_one(tmp_path, expected):
 def test_anything_that_starts_tracks_can_be_evaluated(tmp_path):
     (found,) = evaluate_performance(plan(TOY, TSEPM), tmp_path, 2)
     toy = found.measures[0]
-    assert toy.detection.value > 0.5  # its one hit is the target's
+    assert toy.found.value > 0.5  # its one hit is the target's
     assert toy.false_per_run.value > 0.0  # but when the target was missed
     assert toy.redundant_per_run.value > 1.0
     for name in ("nees", "held", "position_to_bound"):
@@ -167,7 +167,7 @@ def test_the_csv_has_every_figure_with_its_interval(expected):
             value, low, high = (float(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
             assert math.isnan(value) or math.isnan(low) or low <= value <= high
     assert json.loads(rows[1]["options"]) == {"min_hits": 3, "window": 4}
-    assert 0.0 <= float(rows[0]["detection_low"]) < float(rows[0]["detection_high"]) <= 1.0
+    assert 0.0 <= float(rows[0]["found_low"]) < float(rows[0]["found_high"]) <= 1.0
 
 
 DESIGN_BOX = load_scenario("box", {"scans": 8})
@@ -180,7 +180,7 @@ def test_p_d_and_false_tracks_in_the_box_scene_are_the_design_s():
     """Design, section 6: 0.916, and 21.6 per run, false and misplaced, in 500 runs of 5/8."""
     box = list(study(DESIGN_BOX, FIVE_OF_EIGHT, range(RUNS), 2018))
     # Shares and counts differ by chance: 3.3 standard errors of the differences are 99.9 %.
-    share = measures_of(DESIGN_BOX, box).detection.value
+    share = measures_of(DESIGN_BOX, box).found.value
     error = math.sqrt(0.916 * 0.084 * (1 / RUNS + 1 / 500))
     assert abs(share - 0.916) < 3.3 * error
     false = [one.wrong for one in box]

@@ -419,10 +419,9 @@ def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
         f"({shifted.distance(earlier=True):.2f}). P(all six) = {ALL_SIX} lies in the "
         f"interval of {agree} of {len(counts)} readings. Four or more are started "
         f"in every run by {len(certain)} of {len(counts)} readings.",
-        f"P(all six) = {ALL_SIX} of independent targets means {share:.3f} for each, and "
-        f"P(>= 4) = {four_or_more:.3f}: four or more in all of {RUNS} runs then "
-        f"have the probability {four_or_more**RUNS:.1g}. Whatever the "
-        f"dependence, it allows {most:.2f} started targets on average.",
+        f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
+        f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
+        f"Whatever the dependence, it allows {most:.2f} started targets on average.",
         _starts_picture_2014(counts),
     ]
 
@@ -444,10 +443,9 @@ def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
     period, p_d = MAIN
     return [
         "### The conventional methods in this scene",
-        "The source says, without numbers: the heuristic and logic-based methods, the Hough "
-        "transform and its modification cannot start the real tracks; Hough finds tracks with "
-        "large errors by few cells and none by many. TSEPM 2018 calls the start from two points "
-        f"inaccurate. T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s.",
+        "The source says that these methods cannot start the real tracks, and that Hough finds "
+        "tracks with large errors by few cells and none by many. TSEPM 2018 calls the start from "
+        f"two points inaccurate. T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s.",
         ReportTable(
             "sequential_2014_conventional",
             {
@@ -457,6 +455,7 @@ def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
                 "position, rms, m": ".0f",
             },
             rows,
+            rows[::2],
         ),
     ]
 

@@ -308,8 +308,7 @@ def _tsepm_2018_after_parts(
         "those of 5000 m everywhere; and in Eq. 22, with each hit in the fit, or predicted from "
         "the others or from those before. *Factor* is the root mean square of the ratio's "
         f"logarithm, without 7/9, 8/9 and rows without a false track. Of {len(factors)} readings "
-        "the table has the closest, and of each scene the closest denominator with Eq. 26 literal; "
-        f"P_F falls with M at each N in {sum(row[-1] == 'yes' for row in shown)} of them.",
+        "the table has the closest, and of each scene the closest denominator with Eq. 26 literal.",
         ReportTable(
             "tsepm_2018_table_1_readings", columns, readings, shown, hidden=list(columns)[-1:]
         ),
@@ -392,7 +391,7 @@ class Tsepm2018Curves:
         ]
 
     def table(self, name: str, heading: str, spec: str) -> ReportTable:
-        """P_D, and false and misplaced tracks per start; the report shows those of `SHOWN`."""
+        """P_D, and false and misplaced tracks per start, for the CSV file."""
         columns = {heading: spec}
         values: list[Sequence[Cell]] = [[*self.scenes]]
         for curve in CURVES:
@@ -401,17 +400,11 @@ class Tsepm2018Curves:
         for curve in (name for name in CURVES if "tsepm" in name):
             columns[f"{curve}: P_D, any"] = ".2f"
             values.append(self.found(curve, 3))
-        shown = (heading, *(f"{curve}: {column}" for curve in SHOWN for column in ("P_D", "P_F")))
         return ReportTable(
             name,
             columns,
             list(zip(*values, strict=True)),
-            list(zip(*values, strict=True))[1::2],
-            hidden=[
-                column_name
-                for column_name in columns
-                if column_name not in (*shown, f"{SHOWN[0]}: P_D, any")
-            ],
+            reported=[],
         )
 
     def picture(
@@ -508,10 +501,10 @@ def tsepm_2018_figure_parts(
         "f1, with Eq. 26 literal or squared, or by Kennedy's f2; the clutter test is Kennedy's. "
         "The CSV files have all curves.",
         "P_F is the number of false and misplaced tracks per start, by density and by the larger "
-        f"error where the target is (at {FIGURE_7_DENSITY:g} per m²). *Any*: P_D if a "
-        "merged group counts as the target's where the merged state is within 3 sigma of it and "
-        "any member has more than half of its hits from it; else its best member alone is judged. "
-        "Tracks per start may exceed 1, since a start splits: such a figure is no probability.",
+        f"error where the target is (at {FIGURE_7_DENSITY:g} per m²); it may exceed 1, since a "
+        "start splits. *Any*: P_D if a merged group counts as the target's where the merged state "
+        "is within 3 sigma of it and any member has more than half of its hits from it; else its "
+        "best member alone is judged.",
         densities.table("tsepm_2018_figures_5_6", "density [1/m²]", ".1e"),
         errors.table("tsepm_2018_figures_7_8", "error [m]", "g"),
         densities.picture("tsepm_2018_figures_5_6", "Figs. 5 and 6", "clutter density [1/m²]"),

@@ -145,12 +145,12 @@ def run_design(options: argparse.Namespace) -> None:
             "detections per ping (yours: --false-detections NUMBER), "
         )
     print(f"\n{assumed}{design_verdict(performances, options.wanted, target_rate)}", flush=True)
-    if max(candidate.targets.detection.high for candidate in performances) < options.wanted:
+    if max(candidate.targets.found.high for candidate in performances) < options.wanted:
         simulation["runs"] = min(options.runs, MAX_REMEDY_RUNS)
         changes = predicted_remedied_detection(
             case, score, given_window="score.window" in values, **simulation
         )
-        now = ("as it is", performances[0].targets.detection)
+        now = ("as it is", performances[0].targets.found)
         print(design_remedy_table([now, *changes]))
 
 
@@ -199,7 +199,7 @@ def design_first_line(estimate: FirstPrediction, case: PredictionCase) -> str:
 def design_rule_table(rules: Sequence[PredictedRule]) -> str:
     """Table of the M/N rules that keep the target false-track rate."""
     return terminal_table(
-        ["M/N", "P_D of one start", "in time, evaluated", "false/h at most"],
+        ["M/N", "found by one start", "in time, evaluated", "false/h at most"],
         [
             [
                 f"{rule.min_hits}/{rule.window}",
@@ -215,12 +215,20 @@ def design_rule_table(rules: Sequence[PredictedRule]) -> str:
 def design_candidate_table(candidates: Sequence[PredictedCandidate]) -> str:
     """Table of the candidates' simulated performance."""
     return terminal_table(
-        ["method", "targets", "P_D, 95 %", "time [s]", "95 % by", "bound/h", "false/h, 95 %"],
+        [
+            "method",
+            "targets",
+            "targets found, 95 %",
+            "time [s]",
+            "95 % by",
+            "bound/h",
+            "false/h, 95 %",
+        ],
         [
             [
                 candidate.name,
                 f"{candidate.targets.targets}",
-                candidate.targets.detection.text(".3f"),
+                candidate.targets.found.text(".3f"),
                 f"{candidate.targets.confirmation_time.value:.4g}",
                 f"{candidate.targets.slow_confirmation_time:.4g}",
                 f"{candidate.false_bound:.2g}",
@@ -234,12 +242,12 @@ def design_candidate_table(candidates: Sequence[PredictedCandidate]) -> str:
 def design_verdict(
     candidates: Sequence[PredictedCandidate], wanted: float, false_per_hour: float
 ) -> str:
-    """Sentence on whether P_D is reached at the target false-track rate, and by which method."""
+    """Sentence on whether P_DT is reached at the target false-track rate, and by which method."""
     keeping = [candidate for candidate in candidates if candidate.keeps(false_per_hour)]
     if not keeping:
         return f"infeasible: every method has more than {false_per_hour:g} false tracks per hour"
-    best = max(keeping, key=lambda candidate: candidate.targets.detection.value)
-    share = best.targets.detection
+    best = max(keeping, key=lambda candidate: candidate.targets.found.value)
+    share = best.targets.found
     text = f"{best.name} finds {share:.2f} of the targets in time"
     if share.low >= wanted:
         return f"feasible: {text}, at least {wanted:g}"
@@ -249,9 +257,9 @@ def design_verdict(
 
 
 def design_remedy_table(remedies: Sequence[tuple[str, IntervalEstimate]]) -> str:
-    """Table of P_D with each change, the present case first and then by P_D, descending."""
+    """Table of P_DT with each change, the present case first and then by P_DT, descending."""
     ordered = [remedies[0], *sorted(remedies[1:], key=lambda row: -row[1].value)]
     return terminal_table(
-        ["with a change", "P_D, 95 %"],
+        ["with a change", "targets found, 95 %"],
         [[text, f"{share:.2f}"] for text, share in ordered],
     )

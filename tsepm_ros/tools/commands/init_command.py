@@ -679,7 +679,7 @@ def init_expectation_text(answers: Answers, path: Path) -> str:
         f"of targets at {0.5 * answers['max_speed']:g} m/s, seen in 9 of 10 pings, a ping every "
         f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n"
         f"{terminal_table(head, rows)}\n"
-        "more exact, with a required P_D: "
+        "more exact, with a required share of targets found: "
         f"tsepm design --params-file {shlex.quote(str(path))} --interval {interval:g}"
         + ("" if answers["false_detections"] else " --false-detections YOURS")
     )

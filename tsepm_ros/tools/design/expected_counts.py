@@ -66,7 +66,7 @@ MIN_PASSES = 3.0
 def expected_detection_probability(
     min_hits: int, window: int, detection_probability: float, gate_probability: float
 ) -> float:
-    """P_D of TSEPM 2018, Table 1: a target confirmed by a start in the first scan.
+    """P_DT, the P_D of TSEPM 2018, Table 1: a target confirmed by a start in the first scan.
 
     ``P_D = p_d P(Binomial(N - 1, P p_d) >= M - 1)``
 

@@ -1,7 +1,7 @@
 """Predicted performance of methods with a sonar, and the search for their parameters.
 
 A first estimate follows from the plan of the threshold, without a simulated scene. The prediction
-of P_D, confirmation time and false tracks runs the method itself, on targets in scenes of
+of P_DT, confirmation time and false tracks runs the method itself, on targets in scenes of
 `prediction_scenes`, and on clutter alone over the coverage, in which false tracks are counted.
 
 A scene has several targets, since most of a scan's cost does not depend on their number. They are
@@ -11,7 +11,7 @@ the others. Where the coverage has more clutter than is of use, each target has 
 holds all clutter within reach of its track.
 
 The search is for the parameters at a target false-track rate. Remedies are changes of a sonar that
-may raise P_D.
+may raise P_DT.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ MAX_WHOLE_COVERAGE = 10_000.0
 DETECTIONS_PER_TARGET = 36.0
 """Minimum number of false detections per scan for each target of a scene with several.
 
-With 20, P_D of the default case falls by 0.05, since the targets raise the estimated density.
+With 20, P_DT of the default case falls by 0.05, since the targets raise the estimated density.
 """
 MAX_TARGETS_PER_SCENE = 50
 MAX_PLACEMENT_TRIES = 1000
@@ -77,10 +77,10 @@ MIN_TARGETS = 28
 WINDOWS = (8, 12, 16, 24, 32, 48, 64)
 RULE_WINDOWS = (3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24)
 MIN_DETECTION_INCREASE = 0.01
-"""Minimum increase of P_D for the choice of a longer window."""
+"""Minimum increase of P_DT for the choice of a longer window."""
 MAX_SIMULATED_RULES = 2
 HALF_WIDTH = 0.04
-"""Half the width of the interval of P_D at which the simulation of a method's targets ends."""
+"""Half the width of the interval of P_DT at which the simulation of a method's targets ends."""
 MAX_CLUTTER_DETECTIONS = 80_000.0
 """Maximum number of false detections simulated without a target."""
 MIN_DETECTIONS_PER_SCAN = 20.0
@@ -89,7 +89,7 @@ EXPECTED_FALSE_TRACKS = 10.0
 """Expected false tracks in a simulation that estimates their rate."""
 MIN_CLUTTER_SCANS = 40
 REMEDY_HALF_WIDTH = 0.09
-"""Half the width of the interval of P_D at which the simulation of a change ends."""
+"""Half the width of the interval of P_DT at which the simulation of a change ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,8 +298,8 @@ class PredictionStatistics:
     ----------
     targets : int
         Number of simulated targets.
-    detection : IntervalEstimate
-        P_D within the case's scans.
+    found : IntervalEstimate
+        P_DT within the case's scans.
     confirmation_time : IntervalEstimate
         Mean time from the first scan to the confirmation of the targets found, s.
     slow_confirmation_time : float
@@ -307,7 +307,7 @@ class PredictionStatistics:
     """
 
     targets: int
-    detection: IntervalEstimate
+    found: IntervalEstimate
     confirmation_time: IntervalEstimate
     slow_confirmation_time: float
 
@@ -317,7 +317,7 @@ class PredictionStatistics:
         confirmed = [time for time in times if time is not None]
         return cls(
             targets=len(times),
-            detection=proportion_interval(len(confirmed), len(times)),
+            found=proportion_interval(len(confirmed), len(times)),
             confirmation_time=mean_interval(confirmed),
             slow_confirmation_time=float(np.quantile(confirmed, 0.95)) if confirmed else math.nan,
         )
@@ -350,7 +350,7 @@ def prediction_statistics(
     processes : int, optional
     progress : callable, optional
     enough : callable, optional
-        Whether P_D so far, of at least `MIN_TARGETS` targets, is known well enough.
+        Whether P_DT so far, of at least `MIN_TARGETS` targets, is known well enough.
 
     Raises
     ------
@@ -458,9 +458,9 @@ class PredictedRule:
     min_hits, window : int
         M and N.
     one_start : float
-        P_D of one start, as in TSEPM 2018, Table 1.
+        P_DT of one start, as in TSEPM 2018, Table 1.
     in_time : float
-        P_D within the case's scans, of all starts in them, with the evaluation; without clutter.
+        P_DT within the case's scans, of all starts in them, with the evaluation; without clutter.
     false_per_hour : float
         Confirmations from clutter that pass the evaluation, before merging: an upper bound.
     """
@@ -534,7 +534,7 @@ def predicted_passages(
 
 
 def predicted_score_window(case: PredictionCase, options: ScoreOptions) -> int:
-    """The shortest window beyond which P_D hardly increases."""
+    """The shortest window beyond which P_DT hardly increases."""
     windows = [window for window in WINDOWS if window <= max(case.scans, WINDOWS[0])]
     shares = np.array(
         [passed[case.scans - 1] for _, passed in predicted_passages(case, options, windows)]
@@ -611,10 +611,10 @@ def predicted_candidates(
     processes: int,
     progress: Labelled,
 ) -> Iterator[PredictedCandidate]:
-    """The method `score` and the M/N rules of highest P_D, each run on targets and on clutter.
+    """The method `score` and the M/N rules of highest P_DT, each run on targets and on clutter.
 
-    All get the same targets, until P_D is known within `HALF_WIDTH` and is certainly above or below
-    the required P_D. A rule whose P_D is below that
+    All get the same targets, until P_DT is known within `HALF_WIDTH` and is certainly above or
+    below the required P_DT. A rule whose P_DT is below that
     of `score`, if `score` keeps the rate, is not run further.
 
     Parameters
@@ -626,7 +626,7 @@ def predicted_candidates(
     rules : list of PredictedRule
         Rules that keep the target false-track rate.
     wanted : float
-        Required P_D.
+        Required P_DT.
     runs : int
         Maximum number of targets.
     seed : int
@@ -636,13 +636,11 @@ def predicted_candidates(
     """
     rate = score.false_tracks_per_hour
     scans = prediction_clutter_scans(case, rate)
-    rival = -math.inf  # the P_D that another method has at least
+    rival = -math.inf  # the P_DT that another method has at least
 
-    def enough(detection: IntervalEstimate) -> bool:
-        decided = not detection.low < wanted <= detection.high
-        return (
-            decided and prediction_known_within(detection, HALF_WIDTH)
-        ) or detection.high < rival
+    def enough(found: IntervalEstimate) -> bool:
+        decided = not found.low < wanted <= found.high
+        return (decided and prediction_known_within(found, HALF_WIDTH)) or found.high < rival
 
     def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> PredictedCandidate:
         options = {**dataclasses.asdict(case.common), **own}
@@ -657,7 +655,7 @@ def predicted_candidates(
             enough=enough,
         )
         false = IntervalEstimate.unknown()
-        if targets.detection.high >= rival:
+        if targets.found.high >= rival:
             shown = progress(f"{name}, clutter")
             false = predicted_false_tracks_per_hour(
                 case, method, options, scans=scans, seed=seed, processes=processes, progress=shown
@@ -667,7 +665,7 @@ def predicted_candidates(
     best = candidate("score", "score", dataclasses.asdict(score), rate)
     yield best
     if best.keeps(rate):
-        rival = best.targets.detection.low
+        rival = best.targets.found.low
     for rule in sorted(rules, key=lambda rule: -rule.in_time)[:MAX_SIMULATED_RULES]:
         changes = {"min_hits": rule.min_hits, "window": rule.window}
         own = {**dataclasses.asdict(tsepm), **changes}
@@ -681,7 +679,7 @@ def prediction_known_within(estimate: IntervalEstimate, half_width: float) -> bo
 
 @dataclass(frozen=True, eq=False)
 class FirstPrediction:
-    """Threshold of `score` and P_D, of targets without clutter about them.
+    """Threshold of `score` and P_DT, of targets without clutter about them.
 
     Attributes
     ----------
@@ -690,7 +688,7 @@ class FirstPrediction:
     threshold : float
         Log-likelihood ratio.
     found : (scans,) ndarray
-        P_D by each scan.
+        P_DT by each scan.
     """
 
     window: int
@@ -714,7 +712,7 @@ def first_prediction(
 
 
 def prediction_remedies(case: PredictionCase) -> list[tuple[str, PredictionCase]]:
-    """Changes that may raise P_D, each with the changed case."""
+    """Changes that may raise P_DT, each with the changed case."""
     sensor = case.sensor
 
     def changed(**values: float) -> PredictionCase:
@@ -744,7 +742,7 @@ def predicted_remedied_detection(
     processes: int,
     progress: Labelled,
 ) -> Iterator[tuple[str, IntervalEstimate]]:
-    """P_D of the method `score` with each change, and at a larger false-track rate.
+    """P_DT of the method `score` with each change, and at a larger false-track rate.
 
     Parameters
     ----------
@@ -753,7 +751,7 @@ def predicted_remedied_detection(
     given_window : bool
         Whether the window of `score` is kept.
     runs, seed, processes, progress
-        As in `predicted_candidates`; P_D is determined within `REMEDY_HALF_WIDTH`.
+        As in `predicted_candidates`; P_DT is determined within `REMEDY_HALF_WIDTH`.
     """
     more = dataclasses.replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
     cases = [(text, changed, score) for text, changed in prediction_remedies(case)]
@@ -762,14 +760,14 @@ def predicted_remedied_detection(
     estimates = progress("possible changes")(
         mapped_results(_predicted_remedied, jobs, processes), len(jobs)
     )
-    for (text, _, _), detection in zip(cases, estimates, strict=True):
-        yield text, detection
+    for (text, _, _), found in zip(cases, estimates, strict=True):
+        yield text, found
 
 
 def _predicted_remedied(
     job: tuple[PredictionCase, ScoreOptions, bool, int, int],
 ) -> IntervalEstimate:
-    """P_D of a changed case, by this process alone."""
+    """P_DT of a changed case, by this process alone."""
     case, score, given_window, runs, seed = job
     window = score.window if given_window else predicted_score_window(case, score)
     options = {**dataclasses.asdict(case.common), **dataclasses.asdict(score), "window": window}
@@ -780,4 +778,4 @@ def _predicted_remedied(
         runs=runs,
         seed=seed,
         enough=lambda estimate: prediction_known_within(estimate, REMEDY_HALF_WIDTH),
-    ).detection
+    ).found

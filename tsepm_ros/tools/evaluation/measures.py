@@ -411,11 +411,11 @@ class Measures:
     Attributes
     ----------
     runs, scans : int
-    detection : IntervalEstimate
-        P_D: share of (run, target) pairs with a true start by the end of the run.
-    detection_by_position : IntervalEstimate
+    found : IntervalEstimate
+        P_DT: share of (run, target) pairs with a true start by the end of the run.
+    found_by_position : IntervalEstimate
         Share of pairs with a start within 3 sigma of the target, whatever its hits.
-    detection_corrected : IntervalEstimate
+    found_corrected : IntervalEstimate
         Share of pairs with a true start, or a track that a later start made true. All other
         measures are of starts as first published.
     corrections_per_run : IntervalEstimate
@@ -449,12 +449,10 @@ class Measures:
 
     runs: int
     scans: int
-    detection: IntervalEstimate = field(metadata=_shown_measure("P_D", ".4f"))
-    detection_by_position: IntervalEstimate = field(
-        metadata=_shown_measure("P_D by position", ".4f")
-    )
-    detection_corrected: IntervalEstimate = field(
-        metadata=_shown_measure("P_D with corrections", ".4f")
+    found: IntervalEstimate = field(metadata=_shown_measure("P_DT", ".4f"))
+    found_by_position: IntervalEstimate = field(metadata=_shown_measure("P_DT by position", ".4f"))
+    found_corrected: IntervalEstimate = field(
+        metadata=_shown_measure("P_DT with corrections", ".4f")
     )
     corrections_per_run: IntervalEstimate = field(
         metadata=_shown_measure("corrections per run", ".2f")
@@ -603,13 +601,9 @@ def _measured_counts(
     held = [run.scans[-1].held for run in runs]
     corrections = [sum(scan.corrections for scan in run.scans) for run in runs]
     return {
-        "detection": proportion_interval(sum(run.count(Outcome.TRUE) for run in runs), targets),
-        "detection_by_position": proportion_interval(
-            sum(run.scans[-1].at for run in runs), targets
-        ),
-        "detection_corrected": proportion_interval(
-            sum(run.scans[-1].right for run in runs), targets
-        ),
+        "found": proportion_interval(sum(run.count(Outcome.TRUE) for run in runs), targets),
+        "found_by_position": proportion_interval(sum(run.scans[-1].at for run in runs), targets),
+        "found_corrected": proportion_interval(sum(run.scans[-1].right for run in runs), targets),
         "corrections_per_run": mean_count_interval(corrections),
         "false_per_run": false,
         "false_density": false / (scans * scenario.area / 1e6),

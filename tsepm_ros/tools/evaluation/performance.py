@@ -33,8 +33,8 @@ from tsepm_ros.tools.terminal import Progress, silent_terminal, terminal_markdow
 MIN_FALSE_STARTS = 0.5
 """Minimum of a point's false starts over all runs; it avoids the logarithm of 0."""
 SHORT = {
-    "detection": "P_D",
-    "detection_by_position": "by position",
+    "found": "P_DT",
+    "found_by_position": "by position",
     "false_per_run": "false/run",
     "false_per_hour": "false/h",
     "held": "held",
@@ -50,10 +50,11 @@ SHORT = {
 NOTES = """\
 Every method got the same scenes: run i is seeded with (seed, i). Intervals are 95 %.
 
-- *P_D*: share of (run, target) pairs with a true start by the end. More than half of a true \
+- *P_DT*, targets found: share of (run, target) pairs with a true start by the end. \
+More than half of a true \
 start's hits are from the target, and it is within 3 sigma of the measurement error's larger axis.
-- *P_D by position*: share of pairs with a start within 3 sigma of the target, whatever its hits.
-- *P_D with corrections*: share of pairs with a true start, or a track that a later start made \
+- *P_DT by position*: share of pairs with a start within 3 sigma of the target, whatever its hits.
+- *P_DT with corrections*: share of pairs with a true start, or a track that a later start made \
 true. All other figures are of starts as first published (revision 0).
 - *false + misplaced*: starts without a target that gave more than half of the hits, and starts \
 farther from it. *redundant*: another true start of a target.
@@ -70,24 +71,24 @@ alpha of GOSPA 2; the squares of its parts add up to its square.
 
 @dataclass(frozen=True)
 class PerformanceCurve:
-    """Best P_D of a method's points against their false starts.
+    """Best P_DT of a method's points against their false starts.
 
     Attributes
     ----------
     log_false : (n,) ndarray
         Logarithm of the false starts per run, ascending.
-    detection : (n,) ndarray
-        P_D, ascending. Points with more false starts and no higher P_D are left out.
+    found : (n,) ndarray
+        P_DT, ascending. Points with more false starts and no higher P_DT are left out.
     """
 
     log_false: FloatArray
-    detection: FloatArray
+    found: FloatArray
 
     @classmethod
-    def of(cls, false: FloatArray, detection: FloatArray) -> PerformanceCurve:
-        """The curve of points, (n,) false starts per run and (n,) P_D."""
-        order = np.lexsort((-detection, false))
-        best = np.maximum.accumulate(detection[order])
+    def of(cls, false: FloatArray, found: FloatArray) -> PerformanceCurve:
+        """The curve of points, (n,) false starts per run and (n,) P_DT."""
+        order = np.lexsort((-found, false))
+        best = np.maximum.accumulate(found[order])
         kept = np.diff(best, prepend=-np.inf) > 0.0
         return cls(np.log(false[order][kept]), best[kept])
 

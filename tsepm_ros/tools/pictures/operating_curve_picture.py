@@ -82,13 +82,13 @@ def _draw_operating_curve(axis: Axes, evaluation: PerformanceEvaluated) -> None:
     """A marker with intervals per point, and the operating curve of each method."""
     x, y = _operating_curve_coordinates(evaluation)
     false = [measures.false_density for measures in evaluation.measures]
-    detection = [measures.detection for measures in evaluation.measures]
-    x_bars, y_bars = interval_error_bars(x, false), interval_error_bars(y, detection)
+    found = [measures.found for measures in evaluation.measures]
+    x_bars, y_bars = interval_error_bars(x, false), interval_error_bars(y, found)
     methods = np.array([point.method for point in evaluation.points])
     for method, (colour, marker) in _operating_curve_styles(evaluation).items():
         rows = methods == method
         curve = PerformanceCurve.of(x[rows], y[rows])
-        axis.plot(np.exp(curve.log_false), curve.detection, color=colour, linewidth=1, alpha=0.6)
+        axis.plot(np.exp(curve.log_false), curve.found, color=colour, linewidth=1, alpha=0.6)
         axis.errorbar(
             x[rows],
             y[rows],
@@ -105,7 +105,7 @@ def _draw_operating_curve(axis: Axes, evaluation: PerformanceEvaluated) -> None:
         xlim=(0.5 * x.min(), None),
         ylim=(None, 1.06),
         xlabel="false and misplaced tracks per ping and km² (none in all runs: half a track)",
-        ylabel="fraction of targets with a true track, P_D",
+        ylabel="share of targets with a true track, P_DT",
     )
     axis.legend(loc="lower right")
     factor = evaluation.scenario.area / 1e6 * SECONDS_PER_HOUR / evaluation.scenario.period
@@ -120,9 +120,9 @@ def _draw_operating_curve(axis: Axes, evaluation: PerformanceEvaluated) -> None:
 
 
 def _operating_curve_coordinates(evaluation: PerformanceEvaluated) -> tuple[FloatArray, FloatArray]:
-    """Coordinates of the points: false starts per scan and km^2, and P_D."""
+    """Coordinates of the points: false starts per scan and km^2, and P_DT."""
     unit = evaluation.scans * evaluation.scenario.area / 1e6
     min_false = MIN_FALSE_STARTS / evaluation.measures[0].runs / unit
     false = np.array([measures.false_density.value for measures in evaluation.measures])
-    detection = np.array([measures.detection.value for measures in evaluation.measures])
-    return np.maximum(false, min_false), detection
+    found = np.array([measures.found.value for measures in evaluation.measures])
+    return np.maximum(false, min_false), found

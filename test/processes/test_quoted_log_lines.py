@@ -1,0 +1,34 @@
+"""Log lines that pages quote are what their commands print."""
+
+import re
+from pathlib import Path
+
+import pytest
+from sensor_msgs.msg import PointCloud2
+from support.ros_process import RosProcess
+
+DOCS = Path(__file__).parents[2] / "docs"
+QUOTED = re.compile(r"^\[INFO\] \[track_initiator\]: (.+)$", re.MULTILINE)
+
+pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="only in the source tree")
+
+
+def assert_says_what_is_quoted(process: RosProcess, page: str) -> None:
+    lines = QUOTED.findall((DOCS / page).read_text(encoding="utf-8"))
+    assert len(lines) == 3
+    for line in lines:
+        process.until_said(f"[track_initiator]: {line}\n")
+
+
+def test_the_lines_of_a_sonar_that_is_set_up(world, start):
+    publisher = world.observer.create_publisher(PointCloud2, "/my_sonar/detections", 10)
+    process = start("track_initiator", arguments=["-r", "detections:=/my_sonar/detections"])
+    assert_says_what_is_quoted(process, "set_up.md")
+    world.observer.destroy_publisher(publisher)
+
+
+def test_the_lines_of_simulator_and_node_by_hand(start):
+    process = start("track_initiator", {"own_ship_source": "odometry"})
+    process.until_said("waiting for a publisher")
+    start("sonar_simulator", {"rate_factor": 100.0})
+    assert_says_what_is_quoted(process, "get_started.md")
