@@ -149,7 +149,7 @@ def test_a_batch_is_whole_by_time_and_scans_or_by_detections():
     assert not few.is_whole(1000.0), "slow pings wait for others"
     assert not many.is_whole(10.0 + 0.9 * BATCH_TIME), "fast pings wait for the time"
     assert many.is_whole(10.0 + BATCH_TIME)
-    assert batch_of(1, BATCH_DETECTIONS).is_whole(10.0), "many detections do not wait"
+    assert batch_of(1, BATCH_DETECTIONS).is_whole(10.0 + BATCH_TIME), "many do not wait for scans"
     assert not batch_of(1, BATCH_DETECTIONS - 1).is_whole(1000.0)
 
 

@@ -25,7 +25,7 @@ MEMORY = 50
 RENEWAL = 0.1
 """Share of what is new from which on an estimate is made anew."""
 BATCH_TIME, BATCH_SCANS, BATCH_DETECTIONS = 0.5, RENEWAL * MEMORY, 200
-"""Scans are learned from together until they have this duration, s, and number, or detections."""
+"""Scans are learned from together until they have this duration, s, and number or detections."""
 
 
 class Cells(NamedTuple):
@@ -209,8 +209,8 @@ class PolarBatch:
 
     def is_whole(self, stamp: float) -> bool:
         """Whether the scan of a stamp, s, is the last of the batch."""
-        lasts = stamp - self._begin >= BATCH_TIME - 1e-9 and len(self.weights) >= BATCH_SCANS
-        return lasts or sum(map(len, self.weights)) >= BATCH_DETECTIONS
+        many = sum(map(len, self.weights)) >= BATCH_DETECTIONS or len(self.weights) >= BATCH_SCANS
+        return many and stamp - self._begin >= BATCH_TIME - 1e-9
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""

@@ -52,7 +52,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import BATCH_TIME, MEMORY
+from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, BATCH_TIME, MEMORY
 from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -535,6 +535,7 @@ class ExtendedTargets:
             ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
             several = (ranges[2:] - ranges[:-2]).min(initial=math.inf) <= size
             whole |= bool(several) and scan.stamp - self._learned >= BATCH_TIME - 1e-9
+            whole |= sum(len(one) for one, *_ in self._taken) >= BATCH_DETECTIONS
         if not whole or not self._taken:
             return
         self._learned = scan.stamp
