@@ -145,12 +145,12 @@ def batch_of(number: int, detections: int) -> PolarBatch:
 
 def test_a_batch_is_whole_by_time_and_scans_or_by_detections():
     few, many = batch_of(int(BATCH_SCANS) - 1, 3), batch_of(int(BATCH_SCANS), 3)
-    assert few.is_new is False and batch_of(0, 3).is_new
-    assert not few.is_whole(1000.0), "slow pings wait for others"
+    assert few.is_new and not many.is_new
+    assert not few.is_whole(10.0 + 0.9 * BATCH_TIME)
     assert not many.is_whole(10.0 + 0.9 * BATCH_TIME), "fast pings wait for the time"
     assert many.is_whole(10.0 + BATCH_TIME)
     assert batch_of(1, BATCH_DETECTIONS).is_whole(10.0 + BATCH_TIME), "many do not wait for scans"
-    assert not batch_of(1, BATCH_DETECTIONS - 1).is_whole(1000.0)
+    assert many.is_whole(1000.0), "slow pings are learned from one by one"
 
 
 def test_a_batch_has_what_it_took_and_begins_anew():

@@ -24,7 +24,7 @@ MEMORY = 50
 """Scans over which what is learned of clutter fades, or for which it is remembered."""
 RENEWAL = 0.1
 """Share of what is new from which on an estimate is made anew."""
-BATCH_TIME, BATCH_SCANS, BATCH_DETECTIONS = 0.5, RENEWAL * MEMORY, 200
+BATCH_TIME, BATCH_SCANS, BATCH_DETECTIONS = 0.5, 1, 200
 """Scans are learned from together until they have this duration, s, and number or detections."""
 
 
