@@ -360,14 +360,15 @@ class Tracker:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
         A start without the margin of a second target is, up to twice the variance of a place on
-        it. A fixed echo is no part of a target that moves, and a track that coasts ends no other.
+        it. A fixed echo is no part of a target that moves, and a track that coasts ends no other track.
         """
         confirmed, announced = (
             self.maintenance.confirmed.tracks,
             self.maintenance.confirmed.announced,
         )
-        others = announced & (confirmed.status == TrackStatus.COASTING)
-        others |= confirmed.status == TrackStatus.STANDS_STILL
+        others = confirmed.status == TrackStatus.STANDS_STILL
+        if not len(starts):
+            others |= announced & (confirmed.status == TrackStatus.COASTING)
         judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
