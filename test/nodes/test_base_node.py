@@ -56,7 +56,8 @@ ROS_TYPES = {
 }
 
 READ_ONLY = {
-    *("own_ship_source", "fixed_frame", "sensor_frame", "bearing_reference", "sweep"),
+    *("own_ship_source", "own_ship_delay", "fixed_frame", "sensor_frame"),
+    *("bearing_reference", "sweep"),
     *("detections_type", "detections_reliability", "detections_depth"),
     *("learned_file", "learned_max_age"),
 }
