@@ -132,9 +132,11 @@ class Background:
         mean = self._grid.moved_along(self._state[0], self._origin, 0.0)
         return self._grid.displaced(mean, x, pose, before)
 
-    def _at_cells(self, k: int) -> Image:
-        """A state at the cells of the image."""
-        return self._state[k] if self._grid is None else self._grid.at_cells(self._state[k])
+    def _at_cells(self, k: int, step: int = 1) -> Image:
+        """A state at the cells of the image, each way at one of so many."""
+        if self._grid is None:
+            return self._state[k][::step, ::step]
+        return self._grid.at_cells(self._state[k], step)
 
     def scaled(self, z: Image) -> Image:
         """A smoothed image whose deviations are alike, as far as the past predicts them."""
@@ -187,7 +189,7 @@ class Background:
         rate *= x[rows] - mean
         mean += rate
         np.minimum(age + defined[rows], np.float32(MEMORY / step), out=age)
-        self._median = float(np.median(self._at_cells(1)[::STEP, ::STEP]))
+        self._median = float(np.median(self._at_cells(1, STEP)))
         self.images += 1
         if many:
             self.images, self.share, self.power = 0, 0.0, 0.0

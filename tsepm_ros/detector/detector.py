@@ -70,6 +70,9 @@ REMOVED = 0.25
 """Part of the threshold by which the background lowers what it removes."""
 OFTEN = 4
 """Images of which the background that is not used is asked of one."""
+CHANCE = 0.15
+"""Part of an image that a background of the ground may explain with poses that are wrong, as it is
+sought where the image fits."""
 FEWEST = 3
 """Bearings of an image without which it has no background of the ground."""
 DRAWN = 0.5
@@ -118,9 +121,12 @@ class _DetectorScale:
             if each is self._best or each.images <= YOUNG or self._images % OFTEN == 0
         ]
         pasts = [each.expected(x) for each in asked]
-        self._best = background = max(asked, key=lambda each: each.explained)
+        of_image = self.backgrounds[0]
+        self._best = background = max(
+            asked, key=lambda each: each.explained - CHANCE * (each is not of_image)
+        )
         past = pasts[asked.index(background)]
-        if background is not self.backgrounds[0] and motion is not None:
+        if background is not of_image and motion is not None:
             self._follow(motion)
         y, ring = cfar_normalised(x - past, defined, self.box, modes)
         z = cfar_smoothed(y, self.box, modes)
@@ -134,7 +140,7 @@ class _DetectorScale:
         high = peaks.height > level
         found, standing = cell[high], standing[high]
         echoes = cfar_echoes(y, found, self.box, wraps)
-        if background is not self.backgrounds[0]:
+        if background is not of_image:
             standing[cfar_of_structure(x - past, past, found, self.box, modes)] = 1.0
         if background.images <= YOUNG and background.share > REMOVES:
             whole, _ = cfar_normalised(x, defined, self.box, modes)

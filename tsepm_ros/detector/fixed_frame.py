@@ -31,6 +31,8 @@ CORRECTIONS = 4
 """Times that the pose of a place's bearing is found anew in a sweep."""
 BLOCK = 4
 """Cells, each way, of a block whose means are compared: their noise is lower."""
+MOST_BLOCKS = 2500
+"""Blocks that are compared, about."""
 ITERATIONS = 3
 """Steps of Gauss and Newton to the displacement of an image."""
 DISPLACED = 4.0
@@ -110,17 +112,25 @@ class FixedGrid:
 
         The steps of Gauss and Newton begin with the displacement of the image before, or without.
         """
-        now = block_means(x).ravel()
-        bearing = block_means((pose[:, 2] + self._azimuth)[:, None])
-        corner = [block_means(pose[:, k, None]) / self._cell - self.origin[k] for k in (0, 1)]
-        arm_length = block_means(self._distance[None]) / self._cell
-        level = ndimage.uniform_filter(mean, BLOCK + 1)
+        few = math.ceil(math.sqrt(x.size / MOST_BLOCKS) / BLOCK)
+        now = block_means(x)[::few, ::few].ravel()
+        bearing = block_means((pose[:, 2] + self._azimuth)[:, None])[::few]
+        arm_length = block_means(self._distance[None])[:, ::few] / self._cell
+        corner = np.stack([block_means(pose[:, k, None])[::few] / self._cell for k in (0, 1)])
+        # The part of the grid around the image.
+        ends = corner + arm_length[0, -1] * np.stack([np.cos(bearing), np.sin(bearing)])
+        ends = np.concatenate([corner, ends], axis=1) - self.origin[:, None, None]
+        margin = 3.0 * DISPLACED + BLOCK
+        low = np.maximum(ends.min(axis=(1, 2)) - margin, 0.0).astype(int)
+        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 2.0).astype(int)
+        level = ndimage.uniform_filter(mean[low[0] : high[0], low[1] : high[1]], BLOCK + 1)
+        corner -= (self.origin + low)[:, None, None]
         steps = np.array([[0, 1, 0], [0, 0, 1]])[:, :, None, None]
 
         def residual(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
             turned = bearing + moved[2]
             arm = arm_length * np.stack([np.cos(turned), np.sin(turned)])
-            place = np.stack([corner[k] + moved[k] + arm[k] for k in (0, 1)])
+            place = corner + moved[:2, None, None] + arm
             m, u, v = ndimage.map_coordinates(level, place[:, None] + steps, order=1)
             slopes = np.stack([u - m, v - m, (v - m) * arm[0] - (u - m) * arm[1]])
             share = max(float(now @ m.ravel()) / max(float(np.vdot(m, m)), 1e-9), 1e-9)
@@ -186,11 +196,16 @@ class FixedGrid:
                 at = pose[np.maximum(self._axes[0].nearest(azimuth), 0)]
         return azimuth, np.hypot(dx, dy)
 
-    def at_cells(self, state: Image) -> Image:
-        """Values of the grid at the cells of the image, (b, m): between four cells of the grid."""
-        flat, n, values = state.ravel(), self.shape[0], np.zeros(self._corner.shape, np.float32)
+    def at_cells(self, state: Image, step: int = 1) -> Image:
+        """Values of the grid at the cells of the image, (b, m): between four cells of the grid.
+
+        Each way one of so many cells.
+        """
+        flat, n, some = state.ravel(), self.shape[0], (slice(None, None, step),) * 2
+        corner = self._corner[some]
+        values = np.zeros(corner.shape, np.float32)
         for offset, weight in zip((0, 1, n, n + 1), self._weights, strict=True):
-            values += flat[self._corner + np.int32(offset)] * weight
+            values += flat[corner + np.int32(offset)] * weight[some]
         return values
 
     def sampled(self, x: Image, z: Image, defined: BoolArray) -> tuple[Image, Image, BoolArray]:
