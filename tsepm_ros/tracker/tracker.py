@@ -351,7 +351,6 @@ class Tracker:
             self.maintenance.probable_detections if self.method.most_tracks_true else (none, none),
             self.maintenance.confirmed,
             self.clutter_density,
-            self.learned.batch.is_new,
         )
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
@@ -360,7 +359,7 @@ class Tracker:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
         A start without the margin of a second target is, up to twice the variance of a place on
-        it. A fixed echo is no part of a target that moves, and a track that coasts ends no other track.
+        it. A fixed echo is no part of a target that moves, and a track that coasts ends no track.
         """
         confirmed, announced = (
             self.maintenance.confirmed.tracks,
