@@ -11,6 +11,7 @@
 - piles: detections in open water, and before two piles with shadows, over what their area gives;
   tracks of a diver, of piles and wall, and elsewhere;
 - stops: a target that comes, stops for some images and leaves, and one that comes to its place;
+- quay: tracks of a diver, of a quay and piles, and elsewhere, of a fixed and a drifting sonar;
 - moving: a sonar that moves over a ground, with poses of several kinds;
 - pool, radar, clips, sweeps: real data (`--data FOLDER`, with aquascan, radar, didson and moving;
   not part of the package).
@@ -483,6 +484,58 @@ def stops_table(options: argparse.Namespace) -> Rows:
         yield [f"{stop}", *(f"{share:.2f}" for share in shares)]
 
 
+OWN_SHIP = {"fixed": None, "drifts and turns": ScenarioOwnShipMotion(speed=0.05, turn_rate=0.0015)}
+POSE_ERRORS = np.array([0.2, 0.2, np.radians(0.5)]), 0.99
+"""Standard deviations, m and rad, and how much of an error the next image keeps."""
+
+
+def quay_table(options: argparse.Namespace) -> Rows:
+    """Five minutes before a quay and piles: a diver with a shadow who stops for 30 s."""
+    yield ["own ship", "seed", "diver held", "its tracks", "on structure", "elsewhere"]
+    quay = (34.0, -20.0, 30.0, 20.0, 25.0)
+    model = ImageModel(walls=(*((x, y, x + 0.3, y, 25.0) for x, y in PILES), quay))
+    for (name, own_ship), seed in itertools.product(OWN_SHIP.items(), range(1, 4)):
+        scene = scenario(300, **({"own_ship": own_ship} if own_ship else {}))
+        rng, error, near = np.random.default_rng(seed), np.zeros(3), collections.defaultdict(set)
+        detector = make_detector(false_detections_per_ping=5.0, **stated((3, 5)))
+        initiator = make_initiator(
+            "score", sensor=SENSOR, max_speed=2.0, false_tracks_per_hour=10.0
+        )
+        held = seen = 0
+        for k, (image, _) in enumerate(ImageSimulator(scene, model, seed)):
+            pose = np.atleast_2d(image.sensor_pose)[0]
+            swum = min(k, 120) + max(k - 150, 0)
+            diver, values = np.array([12.0 + 0.02 * swum, 0.09 * swum - 10.0]), image.intensity
+            for place in (diver, *PILES):
+                x, y = np.array(place) - pose[:2]
+                beams = np.abs(image.azimuth - (np.arctan2(y, x) - pose[2])) < 1.5 * STEP[0]
+                behind = image.range > np.hypot(x, y) + 1.0
+                if place is diver:
+                    row = round((np.arctan2(y, x) - pose[2] - image.azimuth[0]) / STEP[0])
+                    column = round((np.hypot(x, y) - image.range[0]) / STEP[1])
+                    visible = 2 < row < CELLS[0] - 3 and 3 < column < CELLS[1] - 4
+                    if visible:
+                        cell = np.s_[row - 1 : row + 2, column - 2 : column + 3]
+                        values[cell] += rng.rayleigh(2.0, (3, 5))
+                values[np.ix_(beams, behind)] *= SHADOW
+            if own_ship:
+                fresh = np.sqrt(1.0 - POSE_ERRORS[1] ** 2) * rng.standard_normal(3)
+                error = POSE_ERRORS[1] * error + fresh * POSE_ERRORS[0]
+            initiator.process(detector.process(replace(image, sensor_pose=pose + error)))
+            seen += visible
+            for track in initiator.current:
+                x, y = at = np.asarray(track.state)[[0, 2]]
+                on_pile = min(np.linalg.norm(at - pile) for pile in PILES) < 1.5
+                kind = "structure" if on_pile or abs(x + 0.1 * y - 32.0) < 2.0 else "elsewhere"
+                kind = "diver" if np.linalg.norm(at - diver) < 1.5 else kind
+                near[kind].add(track.track_id)
+                held += kind == "diver" and visible
+        near["structure"] -= near["diver"]
+        near["elsewhere"] -= near["diver"] | near["structure"]
+        numbers = (f"{len(near[kind])}" for kind in ("diver", "structure", "elsewhere"))
+        yield [name, f"{seed}", f"{held / seen:.2f}", *numbers]
+
+
 GROUND = 1200, 0.25
 """Cells of the ground, each way, and their size, m."""
 STRENGTHS = 1.2, 2.5
@@ -658,6 +711,7 @@ PARTS = {
     "radar": radar_table,
     "piles": piles_table,
     "stops": stops_table,
+    "quay": quay_table,
     "clips": clips_table,
     "moving": moving_table,
     "sweeps": sweeps_table,
