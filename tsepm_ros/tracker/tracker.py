@@ -351,6 +351,7 @@ class Tracker:
             self.maintenance.probable_detections if self.method.most_tracks_true else (none, none),
             self.maintenance.confirmed,
             self.clutter_density,
+            self.learned.batch.is_new,
         )
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")

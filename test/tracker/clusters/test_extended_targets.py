@@ -117,7 +117,7 @@ def test_clusters_are_made_no_longer_once_nothing_lies_beside_the_tracks():
         several = ping < 20
         scan = Scan(float(ping), np.full(1 + 2 * several, 50.0), 0.01 * np.arange(1 + 2 * several))
         targets.clusters_of(scan, np.zeros(len(scan), bool))
-        targets.learn(own, confirmed, DENSITY)
+        targets.learn(own, confirmed, DENSITY, True)
         on.append(targets.seen)
     assert on[30] and not on[-1]
     assert targets.test.log_ratio < ENOUGH

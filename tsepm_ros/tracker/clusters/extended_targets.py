@@ -52,7 +52,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import BATCH_TIME, MEMORY
+from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, BATCH_TIME, MEMORY
 from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -92,8 +92,6 @@ TRIPLES = 6.0
 
 Detections of clutter are next to others by chance, and rarely in threes.
 """
-BATCH_SCANS, BATCH_DETECTIONS = 5, 200
-"""Scans that are learned from together, and detections, where no three are close."""
 LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one cluster where none is given: a shore is no target.
 """
@@ -514,11 +512,10 @@ class ExtendedTargets:
         self._row = clusters.strongest
         return clusters
 
-    def learn(self, own: OwnDetections, confirmed: ConfirmedTracks, density: float) -> None:
-        """Learn from the scans of a batch, the last one included, once it is whole.
-
-        A batch has half a second, and so many scans, or detections, or three in a box: these may be
-        a target's.
+    def learn(
+        self, own: OwnDetections, confirmed: ConfirmedTracks, density: float, whole: bool
+    ) -> None:
+        """Learn from the scans of a batch, the last one included, once it is whole, or sooner.
 
         Parameters
         ----------
@@ -528,17 +525,18 @@ class ExtendedTargets:
             At the last scan.
         density : float
             Mean clutter density, 1/m^2.
+        whole : bool
+            Whether the last scan is the last of its batch.
         """
         scan, (track_id, rows) = self._last[0], own
-        if not self._learns or not len(self._row):
-            return
-        self._taken.append((*self._last, (track_id, self._row[rows])))
-        if scan.stamp - self._learned < BATCH_TIME - 1e-9:
-            return
-        ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
-        several = (ranges[2:] - ranges[:-2]).min(initial=math.inf) <= size
-        number = sum(len(one) for one, *_ in self._taken)
-        if len(self._taken) < BATCH_SCANS and number < BATCH_DETECTIONS and not several:
+        if self._learns and len(self._row):
+            self._taken.append((*self._last, (track_id, self._row[rows])))
+            # Three detections in a box may be a target's: these wait for half a second at most.
+            ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
+            several = (ranges[2:] - ranges[:-2]).min(initial=math.inf) <= size
+            whole |= bool(several) and scan.stamp - self._learned >= BATCH_TIME - 1e-9
+            whole |= sum(len(one) for one, *_ in self._taken) >= BATCH_DETECTIONS
+        if not whole or not self._taken:
             return
         self._learned = scan.stamp
         taken, self._taken = self._taken, []
