@@ -20,6 +20,18 @@ MIN_TOKEN_LENGTH = 16
 _IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
 
 
+def _own_ship_delay() -> float:
+    """The parameter of the same name of each node that takes own ship."""
+    return parameter(
+        0.0,
+        "Time by which the stamps of own-ship data are late; below 0: early",
+        unit="s",
+        minimum=-60.0,
+        maximum=60.0,
+        read_only=True,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class InitiatorNodeOptions(ParameterGroup):
     """Options of the node `track_initiator` beyond those of a session."""
@@ -278,14 +290,7 @@ class SessionOptions(ParameterGroup):
     sensor_frame: str = parameter(
         "", "Frame of the detections; empty: the frame of the first message", read_only=True
     )
-    own_ship_delay: float = parameter(
-        0.0,
-        "Time by which the stamps of own-ship data are late; below 0: early",
-        unit="s",
-        minimum=-60.0,
-        maximum=60.0,
-        read_only=True,
-    )
+    own_ship_delay: float = _own_ship_delay()
     own_ship_timeout: float = parameter(
         2.0,
         "Maximum time that a scan waits for the own-ship data of its time",
@@ -598,14 +603,7 @@ class SonarDetectorNodeOptions(ParameterGroup):
         choices=OWN_SHIP_SOURCES,
         read_only=True,
     )
-    own_ship_delay: float = parameter(
-        0.0,
-        "Time by which the stamps of own-ship data are late; below 0: early",
-        unit="s",
-        minimum=-60.0,
-        maximum=60.0,
-        read_only=True,
-    )
+    own_ship_delay: float = _own_ship_delay()
     fixed_frame: str = parameter(
         "", "Frame of the poses; empty: the odometry's. With tf it must be given", read_only=True
     )

@@ -362,12 +362,10 @@ class Tracker:
         A start without the margin of a second target is, up to twice the variance of a place on
         it. A fixed echo is no part of a target that moves, and a track that coasts ends no track.
         """
-        confirmed, announced = (
-            self.maintenance.confirmed.tracks,
-            self.maintenance.confirmed.announced,
-        )
+        confirmed = self.maintenance.confirmed.tracks
         others = confirmed.status == TrackStatus.STANDS_STILL
         if not len(starts):
+            announced = self.maintenance.confirmed.announced
             others |= announced & (confirmed.status == TrackStatus.COASTING)
         judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
