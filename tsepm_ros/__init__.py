@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tsepm_ros.tracker.sensor import SensorModel
     from tsepm_ros.tracker.tracks import ConfirmedTrack
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 _PLACES = {
     "ConfirmedTrack": "tracker.tracks",
