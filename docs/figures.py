@@ -235,7 +235,7 @@ def _parameter_rows(groups: Groups) -> list[str]:
     lines = ["| parameter | default | meaning |", "|---|---|---|"]
     for row in settings_table(groups):
         unit = f" {row.unit}" if row.unit else ""
-        told = row.choices and all(f"{choice}:" in row.description for choice in row.choices)
+        told = row.choices and all(re.search(rf"\b{one}\b", row.description) for one in row.choices)
         bounds = row.bounds.removeprefix("from ").replace(" and at most ", ", to ")
         bounds = f" {bounds[0].upper()}{bounds[1:]}." if bounds and not told else ""
         fixed = FIXED if row.read_only else " |"
