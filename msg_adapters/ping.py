@@ -208,7 +208,7 @@ def good_detections(
     common = {
         f"{name}_{fault}": _IS_FAULT[fault](name, values)
         for name, values in given.items()
-        for fault in NUMBERS[name][1]
+        for fault in NUMBERS[name]
     }
     kept = np.ones(len(range), bool)
     no_return = _left_out_of_ping(nothing or {}, kept)

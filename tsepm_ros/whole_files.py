@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all.
+"""Files that are written whole or not at all, and texts that are read whole.
 
 The content goes to a temporary file in the same folder, which is synchronised to the disk and then
 renamed: a reader sees the earlier file or the new one, also after a kill or on a full disk.
@@ -6,8 +6,10 @@ renamed: a reader sees the earlier file or the new one, also after a kill or on 
 
 from __future__ import annotations
 
+import csv
 import errno
 import glob
+import io
 import os
 import re
 import secrets
@@ -17,6 +19,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
+_REMEDIES = {
+    errno.ENOENT: "check the path",
+    errno.EISDIR: "name a file in it",
+    errno.ENOTDIR: "name the folder, not a file in it",
+    errno.EACCES: "check its permissions",
+}
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)-[0-9a-f]{8}\.part(\.\w+)?")
 
@@ -63,6 +71,47 @@ def naming_file(path: Path | str) -> Iterator[None]:
         if error.errno not in _FULL or error.filename is not None:
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def file_error_sentence(error: OSError) -> str:
+    """Name the cause and the remedy of an error of a file, without the error's number."""
+    causes = (error.strerror or str(error), _REMEDIES.get(error.errno or 0))
+    return "; ".join(filter(None, causes))
+
+
+def read_whole_text(path: Path) -> str:
+    """Read a text in UTF-8, with or without a byte order mark, line ends unchanged.
+
+    Raises
+    ------
+    ValueError
+        It names the file, the cause and the remedy.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        cause = file_error_sentence(error)
+    except UnicodeDecodeError as error:
+        cause = f"it is no text in UTF-8 ({error.reason} at byte {error.start}); name another file"
+    raise ValueError(f"{path} cannot be read: {cause}")
+
+
+def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
+    """Read the lines of a CSV file that are not blank, each with its number; the first is there.
+
+    Raises
+    ------
+    ValueError
+        It names the file, the cause and the remedy.
+    """
+    reader = csv.reader(io.StringIO(read_whole_text(path), newline=""))
+    try:
+        lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise ValueError(f"{path} is not a CSV file: {error}") from None
+    if not lines:
+        raise ValueError(f"{path} is empty: its first line names the columns")
+    return lines
 
 
 @contextmanager

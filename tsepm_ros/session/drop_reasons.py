@@ -38,17 +38,14 @@ _LAYOUT = {
 }
 """Faults of a whole cloud, of detections or of tracked targets."""
 NUMBERS = {
-    "range": ("range", ("not_finite", "not_positive", "too_small", "too_large")),
-    "azimuth": ("azimuth", ("not_finite",)),
-    "range_std": ("standard deviation of the range", ("not_positive", "too_small", "too_large")),
-    "azimuth_std": (
-        "standard deviation of the azimuth",
-        ("not_positive", "too_small", "too_large"),
-    ),
-    "time_offset": ("time after the stamp", ("not_finite", "too_large")),
-    "transmit_offset": ("transmit delay", ("not_finite", "too_large")),
+    "range": ("not_finite", "not_positive", "too_small", "too_large"),
+    "azimuth": ("not_finite",),
+    "range_std": ("not_positive", "too_small", "too_large"),
+    "azimuth_std": ("not_positive", "too_small", "too_large"),
+    "time_offset": ("not_finite", "too_large"),
+    "transmit_offset": ("not_finite", "too_large"),
 }
-"""Quantities of detections in words, and their faults in the order in which they count."""
+"""Quantities of detections, and their faults in the order in which they count."""
 _FAULTS = {
     "not_finite": "is nan or infinite",
     "not_positive": "is not a positive number",
@@ -135,9 +132,9 @@ DROP_REASONS: Mapping[str, DropReason] = {
     },
     **{
         f"{name}_{fault}": DropReason(
-            DETECTIONS, "detection", f"the {quantity} {_FAULTS[fault]}", _MISSING
+            DETECTIONS, "detection", f"the value {_FAULTS[fault]}", _MISSING
         )
-        for name, (quantity, faults) in NUMBERS.items()
+        for name, faults in NUMBERS.items()
         for fault in faults
     },
     "wrong_length": DropReason(
@@ -172,14 +169,13 @@ DROP_REASONS: Mapping[str, DropReason] = {
         DETECTIONS,
         "message",
         "the stamp of a bearing, or of a sector, is not the time at which the beam looks there",
-        "None if these are few: they are left out of the image; else look at the clock of the "
-        "driver, and at its `header.stamp`",
+        "None if these are few; else look at the clock of the driver, and at its `header.stamp`",
     ),
     "bearing_azimuth": DropReason(
         DETECTIONS,
         "message",
         "the azimuth of a bearing, or of a sector, is not where the beam looks at its stamp",
-        "None if these are few: they are left out of the image; else look for two drivers on one "
+        "None if these are few; else look for two drivers on one "
         "topic, or for messages that are lost",
     ),
     "bearing_geometry": DropReason(
@@ -187,13 +183,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "message",
         "the ranges, the frame or the angle increment of fewer than four messages in a row differ "
         "from those before",
-        "None if these are few: they are left out of the image; else look for two drivers on one "
-        "topic",
+        "None if these are few; else look for two drivers on one topic",
     ),
     "image_repeated": DropReason(
         DETECTIONS,
         "scan",
-        "an image, or a bearing, is equal to the one before to the bit: no new evidence",
+        "an image, or a bearing, is equal to the one before to the bit",
         "None if the driver publishes faster than the sonar pings; else look for a sonar or a "
         "driver that has stopped",
     ),
@@ -241,10 +236,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "scan_repeated": DropReason(
         DETECTIONS,
         "scan",
-        "all detections equal those of the last scan to the bit, though other scans differ: no new "
-        "evidence",
-        "Look for a driver or a relay that sends a scan again under a new stamp; it must send each "
-        "scan once",
+        "all detections equal those of the last scan to the bit, though other scans differ",
+        "Look for a driver or a relay that sends a scan again under a new stamp",
     ),
     "scan_late": DropReason(
         DETECTIONS,

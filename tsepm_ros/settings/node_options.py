@@ -66,8 +66,7 @@ class InitiatorNodeOptions(ParameterGroup):
     learned_file: str = parameter(
         "",
         "File that keeps what was learned (clutter density, region of clutter, detection "
-        "probability) over a restart. It is written every minute and at the end. Empty: "
-        "none",
+        "probability) over a restart, written every minute and at the end. Empty: none",
         read_only=True,
     )
     learned_max_age: float = parameter(
@@ -314,8 +313,8 @@ class SessionOptions(ParameterGroup):
     )
     restart_jump: float = parameter(
         60.0,
-        "A backward step of the stamps by more than this resets the state; a smaller step "
-        "marks a late scan",
+        "A backward step of the stamps by more than this resets the state; after a smaller step "
+        "the scan is late",
         unit="s",
         minimum=0.0,
     )
@@ -329,7 +328,7 @@ class SessionOptions(ParameterGroup):
     max_scan_time: float = parameter(
         5.0,
         "Time that a scan may take on a slow computer: bounds the pairs of potential tracks and "
-        "detections, 100 000 per second, and what becomes of them; not used offline",
+        "detections, 100 000 per second; not used offline",
         unit="s",
         positive=True,
         maximum=3600.0,
@@ -337,9 +336,8 @@ class SessionOptions(ParameterGroup):
 
     sweep: str = parameter(
         "auto",
-        "Joining of messages that each hold a beam or sector of a sweep. auto: joined once their "
-        "azimuths show a sweep; off: a message is a scan; or the time in seconds "
-        "of a turn or of a pass over a sector",
+        "Joining of messages of a beam or sector. auto: once their azimuths show a sweep; off: a "
+        "message is a scan; or the time in seconds of a turn or of a pass over a sector",
         numeric=True,
         read_only=True,
     )
@@ -371,8 +369,8 @@ class ViewerNodeOptions(ParameterGroup):
 
     host: str = parameter(
         "127.0.0.1",
-        "Address or name on which the page is served; 0.0.0.0: on all addresses. Browsers need a "
-        "token if other machines can reach the address",
+        "Address or name on which the page is served; 0.0.0.0: on all. Browsers need a token if "
+        "other machines can reach the page",
         read_only=True,
     )
     port: int = parameter(
@@ -598,8 +596,8 @@ class SonarDetectorNodeOptions(ParameterGroup):
     )
     own_ship_source: str = parameter(
         "none",
-        "Source of the pose of a sonar that moves, so that the background is that of the ground: "
-        "none, odometry or tf, as for track_initiator",
+        "Source of the pose of a sonar that moves, for the background of the ground: none, "
+        "odometry or tf, as for track_initiator",
         choices=OWN_SHIP_SOURCES,
         read_only=True,
     )

@@ -50,16 +50,14 @@ class CommonOptions(ParameterGroup):
     )
     limit_speed: str = parameter(
         "auto",
-        "Limit the speed of new tracks. on: the state of a track that probably exceeds max_speed "
-        "is conditioned on a lower speed; off: as the method's source defines it; auto: on with "
-        "the method score alone. Confirmed tracks are limited in any case",
+        "on: the state of a new track that probably exceeds max_speed is conditioned on a lower "
+        "speed; off: as the method's source defines it; auto: on with the method score alone",
         choices=("auto", "on", "off"),
     )
     start_standing: str = parameter(
         "off",
-        "Whether detections that stand start tracks, with the method score. A detection stands "
-        "where its feature standing, of sonar_detector, is above 0.8. off: they are hits of tracks "
-        "that are there",
+        "Whether detections that stand (feature standing of sonar_detector above 0.8) start "
+        "tracks, with the method score. off: they only continue tracks",
         choices=("on", "off"),
     )
     max_detections: int = parameter(
@@ -73,8 +71,8 @@ class CommonOptions(ParameterGroup):
     )
     hold_time: float = parameter(
         0.0,
-        "Maximum time for which a confirmed track is held without a detection of its own; "
-        "repeated misses end it sooner. 0: the time of 50 scans",
+        "Maximum time for which a confirmed track is held without a detection; repeated misses end "
+        "it sooner. 0: the time of 50 scans",
         unit="s",
         minimum=0.0,
     )
@@ -106,9 +104,9 @@ class CommonOptions(ParameterGroup):
     )
     plots: str = parameter(
         "auto",
-        "Combination of the detections of one target and ping into a cluster. on: from the "
-        "first scan; off: never, for one detection per target; auto: with a target_extent, or "
-        "once detections of one ping lie closer together than clutter does",
+        "Combination of the detections of one target and ping into a cluster. on: from the first "
+        "scan; off: never; auto: with a target_extent, or once detections of one ping lie closer "
+        "together than clutter does",
         choices=("auto", "on", "off"),
     )
     target_extent: float = parameter(
@@ -121,8 +119,8 @@ class CommonOptions(ParameterGroup):
     )
     tracked_timeout: float = parameter(
         60.0,
-        "Time without a message on tracked after which the node maintains the downstream "
-        "tracker's tracks, and after which a new track that the tracker does not list ends",
+        "Time without a message on tracked after which the node maintains the downstream tracker's "
+        "tracks; also the time within which the tracker must list a new track",
         unit="s",
         positive=True,
         maximum=3600.0,

@@ -171,16 +171,16 @@ class SensorModel(Coverage):
     )
     range_resolution: float = parameter(
         0.0,
-        "Range difference below which the sensor cannot separate echoes; used to make "
-        "clusters. 0: unknown",
+        "Range difference below which the sensor cannot separate echoes; used for clusters. 0: "
+        "unknown",
         unit="m",
         minimum=0.0,
         maximum=1e4,
     )
     azimuth_resolution: float = parameter(
         0.0,
-        "Azimuth difference below which the sensor cannot separate echoes (beam width); "
-        "used to make clusters. 0: unknown",
+        "Azimuth difference below which the sensor cannot separate echoes (beam width); used for "
+        "clusters. 0: unknown",
         unit="rad",
         minimum=0.0,
         maximum=1.0,

@@ -149,3 +149,33 @@ def test_an_option_without_a_meaning_for_the_source_is_refused(
     (tmp_path / "recording" / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,1,0\n")
     assert main(["run", *given]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "run {}.csv",
+        "run {}.yaml",
+        "run box --params-file {}.yaml",
+        "detect {}",
+        "evaluate {}.yaml --runs 1",
+        "design --params-file {}.yaml",
+        "score {}.csv truth.csv --cutoff 1",
+    ],
+)
+@pytest.mark.parametrize("kind", ["missing", "empty", "folder", "binary"])
+def test_a_file_that_cannot_be_used_is_named_in_a_sentence(
+    capsys, tmp_path, monkeypatch, command, kind
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "truth.csv").write_text("time_s,x,y\n0,0,0\n")
+    for suffix in ("", ".csv", ".yaml"):
+        path = tmp_path / f"it{suffix}"
+        if kind == "folder":
+            path.mkdir()
+        elif kind != "missing":
+            path.write_bytes(b"" if kind == "empty" else b"\xff\xfe\x00")
+    assert main(command.format("it").split()) in (1, 2)
+    [sentence] = capsys.readouterr().err.splitlines()
+    assert re.match(r"(refused|failed): .*\bit\b", sentence)
+    assert not re.search(r"Errno|codec|Traceback", sentence)

@@ -81,8 +81,14 @@ def test_in_a_gap_a_target_is_not_there_unless_the_user_says_so(scored):
 
 
 def test_a_file_without_tracks_misses_all_and_a_truth_of_a_recording_needs_no_identity(scored):
-    code, figures, _ = scored(TRACKS, "time_s,east_m,north_m\n0,1,2\n1,1,2\n")
+    code, figures, said = scored(TRACKS, "time_s,east_m,north_m\n0,1,2\n1,1,2\n")
+    assert "tracks.csv: it has no rows, so that every target is missed" in said
     assert (code, figures["misses"], figures["OSPA [m]"], figures["MOTA"]) == (0, 2, 10.0, 0.0)
+
+
+def test_tracks_that_no_target_is_beside_at_any_time_are_said(scored):
+    _, figures, said = scored(TRACKS + "1,7,0,0\n", TRUTH + "0,1,0,0\n2,2,0,0\n")
+    assert figures["matches"] == 0 and "at no time is there a track and a target" in said
 
 
 def test_a_measure_from_outside_is_the_mean_over_the_times(scored, tmp_path, monkeypatch):
@@ -108,10 +114,11 @@ GOOD = TRUTH + "0,1,0,0\n1,1,0,0\n"
         (TRACKS + "0,1\n", GOOD, "tracks.csv, line 2: expected"),
         (TRACKS, TRUTH + "0,1,0,nan\n", "truth.csv, line 2: time and position must be finite"),
         (TRACKS + "0,1,inf,0\n", GOOD, "tracks.csv, line 2: time and position must be finite"),
-        (TRACKS, TRUTH, "truth.csv has no rows"),
+        (TRACKS, TRUTH, "truth.csv has no target to compare with: it has no rows"),
+        (TRACKS, "status," + TRUTH + "lost,0,1,0,0\n", "no row has the status confirmed"),
         (TRACKS + "1,7,0,0\n0,7,0,0\n", GOOD, "line 3: 7 is at 0 s after 1 s"),
         (TRACKS + "1,7,0,0\n1,7,0,0\n", GOOD, "line 3: 7 is at 1 s after 1 s"),
-        (TRACKS + "9,7,0,0\n", GOOD, "no common time"),
+        (TRACKS + "9,7,0,0\n", GOOD, "tracks.csv 9 to 9 s"),
         (TRACKS, "stamp,x,x\n", "column of the y"),
     ],
 )

@@ -73,7 +73,7 @@ def test_images_have_the_poses_of_own_ship_and_its_mounting(folder):
     np.testing.assert_allclose(poses, expected, atol=1e-9)
     said = []
     for text, sentence in (
-        ("time_s,east_m,north_m\n0,0,0\n", "no heading_rad"),
+        ("time_s,east_m,north_m\n0,0,0\n", "has no heading: the"),
         ("time_s,east_m,north_m,heading_rad\n90,0,0,0\n91,0,0,0\n", "poses from 90 to 91 s"),
     ):
         (folder / "own_ship.csv").write_text(text)

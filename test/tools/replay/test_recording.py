@@ -93,6 +93,18 @@ def test_motion_is_east_north_with_yaw_and_targets_are_told_apart_by_their_numbe
     assert targets[7][1].tolist() == [12, 5, 0, 6, 0]
 
 
+def test_angles_in_degrees_are_read_and_columns_without_use_are_named(write):
+    table = "time_s,range_m,bearing_deg\n0,100,90\n"
+    ship = "time_s,east_m,north_m,{}\n0,0,0,90\n9,0,0,90\n"
+    read = read_recording(write(detections=table, own_ship=ship.format("heading_deg")))
+    assert read.scans[0].fields["bearing"] == pytest.approx(math.pi / 2)
+    assert [pose.yaw for pose in read.own_ship] == pytest.approx([0.0, 0.0])
+    assert read.notes == []
+    for name, said in (("heading_rad", "name the column heading_deg"), ("compass", "of compass;")):
+        [note] = read_recording(write(detections=table, own_ship=ship.format(name))).notes
+        assert note.startswith("own_ship.csv: ") and said in note
+
+
 HEADER = "time_s,range_m,bearing_rad\n"
 
 ONE_ANGLE = "must have one of the columns azimuth_rad and bearing_rad"
@@ -103,7 +115,7 @@ LINE_2, LINE_3 = "line 2", "line 3"
 @pytest.mark.parametrize(
     ("name", "text", "sentence"),
     [
-        ("detections", "", "has no column 'time_s'"),
+        ("detections", "", "is empty: its first line names the columns"),
         ("detections", "time_s,bearing_rad\n0,1\n", "has no column 'range_m'; it has"),
         ("detections", "time_s,range_m\n0,1\n", ONE_ANGLE),
         ("detections", "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n", ONE_ANGLE),
@@ -128,7 +140,7 @@ LINE_2, LINE_3 = "line 2", "line 3"
 def test_a_malformed_recording_is_refused_by_file_and_column_or_line(write, name, text, sentence):
     with pytest.raises(ValueError) as refused:
         read_recording(write(**{"detections": DETECTIONS, name: text}))
-    assert re.sub(r"^(\w+\.csv),? ", r"\1 ", str(refused.value)).startswith(
+    assert re.sub(r"^(?:/.*/)?(\w+\.csv),? ", r"\1 ", str(refused.value)).startswith(
         f"{name}.csv {sentence}"
     )
 

@@ -21,7 +21,7 @@ from tsepm_ros.ending_signals import (
     handling_ending_signals,
 )
 from tsepm_ros.tools.commands.arguments import CommandFailed
-from tsepm_ros.whole_files import naming_file
+from tsepm_ros.whole_files import file_error_sentence, naming_file
 
 Place = str | Callable[..., Any]
 """A function, or its module and name: the modules are imported when the command is called."""
@@ -70,6 +70,8 @@ def _run_cli(arguments: Sequence[str]) -> int:
 def _cli_sentence(error: Exception) -> str:
     """What an error says, on one line and of bounded length: it may quote a whole file."""
     text = " ".join(str(error).split()) or type(error).__name__
+    if isinstance(error, OSError) and error.filename is not None:
+        text = f"{error.filename} cannot be used: {file_error_sentence(error)}"
     return text if len(text) <= MAX_SENTENCE else f"{text[:MAX_SENTENCE]} ..."
 
 

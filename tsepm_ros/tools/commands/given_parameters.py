@@ -20,6 +20,7 @@ from tsepm_ros.settings.parameter_files import (
     unused_parameter_files,
 )
 from tsepm_ros.settings.settings import NODES, TRACK_INITIATOR, Groups, settings_table
+from tsepm_ros.whole_files import read_whole_text
 
 
 def given_parameters_as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
@@ -95,10 +96,7 @@ def given_parameter_values(
 
 def given_parameters_for(path: Path, node: str) -> dict[str, Value]:
     """Values that a parameter file has for a node; refuses the types that ROS refuses."""
-    try:
-        path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from None
+    read_whole_text(path)
     fitting = [
         values
         for key, values in parameter_file_sections(parameter_file_content(path))

@@ -14,7 +14,6 @@ each track or target are in the order of time.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from collections.abc import Mapping, Sequence
@@ -29,6 +28,7 @@ from tsepm_ros.tools.evaluation.simulated_run import outside_measure
 from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts, gospa, ospa
 from tsepm_ros.tools.terminal import terminal_table
 from tsepm_ros.tracker.tracks import TrackStatus
+from tsepm_ros.whole_files import read_whole_csv
 
 NAMES = {
     "time": ("stamp", "time_s"),
@@ -89,14 +89,7 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
     ValueError
         If the file is malformed; the message names the file and the column or the line.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a CSV file: {error}") from None
-    if not lines:
-        raise ValueError(f"{path} is empty: its first line names the columns")
+    lines = read_whole_csv(path)
     header = [name.strip() for name in lines[0][1]]
     columns = _columns_of_positions(path, header, truth)
     status = header.index("status") if "status" in header else None
@@ -118,8 +111,11 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
                 f"{own[-1][0]:g} s; the times of each track and target must ascend"
             )
         own.append((time, x, y))
-    if truth and not rows:
-        raise ValueError(f"{path} has no rows: without targets there is nothing to compare")
+    if not rows:
+        cause = f"no row has the status {CONFIRMED}" if lines[1:] else "it has no rows"
+        if truth:
+            raise ValueError(f"{path} has no target to compare with: {cause}; give another truth")
+        print(f"{path}: {cause}, so that every target is missed", file=sys.stderr)
     return {identity: np.array(own) for identity, own in rows.items()}
 
 
@@ -181,6 +177,8 @@ def run_score(options: argparse.Namespace) -> None:
         gap = options.gap or LONGEST_INTERVAL * median_interval(positions)
         scenes.append(positions_at(positions, times, gap))
         _note_file(path, positions, gap)
+    if files[0][1] and not any(tracks and targets for tracks, targets in zip(*scenes, strict=True)):
+        print("at no time is there a track and a target: give a longer --gap", file=sys.stderr)
     clear, counts, rows = ClearMot(options.cutoff), [], []
     for tracks, targets in zip(*scenes, strict=True):
         found, true = (np.reshape([*scene.values()], (-1, 2)) for scene in (tracks, targets))
@@ -233,4 +231,7 @@ def _check_common_time(files: Sequence[tuple[Path, Positions]]) -> None:
     ]
     if max(first for _, first, _ in spans) > min(last for _, _, last in spans):
         told = ", ".join(f"{path} {first:g} to {last:g} s" for path, first, last in spans)
-        raise ValueError(f"the files have no common time: {told}")
+        raise ValueError(
+            f"the files have no common time: {told}; give files of one run, or add the difference "
+            "of their clocks to the times of one"
+        )

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import io
 import math
 import shutil
 from collections.abc import Iterator, Sequence
@@ -45,7 +46,7 @@ from tsepm_ros.tools.replay.recording import (
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import Coverage
-from tsepm_ros.whole_files import opened_whole, spare_files
+from tsepm_ros.whole_files import opened_whole, read_whole_text, spare_files
 
 GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
 IMAGE_COLUMNS = (
@@ -87,17 +88,17 @@ def read_image_folder(
         If a file is missing or malformed; the message names it.
     """
     delay = float(options.pop("own_ship_delay", 0.0))
+    geometry, listed = (read_whole_text(folder / name) for name in (GEOMETRY, TIMES))
     try:
-        values, axes = _image_folder_geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
+        values, axes = _image_folder_geometry(geometry)
         groups = make_groups(FOLDER, {**values, **options})
         notes.extend(f"{GEOMETRY}: {one}: {NO_LONGER[one]}" for one in NO_LONGER if one in values)
-        with (folder / TIMES).open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(listed, newline="")))
         times = np.array([float(row.get("time_s") or "nan") for row in rows])
         if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
         check_recording_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
-    except (OSError, ValueError, RecursionError, csv.Error, yaml.YAMLError) as error:
+    except (ValueError, RecursionError, csv.Error, yaml.YAMLError) as error:
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
     arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
     files = [folder / (row.get("file") or "") for row in rows]
@@ -108,13 +109,13 @@ def read_image_folder(
     layout: ImageLayout = groups[ImageLayout]
     mounting: Mounting = groups[Mounting]
     poses = PoseHistory()
-    recorded = read_recorded_own_ship(folder)
+    recorded = read_recorded_own_ship(folder, notes)
     for sample in recorded:
         if sample.covariance is None:  # its heading is known
             poses.add(dataclasses.replace(sample, stamp=sample.stamp - delay))
     first, last = (recorded[0].stamp, recorded[-1].stamp) if recorded else (times[0], times[-1])
     if recorded and not poses:
-        notes.append("own_ship.csv has no heading_rad: the background is that of a sonar at rest")
+        notes.append("own_ship.csv has no heading: the background is that of a sonar at rest")
     elif max(times[-1] - last, first - times[0]) > MAX_GAP:
         notes.append(
             f"own_ship.csv has poses from {first:g} to {last:g} s, images are from {times[0]:g} to "
@@ -234,7 +235,7 @@ def image_folder_detected(
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     values = {f"sensor.{name}": value for name, value in coverage.items()}
     if (folder / "own_ship.csv").exists():
-        stated, _ = _image_folder_geometry((folder / GEOMETRY).read_text(encoding="utf-8"))
+        stated, _ = _image_folder_geometry(read_whole_text(folder / GEOMETRY))
         values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
     return into / DETECTIONS_FILE, values
 

@@ -16,14 +16,14 @@ A recording is a CSV file, by default ``detections.csv``, and two optional files
   a scan that appears here and has no detections is then an empty scan;
 - optionally ``target.csv``: the truth, with the same columns, and ``target`` if there are several.
 
-The rows of a file, or of a target, are in the order of time.
+The rows of a file, or of a target, are in the order of time. A column of angles may be in degrees:
+its name then ends in ``_deg`` in place of ``_rad``.
 """
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
@@ -35,6 +35,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
 from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.tools.simulation.simulator import Simulator
+from tsepm_ros.whole_files import read_whole_csv
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
@@ -94,6 +95,8 @@ DETECTION_COLUMNS = {
     "standing": "standing",
 }
 """Columns of ``detections.csv`` and the corresponding fields."""
+MAX_ANGLE = 4.0 * math.pi
+"""Angle that is asked about, rad: it may be in degrees."""
 MAX_TIME = 2.0**31
 """Bound of times, s: stamps of ROS messages have 32-bit seconds."""
 MIN_RETURN = 4
@@ -307,11 +310,15 @@ def read_recording(path: Path | str) -> Recording:
     file, is_bag = recording_source_of(path)
     if is_bag:
         raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
-    own_ship = _recording_table(file.parent / "own_ship.csv", MOTION, FINITE_MOTION)
-    targets = _recording_table(file.parent / "target.csv", MOTION, FINITE_MOTION)
-    # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
-    detections = _recording_table(file, ("time_s", "range_m"), ("time_s", "scan"))
     notes: list[str] = []
+    own_ship, targets = (
+        _recording_table(file.parent / name, MOTION, FINITE_MOTION, FINITE_MOTION, notes)
+        for name in ("own_ship.csv", "target.csv")
+    )
+    # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
+    detections = _recording_table(
+        file, ("time_s", "range_m"), ("time_s", "scan"), DETECTION_COLUMNS, notes
+    )
     if file.name != DETECTIONS_FILE and own_ship:
         notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
     if not len(detections["time_s"]):
@@ -327,18 +334,20 @@ def read_recording(path: Path | str) -> Recording:
 Table = dict[str, FloatArray]
 
 
-def _recording_table(path: Path, required: tuple[str, ...], finite: tuple[str, ...]) -> Table:
-    """Columns of a file by name; none if there is no such file."""
+def _recording_table(
+    path: Path,
+    required: tuple[str, ...],
+    finite: tuple[str, ...],
+    known: Collection[str],
+    notes: list[str],
+) -> Table:
+    """Columns of a file by name, degrees as radians; none if there is no such file."""
     if not path.exists():
         return {}
-    try:
+    if path.is_file():
         _recording_file(path)
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            filled = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path.name} cannot be read: {error}") from None
-    names = [name.strip() for name in filled[0][1]] if filled else []
+    filled = read_whole_csv(path)
+    names = [name.strip() for name in filled[0][1]]
     missing = [name for name in required if name not in names]
     if missing:
         raise ValueError(
@@ -356,12 +365,32 @@ def _recording_table(path: Path, required: tuple[str, ...], finite: tuple[str, .
                 f"{shown_parameter(row)}{date}"
             ) from None
     table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
+    _convert_recording_degrees(path.name, table, known, notes)
     for name in finite:
         bad = np.flatnonzero(~np.isfinite(table.get(name, ())))
         if len(bad):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
     check_recording_times(path.name, table, lines)
     return table
+
+
+def _convert_recording_degrees(
+    file: str, table: Table, known: Collection[str], notes: list[str]
+) -> None:
+    """Have angles in radians, and note what may be in degrees and columns that are not read."""
+    for name in [name for name in table if name.endswith("_deg")]:
+        table.setdefault(f"{name[:-3]}rad", np.deg2rad(table.pop(name)))
+    for name in ("heading_rad", *ATTITUDE):
+        if np.abs(table.get(name, 0.0)).max(initial=0.0) > MAX_ANGLE:
+            notes.append(
+                f"{file}: {name} exceeds two turns: if it is in degrees, name the column "
+                f"{name[:-3]}deg"
+            )
+    if unread := sorted({*table} - {"time_s", "scan", *known}):
+        notes.append(
+            f"{file}: no use is made of {', '.join(unread)}; the names that are read are "
+            f"{', '.join(known)}, and angles also in degrees, as ..._deg"
+        )
 
 
 def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
@@ -520,15 +549,15 @@ def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     return columns[np.argsort(table["time_s"], kind="stable")]
 
 
-def read_recorded_own_ship(folder: Path) -> list[PoseSample]:
-    """The poses of a folder's ``own_ship.csv``; none if there is no such file.
+def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
+    """The poses of a folder's ``own_ship.csv``, and notes on it; none if there is no such file.
 
     Raises
     ------
     ValueError
         If it is malformed.
     """
-    table = _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION)
+    table = _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes)
     return _recording_poses(table) if table else []
 
 

@@ -29,6 +29,7 @@ from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.settings import parameter_files
 from tsepm_ros.tracker.scan import ECHO_FEATURES
 from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.whole_files import read_whole_text
 
 LAWS = ("rayleigh", "k", "log_normal")
 FLUCTUATIONS = ("swerling_1", "swerling_3", "steady")
@@ -507,10 +508,7 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
         If the scenario does not exist, or a value in it is not allowed; the message names it.
     """
     if name.endswith((".yaml", ".yml")):
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"scenario file cannot be read: {error}") from None
+        text = read_whole_text(Path(name))
     elif name in shipped_scenarios():
         source = resources.files("tsepm_ros.tools.simulation") / "scenarios" / f"{name}.yaml"
         text = source.read_text(encoding="utf-8")
