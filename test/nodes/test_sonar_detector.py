@@ -276,6 +276,17 @@ def test_poses_of_own_ship_reach_the_detector(world):
     assert node._input.detector._grid is not None, "a background on the ground"
 
 
+def test_a_changed_range_of_a_picture_ends_the_tracks(world, monkeypatch):
+    node, ended = world.make(TrackInitiator, COVERAGE), list[bool]()
+    monkeypatch.setattr(node._session, "end_tracks", lambda: ended.append(True))
+    sonar, heard = detecting(world)
+    rng = np.random.default_rng(7)
+    places = np.stack([rng.uniform(4.0, 18.0, 12), rng.uniform(-0.7, 0.7, 12)], axis=1)
+    world.until_logged("subscribed to /detections")
+    pings(world, sonar, heard, 14, lambda k: places * [1.0 if k < 10 else 2.0, 1.0])
+    world.until(lambda: ended, "the end of the tracks")
+
+
 def test_tf_without_a_frame_is_refused_at_the_start(world):
     with pytest.raises(ParameterError, match="fixed_frame must be given"):
         world.make(SonarDetector, {"own_ship_source": "tf"})

@@ -14,6 +14,7 @@ import pytest
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2, PointField
+from std_srvs.srv import Trigger
 from support.boat import Boat, named
 from support.expectation import COVARIANCE, STATE, assert_same, assert_stamps, confirmed
 from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
@@ -339,6 +340,25 @@ def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
     assert "what was learned" in world.reset().message
     world.end(again.node)
     assert not path.exists(), "a reset forgets the file"
+
+
+def test_ended_tracks_leave_own_ship_counts_what_was_learned_and_its_file(world, tmp_path):
+    path, sent = tmp_path / "learned.json", pings()
+    odometry = {"own_ship_source": "odometry", "own_ship_max_gap": 200.0}
+    boat = Boat(world, learned_file=str(path), **odometry)
+    boat.driver.pose(sent[0].stamp_ns - SECOND, 0.0, 0.0, 0.0)
+    boat.driver.pose(sent[-1].stamp_ns + SECOND, 0.0, 0.0, 0.0)
+    boat.send(sent[:-1])
+    session = boat.node._session
+    learned, poses = session.tracker.learned, len(session.own_ship.poses)
+    assert len(session.tracker.current) and poses == 2
+    assert world.call(Trigger, "/track_initiator/end_tracks", Trigger.Request()).success
+    assert not len(session.tracker.current)
+    boat.send(sent[-1:])
+    assert session.tracker.learned is learned and len(session.own_ship.poses) == poses
+    world.until(lambda: world.figures()["scans"] == str(len(sent)), "the counts")
+    world.end(boat.node)
+    assert path.exists()
 
 
 REPLACED = [

@@ -61,7 +61,7 @@ class SonarDetector(BaseNode):
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
         self._asked = Future()
         self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
-        self._reset = options.tracker and self.create_client(Trigger, f"{options.tracker}/reset")
+        self._end = options.tracker and self.create_client(Trigger, f"{options.tracker}/end_tracks")
         self._images = DetectionsSubscription(
             self,
             options.image_type,
@@ -123,8 +123,8 @@ class SonarDetector(BaseNode):
             self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
             self._follow(ping)
-            if self._input.rescaled and self._reset and self._reset.service_is_ready():
-                self._reset.call_async(Trigger.Request())
+            if self._input.rescaled and self._end and self._end.service_is_ready():
+                self._end.call_async(Trigger.Request())
             self._publish(scan, ping)
             self._pace.done()
 

@@ -204,6 +204,7 @@ class TrackInitiator(BaseNode):
             self._qos,
         )
         self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/end_tracks", self._on_end_tracks)
         self._diagnostics = self.create_publisher(
             DiagnosticArray, "/diagnostics", 10, qos_overriding_options=OVERRIDABLE
         )
@@ -304,6 +305,11 @@ class TrackInitiator(BaseNode):
         return Trigger.Response(
             success=True, message="scans, tracks, counts and what was learned were cleared"
         )
+
+    def _on_end_tracks(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._session.end_tracks()
+        response.success, response.message = True, "tracks and starts were ended"
+        return response
 
     def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
         if not self._session.configure(settings_from(parameters)):

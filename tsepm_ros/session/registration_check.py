@@ -31,17 +31,20 @@ LEAST_TIME, MEMORY, LEAST_FRAMES = 0.5, 180.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s."""
 POSES, POSE_PERIOD = 4096, 0.1
 """Poses of own ship that are kept, and time between two, s, at least."""
-BATCH = 8, 48
-"""Scans that are kept after which places are compared: at first, and at most."""
+BATCH = 8, 24, 192
+"""Scans that are kept after which places are compared: at first, at most, and once they are clear.
+"""
 INFLATED, REACH = 1.25, 3.0
 """Deviations of a kernel in those that are stated, which may be too small; and its reach in its."""
 APART = 4
 """Scans kept between two echoes of one place, at least: a target that moves is elsewhere then."""
 LONGEST, STEPS = 2.0, 8
 """Largest shift of the clock that is tried, s, and steps to it."""
-CLEAR, CERTAIN = 6.0, 4.0
-"""Standard deviations of a gain from which on a hypothesis fits clearly better, and those that a
-shift of the clock is away from 0."""
+CLEAR, BETTER, CERTAIN = 6.0, 4.5, 4.0
+"""Standard deviations of a gain from which on a hypothesis fits clearly better, and a shift of the
+clock does that is so many of its own away from 0."""
+SLOPE = 2.0
+"""Standard deviations of the slope of the scores below which the clock is as it is."""
 PLACE, PLACES = 8.0, 3.0
 """Side of a place in standard deviations of an echo; places over which a gain is spread, at least.
 """
@@ -51,7 +54,8 @@ STANDS = "as echoes of what stands show, "
 MIRRORED = (
     f"{STANDS}the azimuths are clockwise, where own ship's yaw is counter-clockwise: use the field "
     "bearing in place of azimuth; of images, the other image.port_first (of single bearings: "
-    "image.clockwise); of a sonar that hangs upside down, mounting.roll 3.1416"
+    "image.clockwise); of a sonar that hangs upside down, mounting.roll 3.1416; where the azimuths are right, own ship's "
+    "yaw is clockwise (a compass heading, or NED): send it in ENU"
 )
 REVERSED = (
     f"{STANDS}ranges count from the far end: of images, use the other image.near_first; else the "
@@ -138,17 +142,20 @@ class RegistrationCheck:
         moved = float(np.ptp(pose[:, :2], axis=0).max())
         if turned + moved < SEEN * sigma:
             return []
-        self._wait = min(2 * self._wait, BATCH[1])
         others = {MIRRORED: echoes._replace(azimuth=-echoes.azimuth)}
         if moved > SEEN * sigma:
             ends = sensor.min_range + sensor.max_range
             others[REVERSED] = echoes._replace(range=np.abs(ends - echoes.range))
         as_is = echoes.scores()
-        gain, said = max((_gain(one, one.scores() - as_is), said) for said, one in others.items())
+        scores = {said: one.scores() for said, one in others.items()}
+        gain, said = max((_gain(others[said], scores[said] - as_is), said) for said in scores)
         if gain > 0.0:
             return self._say(said)
         shift, deviation = echoes.best_shift(as_is, sigma)
-        if abs(shift) > CERTAIN * deviation and _gain(echoes, echoes.scores(shift) - as_is):
+        self._wait = min(2 * self._wait, BATCH[1 if deviation else 2])
+        if CERTAIN * deviation < abs(shift) < LONGEST and _gain(
+            echoes, echoes.scores(shift) - max([as_is, *scores.values()], key=np.sum), BETTER
+        ):
             late = "late" if shift > 0.0 else "early"
             return self._say(CLOCK.format(abs(shift), deviation, late, self._delay + shift))
         return []
@@ -204,11 +211,11 @@ class _Kept(NamedTuple):
         """The shift of the clock that fits best, and its deviation, s; 0 where that is as it is."""
         step, best = 2.0 * sigma / max(self.rate, 1e-9), 0.0
         if step > LONGEST:
-            return 0.0, 0.0
+            return 0.0, math.inf
         worse = [as_is - self.scores(side) for side in (-step, step)]
         if min(map(_certainty, worse)) > CLEAR:
-            low, high = np.sum(worse, axis=1)
-            if abs(high - low) < 0.5 * (high + low):
+            of_scans = np.bincount(self.scan, worse[0] - worse[1])
+            if abs(_certainty(of_scans)) < SLOPE:
                 return 0.0, 0.0
         else:
             tried = np.linspace(-LONGEST, LONGEST, 2 * STEPS + 1)
@@ -231,13 +238,13 @@ def _certainty(gain: FloatArray) -> float:
     return float(gain.sum()) / math.sqrt(float((gain**2).sum()) + 1e-9)
 
 
-def _gain(echoes: _Kept, gain: FloatArray) -> float:
+def _gain(echoes: _Kept, gain: FloatArray, least: float = CLEAR) -> float:
     """The sum of gains (n,) of echoes; 0 unless it is certain, and of several places."""
     side = PLACE * float(np.median(echoes.sigma))
     _, cell = np.unique(np.floor(echoes.places() / side), axis=0, return_inverse=True)
     of_place = np.bincount(cell, gain)
     spread = of_place.sum() ** 2 > PLACES * (of_place**2).sum()
-    return float(gain.sum()) if _certainty(gain) > CLEAR and spread else 0.0
+    return float(gain.sum()) if _certainty(gain) > least and spread else 0.0
 
 
 def _echoes_of(scan: Scan, times: FloatArray, sensor: SensorModel) -> FloatArray:
@@ -249,6 +256,8 @@ def _echoes_of(scan: Scan, times: FloatArray, sensor: SensorModel) -> FloatArray
     turn = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
     columns = np.broadcast_arrays(times, scan.range, scan.azimuth, along, turn)
     worth = scan.features.get("standing", scan.features.get("intensity", np.zeros(len(scan))))
+    if len(scan) <= ECHOES:
+        return np.stack(columns)
     order = np.random.default_rng(len(scan)).permutation(len(scan))
     order = order[np.argsort(-np.nan_to_num(worth[order]), kind="stable")]
     return np.stack(columns)[:, order[:ECHOES]]

@@ -315,6 +315,12 @@ class Session:
         self._land.reset()
         self._start()
 
+    def end_tracks(self) -> None:
+        """End tracks and starts, and keep what was learned, counts and poses."""
+        self.tracker.forget_potential_tracks()
+        self.tracker.maintenance.clear()
+        self._registration.start_over()
+
     def start_over(self) -> None:
         """Discard tracks and what was learned, and keep counts and poses."""
         self._totals_before = self.totals

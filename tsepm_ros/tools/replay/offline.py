@@ -114,7 +114,7 @@ def offline_bag_results(
             for ping, scan in images.take(content):
                 _offline_follow(session, images.coverage)
                 if images.rescaled:
-                    session.start_over()
+                    session.end_tracks()
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
                 session.add_scan(found.sensor_scan, now)
