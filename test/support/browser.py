@@ -142,6 +142,7 @@ class Browser:
         self._loop = asyncio.new_event_loop()
         self._number = 0
         self._tabs: dict[str, Tab] = {}
+        self._contexts: list[str] = []
         try:
             from tornado.websocket import websocket_connect
 
@@ -166,11 +167,18 @@ class Browser:
         ]
         answer = self.call("Target.attachToTarget", targetId=target, flatten=True)
         tab = self._tabs[answer["sessionId"]] = Tab(self, answer["sessionId"])
+        self._contexts.append(context)
         for domain in ("Page", "Runtime", "Log", "Network"):
             tab.call(f"{domain}.enable")
         tab.size(width, height)
         tab.theme(theme)
         return tab
+
+    def close_tabs(self) -> None:
+        """Close every page, with its storage: an open page goes on drawing and asking."""
+        while self._contexts:
+            self.call("Target.disposeBrowserContext", browserContextId=self._contexts.pop())
+        self._tabs.clear()
 
     def call(self, method: str, session: str = "", **parameters: Any) -> Any:
         """Call a method of the protocol and return its result."""
