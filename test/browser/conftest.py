@@ -1,4 +1,4 @@
-"""A browser for the tests of a file."""
+"""A browser for all tests of a worker."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,14 @@ import pytest
 from support.browser import Browser
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+@pytest.fixture(scope="session")
+def _running() -> Iterator[Browser]:
     with Browser() as opened:
         yield opened
+
+
+@pytest.fixture
+def browser(_running) -> Iterator[Browser]:
+    """The same browser for all; what a test opens in it is closed after the test."""
+    yield _running
+    _running.close_tabs()

@@ -210,7 +210,7 @@ def test_limits_hold_and_what_they_cut_is_counted(method):
 @EVERY_METHOD
 def test_options_may_change_between_scans(method):
     made = make_initiator(method, sensor=FEW_FALSE)
-    scans = straight(30)
+    scans = straight(18)
     for k, scan in enumerate(scans):
         window = max(made.options.window + (3 if k % 6 < 3 else -3), 10)
         made.potential_tracks()

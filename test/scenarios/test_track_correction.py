@@ -91,7 +91,7 @@ SONARS = {
 }
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("interval", SONARS)
 def test_the_track_of_a_silent_target_coasts_and_comes_back_under_its_id(interval, seed):
     rng, sensor = np.random.default_rng([seed, 37]), SONARS[interval]

@@ -364,10 +364,10 @@ def test_half_of_the_scans_lost_are_said_at_any_rate_of_pings(period, lost, is_s
     """Also late in a long run: the last scans count."""
     session, said = heard(settings())
     rng = np.random.default_rng(1)
-    for index in range(300):
-        twice = index > 200 and rng.random() < lost / (1.0 - lost + 1e-9)
+    for index in range(120):
+        twice = index > 60 and rng.random() < lost / (1.0 - lost + 1e-9)
         for _ in range(2 if twice and lost < 1.0 else 1):
-            stamp = period * (201 if index > 200 and lost == 1.0 else index + 1)
+            stamp = period * (61 if index > 60 and lost == 1.0 else index + 1)
             session.add_scan(ping(stamp), 0.0)
             list(session.process())
     assert ("lost scan_same_stamp" in said) is is_said
