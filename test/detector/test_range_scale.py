@@ -46,6 +46,36 @@ def test_images_of_one_range_show_no_change():
     assert factors([40.0] * 60, standing=0) == {}
 
 
+def seen_turning(fars, *, rate=2.0, seed=1):
+    """Factors found by a sonar that turns by so many degrees an image before a wall and posts."""
+    rng, scale, found = np.random.default_rng(seed), RangeScale(), {}
+    azimuth = np.radians(60.0 - 120.0 * (np.arange(128.0)[:, None] + 0.5) / 128.0)
+    posts = [(8.0, 4.0), (14.0, -6.0), (10.0, -9.0), (16.0, 7.0), (6.0, -2.0)]
+    for index, far in enumerate(fars):
+        yaw = np.radians(abs((rate * index) % 80.0 - 40.0) - 20.0)
+        range_ = far * (np.arange(400.0) + 0.5) / 400.0
+        x, y = range_ * np.cos(azimuth + yaw), range_ * np.sin(azimuth + yaw)
+        bright = np.where(np.abs(x - 18.0) < 0.3, 5.0, 1.0)
+        for post in posts:
+            bright[np.hypot(x - post[0], y - post[1]) < 0.3] = 7.0
+        image = bright * rng.rayleigh(1.0, x.shape)
+        factor = scale.factor(image, np.isfinite(image), RANGE)
+        if factor != 1.0:
+            found[index] = factor
+    return found
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0, 5.0])
+def test_a_turn_before_a_wall_is_no_change_of_the_range(rate):
+    assert seen_turning([40.0] * 100, rate=rate) == {}
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+def test_a_change_of_the_range_is_found_while_the_sonar_turns(rate):
+    found = seen_turning([40.0] * 20 + [20.0] * 20, rate=rate)
+    assert found == {21: pytest.approx(2.0, rel=0.05)}
+
+
 def test_a_single_image_of_another_range_is_no_change():
     assert factors([40.0] * 10 + [20.0] + [40.0] * 10) == {}
 

@@ -3,7 +3,8 @@
 A picture does not say its ranges. Where the operator changes them, each row has another range, and
 all echoes lie at their ranges times one factor, by the ranges that are stated. Images on an axis of
 the logarithm of the range are then shifted. An image is compared with the mean of the last ones at
-every shift: where another shift fits and none does not, in images in a row, the range was changed.
+every shift, and turned, since a sonar that turns sees what stands at other bearings and ranges.
+Where another shift fits and none does not, in images in a row, the range was changed.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ FEWEST, MEAN_OF = 4, 4.0
 """Images of which the mean is known, and over which it is taken."""
 LEAST_SHIFT, OVERLAP = 3, 0.25
 """Least shift, and least part of the axis that both images have."""
+TURN = 12
+"""Largest turn from the images before, in groups of bearings."""
 FITS, FITS_NOT = 0.22, 0.4
 """Correlation of what stands, and part of it that is left without the shift, at most."""
 LEAST, LARGEST = 2.0, 4.0
@@ -31,7 +34,7 @@ class RangeScale:
     """Compares images of the same cells; two in a row must show a change."""
 
     def __init__(self) -> None:
-        self._images, self._shift = 0, 0
+        self._images, self._shift, self._stands = 0, 0, False
         self._mean = np.zeros(0)
 
     def factor(self, intensity: NDArray[np.generic], there: BoolArray, range: FloatArray) -> float:
@@ -46,21 +49,34 @@ class RangeScale:
             m, ascending.
         """
         image = _on_log_range(np.where(there, intensity, 0.0), range)
-        if self._images >= FEWEST and image.shape == self._mean.shape:
-            shifts, fit = _correlations(image, self._mean)
-            best = int(np.argmax(np.where(np.abs(shifts) >= LEAST_SHIFT, fit, -1.0)))
-            shift, known = int(shifts[best]), self._shift
-            changed = fit[best] > FITS and fit[shifts == 0][0] < FITS_NOT * fit[best]
+        if self._images and image.shape == self._mean.shape:
+            turns, shifts, fit = _correlations(image, self._mean)
+            near = np.abs(shifts) < LEAST_SHIFT
+            same, other = np.where(near, fit, -1.0), np.where(near, -1.0, fit)
+            shift, known = int(shifts[other.max(axis=0).argmax()]), self._shift
+            changed = self._images >= FEWEST and self._stands
+            changed = changed and other.max() > FITS and same.max() < FITS_NOT * other.max()
             self._shift = shift if changed else 0
             if changed and abs(shift - known) <= 1 and known:
                 self._images, self._shift = 0, 0
                 return float(SPAN ** (shift / BINS))
             if changed:
                 return 1.0
+            self._stands = bool(same.max() > FITS)
+            if self._stands:
+                self._mean = _turned(self._mean, int(turns[same.max(axis=1).argmax()]))
         self._images += 1
         rate = 1.0 / min(self._images, MEAN_OF)
         self._mean = image if rate == 1.0 else self._mean + rate * (image - self._mean)
         return 1.0
+
+
+def _turned(image: FloatArray, turn: int) -> FloatArray:
+    """An image (g, k) at bearings that are so many groups further on; 0 where it was not seen."""
+    turned, rows = np.zeros_like(image), len(image) - abs(turn)
+    if rows > 0:
+        turned[max(turn, 0) :][:rows] = image[max(-turn, 0) :][:rows]
+    return turned
 
 
 def _on_log_range(values: NDArray[np.generic], range: FloatArray) -> FloatArray:
@@ -76,13 +92,17 @@ def _on_log_range(values: NDArray[np.generic], range: FloatArray) -> FloatArray:
     return np.asarray(np.clip(image - LEAST, 0.0, LARGEST))
 
 
-def _correlations(image: FloatArray, before: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Shifts, and the correlation of an image with one before at each."""
-    parts = np.fft.rfft(image, 2 * BINS), np.fft.rfft(before, 2 * BINS).conj()
-    common = np.fft.irfft((parts[0] * parts[1]).sum(axis=0))
+def _correlations(
+    image: FloatArray, before: FloatArray
+) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """Turns (t,) and shifts (s,), and the correlation of an image with one before at each, (t, s)."""
+    size = len(image) + TURN, 2 * BINS
+    parts = np.fft.rfft2(image, size), np.fft.rfft2(before, size).conj()
+    common = np.fft.irfft2(parts[0] * parts[1], size)
     most = int((1.0 - OVERLAP) * BINS)
-    shifts = np.arange(-most, most + 1)
+    turns, shifts = np.arange(-TURN, TURN + 1), np.arange(-most, most + 1)
     power = [np.append(0.0, np.cumsum((each**2).sum(axis=0))) for each in (image, before)]
     low, high = np.maximum(shifts, 0), BINS + np.minimum(shifts, 0)
     whole = (power[0][high] - power[0][low]) * (power[1][high - shifts] - power[1][low - shifts])
-    return shifts, common[shifts] / np.sqrt(np.maximum(whole, 1e-12))
+    fit = common[turns[:, None], shifts] / np.sqrt(np.maximum(whole, 1e-12))
+    return turns, shifts, fit
