@@ -551,8 +551,15 @@ def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
     ValueError
         If it is malformed.
     """
-    table = _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes)
-    return _recording_poses(table) if table else []
+    return (
+        _recording_poses(table)
+        if (
+            table := _recording_table(
+                folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes
+            )
+        )
+        else []
+    )
 
 
 def _recording_poses(table: Table) -> list[PoseSample]:
