@@ -120,8 +120,6 @@ SCAN_COUNTS = {
 }
 
 DIAGNOSTICS_END = """\
-Times since an arrival are measured on the wall clock or the simulated clock, whichever is slower.
-
 ## Reasons for drops
 
 Drops are counted as `dropped.REASON` in their entry. Each reason is logged at most every 10 s;

@@ -73,10 +73,15 @@ def naming_file(path: Path | str) -> Iterator[None]:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def file_error_sentence(error: OSError) -> str:
+def file_error_sentence(error: OSError | UnicodeDecodeError) -> str:
     """Name the cause and the remedy of an error of a file, without the error's number."""
-    causes = (error.strerror or str(error), _REMEDIES.get(error.errno or 0))
-    return "; ".join(filter(None, causes))
+    return (
+        f"it is no text in UTF-8 ({error.reason} at byte {error.start}); name another file"
+        if isinstance(error, UnicodeDecodeError)
+        else "; ".join(
+            filter(None, (error.strerror or str(error), _REMEDIES.get(error.errno or 0)))
+        )
+    )
 
 
 def read_whole_text(path: Path) -> str:
@@ -89,11 +94,8 @@ def read_whole_text(path: Path) -> str:
     """
     try:
         return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        cause = file_error_sentence(error)
-    except UnicodeDecodeError as error:
-        cause = f"it is no text in UTF-8 ({error.reason} at byte {error.start}); name another file"
-    raise ValueError(f"{path} cannot be read: {cause}")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} cannot be read: {file_error_sentence(error)}") from None
 
 
 def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:

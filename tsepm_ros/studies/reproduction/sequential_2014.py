@@ -537,8 +537,8 @@ def _error_parts_2014(results: dict[tuple[float, float], list[Result]]) -> list[
         "### Table 1, Figs. 10 and 11: errors of the estimators",
         "The three estimators have the same hits: of each target's first track, with sigma that "
         f"of the range and the oldest track served first ({np.mean(pure):.2f} of these tracks have "
-        "only its hits). Linear fitting is read as a straight line from the first hit to the "
-        "last, the Kalman filter as begun by the first two hits.",
+        "only its hits). The reading of linear fitting is a straight line from the first hit to "
+        "the last; the reading of the Kalman filter is one that begins with the first two hits.",
         ReportTable(
             "sequential_2014_table_1",
             {

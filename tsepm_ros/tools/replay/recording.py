@@ -348,8 +348,7 @@ def _recording_table(
         _recording_file(path)
     filled = read_whole_csv(path)
     names = [name.strip() for name in filled[0][1]]
-    missing = [name for name in required if name not in names]
-    if missing:
+    if missing := [name for name in required if name not in names]:
         raise ValueError(
             f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
         )
@@ -367,8 +366,7 @@ def _recording_table(
     table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
     _convert_recording_degrees(path.name, table, known, notes)
     for name in finite:
-        bad = np.flatnonzero(~np.isfinite(table.get(name, ())))
-        if len(bad):
+        if len(bad := np.flatnonzero(~np.isfinite(table.get(name, ())))):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
     check_recording_times(path.name, table, lines)
     return table
@@ -380,12 +378,11 @@ def _convert_recording_degrees(
     """Have angles in radians, and note what may be in degrees and columns that are not read."""
     for name in [name for name in table if name.endswith("_deg")]:
         table.setdefault(f"{name[:-3]}rad", np.deg2rad(table.pop(name)))
-    for name in ("heading_rad", *ATTITUDE):
-        if np.abs(table.get(name, 0.0)).max(initial=0.0) > MAX_ANGLE:
-            notes.append(
-                f"{file}: {name} exceeds two turns: if it is in degrees, name the column "
-                f"{name[:-3]}deg"
-            )
+    notes.extend(
+        f"{file}: {name} exceeds two turns: if it is in degrees, name the column {name[:-3]}deg"
+        for name in ("heading_rad", *ATTITUDE)
+        if np.abs(table.get(name, 0.0)).max(initial=0.0) > MAX_ANGLE
+    )
     if unread := sorted({*table} - {"time_s", "scan", *known}):
         notes.append(
             f"{file}: no use is made of {', '.join(unread)}; the names that are read are "
@@ -396,8 +393,7 @@ def _convert_recording_degrees(
 def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
     """Refuse times that are no seconds, or that step back by more than one scan."""
     time = table["time_s"]
-    beyond = np.flatnonzero(np.abs(time) >= MAX_TIME)
-    if len(beyond):
+    if len(beyond := np.flatnonzero(np.abs(time) >= MAX_TIME)):
         value = abs(time[beyond[0]])
         unit = "milli" if value < 1e14 else "micro" if value < 1e17 else "nano"
         raise ValueError(
@@ -409,8 +405,7 @@ def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
         starts = _recording_changes(table.get("scan", time)[rows])
         first = np.minimum.reduceat(time[rows], starts)
         scan_of_line = np.unique(first, return_inverse=True)[1]
-        late = np.flatnonzero(np.maximum.accumulate(scan_of_line) - scan_of_line > 1)
-        if len(late):
+        if len(late := np.flatnonzero(np.maximum.accumulate(scan_of_line) - scan_of_line > 1)):
             raise ValueError(
                 f"{file}, line {lines[rows[starts[late[0]]]]}: time_s steps back to "
                 f"{first[late[0]]:.10g} s from {first[: late[0]].max():.10g} s. Rows must be in "
@@ -544,8 +539,7 @@ def _recording_empty_scans(
 
 def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     """Columns of a table, (n, k), 0 where it has none, in the order of time."""
-    zero = np.zeros_like(table["time_s"])
-    columns = np.stack([table.get(name, zero) for name in names], axis=1)
+    columns = np.stack([table.get(name, 0.0 * table["time_s"]) for name in names], axis=1)
     return columns[np.argsort(table["time_s"], kind="stable")]
 
 
@@ -557,8 +551,15 @@ def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
     ValueError
         If it is malformed.
     """
-    table = _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes)
-    return _recording_poses(table) if table else []
+    return (
+        _recording_poses(table)
+        if (
+            table := _recording_table(
+                folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes
+            )
+        )
+        else []
+    )
 
 
 def _recording_poses(table: Table) -> list[PoseSample]:
@@ -577,8 +578,9 @@ def _recording_poses(table: Table) -> list[PoseSample]:
 
 
 def _recording_targets(table: Table) -> dict[int, FloatArray]:
-    names = ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps")
-    rows = _recording_columns(table, names)
+    rows = _recording_columns(
+        table, ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps")
+    )
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
