@@ -66,6 +66,9 @@ MAX_UNKNOWN = 8
 """Scans in a row for which detections of which that is unknown count as standing."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
+UNSURE = 4.0
+"""Factor of the variances by which a start is beside a confirmed track before errors are learned:
+they may be twice those stated."""
 STANDING_PROBABILITY = 0.98
 """That a detection that stands is no start of a target's track."""
 
@@ -377,6 +380,13 @@ class Tracker:
         older[judged] = merging.of_older(tracks, size)
         return older
 
+    def _is_apart(self, starts: TrackArrays) -> BoolArray:
+        """Which starts are beside no confirmed track, (n,), by errors that are larger."""
+        known = self.maintenance.confirmed.tracks
+        known = changed(known, covariance=UNSURE * known.covariance)
+        pairs = zip(starts.state, UNSURE * starts.covariance, strict=True)
+        return np.array([not merging.beside(*pair, known).any() for pair in pairs], bool)
+
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""
         errors, sensor = self.learned.errors, self.sensor
@@ -393,6 +403,12 @@ class Tracker:
                 range_std_fraction=along * sensor.range_std_fraction,
                 azimuth_std=turn * sensor.azimuth_std,
             )
+
+    @property
+    def _errors_are_followed(self) -> bool:
+        """Whether errors that confirmed tracks show are used, which no detection states."""
+        stated = self._scan.range_std is not None or self.extended_targets.active
+        return not stated and self.common.sensor_errors != "given" and self.method.most_tracks_true
 
     def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
@@ -491,6 +507,8 @@ class Tracker:
             if self.method.most_tracks_true and self.extended_targets.active:
                 number = len(self.maintenance.confirmed)
                 step = step.where(~self._on_older(step.tracks)[number:])
+            if self.learned.errors.young and self._errors_are_followed:
+                step = step.where(self._is_apart(step.tracks))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
