@@ -380,13 +380,6 @@ class Tracker:
         older[judged] = merging.of_older(tracks, size)
         return older
 
-    def _is_apart(self, starts: TrackArrays) -> BoolArray:
-        """Which starts are beside no confirmed track, (n,), by errors that are larger."""
-        known = self.maintenance.confirmed.tracks
-        known = changed(known, covariance=UNSURE * known.covariance)
-        pairs = zip(starts.state, UNSURE * starts.covariance, strict=True)
-        return np.array([not merging.beside(*pair, known).any() for pair in pairs], bool)
-
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""
         errors, sensor = self.learned.errors, self.sensor
@@ -507,8 +500,8 @@ class Tracker:
             if self.method.most_tracks_true and self.extended_targets.active:
                 number = len(self.maintenance.confirmed)
                 step = step.where(~self._on_older(step.tracks)[number:])
-            if self.learned.errors.young and self._errors_are_followed:
-                step = step.where(self._is_apart(step.tracks))
+            if step.paths and self.learned.errors.young and self._errors_are_followed:
+                step = step.where(~self.maintenance.doubled(step.tracks, step.paths, UNSURE))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)
