@@ -214,7 +214,7 @@ class _Kept(NamedTuple):
             return 0.0, math.inf
         worse = [as_is - self.scores(side) for side in (-step, step)]
         if min(map(_certainty, worse)) > CLEAR:
-            of_scans = np.bincount(self.scan, worse[0] - worse[1])
+            of_scans = np.bincount(self.scan, worse[0] - worse[1]).astype(float)
             if abs(_certainty(of_scans)) < SLOPE:
                 return 0.0, 0.0
         else:
