@@ -41,7 +41,9 @@ def notes(
     sent = 0.0
     for time in np.arange(1.0, seconds, 0.25):
         while sent < time + 0.8:
-            sample = PoseSample(sent + late - delay, *way(sent, turns=turns, speed=speed))
+            x, y, yaw = way(sent, turns=turns, speed=speed)
+            sign = -1.0 if wrong == "north, east, down" else 1.0
+            sample = PoseSample(sent + late - delay, x, sign * y, sign * yaw)
             poses.add(sample)
             check.add_pose(sample)
             sent += 0.1
@@ -72,6 +74,11 @@ def test_azimuths_that_are_clockwise_are_said_with_the_remedy():
     assert "clockwise" in said
     assert "field bearing" in said
     assert "image.port_first" in said
+
+
+def test_own_ship_in_axes_north_east_and_down_is_a_mirror_whose_remedy_names_it():
+    (said,) = notes("north, east, down")
+    assert "heading is clockwise" in said and "NED" in said
 
 
 def test_ranges_from_the_far_end_are_said_once_the_sensor_has_moved():

@@ -54,8 +54,8 @@ STANDS = "as echoes of what stands show, "
 MIRRORED = (
     f"{STANDS}the azimuths are clockwise, where own ship's yaw is counter-clockwise: use the field "
     "bearing in place of azimuth; of images, the other image.port_first (of single bearings: "
-    "image.clockwise); of a sonar that hangs upside down, mounting.roll 3.1416; where the azimuths are right, own ship's "
-    "yaw is clockwise (a compass heading, or NED): send it in ENU"
+    "image.clockwise); of a sonar that hangs upside down, mounting.roll 3.1416; if azimuths are "
+    "right, own ship's heading is clockwise (a compass's, or NED): send it in ENU"
 )
 REVERSED = (
     f"{STANDS}ranges count from the far end: of images, use the other image.near_first; else the "
@@ -214,7 +214,7 @@ class _Kept(NamedTuple):
             return 0.0, math.inf
         worse = [as_is - self.scores(side) for side in (-step, step)]
         if min(map(_certainty, worse)) > CLEAR:
-            of_scans = np.bincount(self.scan, worse[0] - worse[1])
+            of_scans = np.bincount(self.scan, worse[0] - worse[1]).astype(float)
             if abs(_certainty(of_scans)) < SLOPE:
                 return 0.0, 0.0
         else:

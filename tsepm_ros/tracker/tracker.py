@@ -66,6 +66,9 @@ MAX_UNKNOWN = 8
 """Scans in a row for which detections of which that is unknown count as standing."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
+UNSURE = 4.0
+"""Factor of the variances by which a start is beside a confirmed track before errors are learned:
+they may be twice those stated."""
 STANDING_PROBABILITY = 0.98
 """That a detection that stands is no start of a target's track."""
 
@@ -394,6 +397,12 @@ class Tracker:
                 azimuth_std=turn * sensor.azimuth_std,
             )
 
+    @property
+    def _errors_are_followed(self) -> bool:
+        """Whether errors that confirmed tracks show are used, which no detection states."""
+        stated = self._scan.range_std is not None or self.extended_targets.active
+        return not stated and self.common.sensor_errors != "given" and self.method.most_tracks_true
+
     def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
         if not self._own:
@@ -491,6 +500,8 @@ class Tracker:
             if self.method.most_tracks_true and self.extended_targets.active:
                 number = len(self.maintenance.confirmed)
                 step = step.where(~self._on_older(step.tracks)[number:])
+            if step.paths and self.learned.errors.young and self._errors_are_followed:
+                step = step.where(~self.maintenance.doubled(step.tracks, step.paths, UNSURE))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
             cut = max(len(step.tracks) - room, 0)

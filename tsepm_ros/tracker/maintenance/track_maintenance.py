@@ -317,6 +317,22 @@ class TrackMaintenance:
             births / (coverage_area * math.pi * max_speed**2),
         )
 
+    def doubled(self, starts: TrackArrays, paths: Sequence[IntArray], factor: float) -> BoolArray:
+        """Which starts (n,) may be of confirmed targets, if all variances are larger by a factor.
+
+        They are beside these, and half of their hits are of scans without another hit of theirs.
+        """
+        (keys, owners), known = self._hits, self.confirmed.tracks
+        wide = changed(known, covariance=factor * known.covariance)
+        of_track = owners[:, None] == known.track_id
+        found = np.zeros(len(starts), bool)
+        for row, path in enumerate(paths):
+            other = np.isin(keys // HIT_KEYS, path // HIT_KEYS) & ~np.isin(keys, path)
+            few = 2 * (other[:, None] & of_track).sum(axis=0) < len(path)
+            near = merging.beside(starts.state[row], factor * starts.covariance[row], wide)
+            found[row] = (near & few).any()
+        return found
+
     def add(
         self,
         tracks: TrackArrays,
