@@ -56,8 +56,12 @@ def opened(browser: Browser, url: str, *, frozen: bool = True) -> Tab:
     tab.open(url)
     tab.until("scene.frames.length > 0 && page.connected")
     if frozen:
-        tab.value(f"{frozen_now()} alarm.known.delete('data'); showPanels()")
+        freeze(tab)
     return tab
+
+
+def freeze(tab: Tab) -> None:
+    tab.value(f"{frozen_now()} alarm.known.delete('data'); showPanels()")
 
 
 def text(tab: Tab, name: str) -> str:
@@ -521,7 +525,8 @@ def test_the_units_are_one_switch_and_are_kept(browser):
             assert "SOG 5.0 kn" in tab.value(SEEN.format("own-ship"))
             assert text(tab, "alarm-chip") == "Alarm on: CPA 0.50 NM"
             tab.reload()
-            tab.until("scene.frames.length === 1")
+            tab.until("scene.frames.length === 1 && page.connected")
+            freeze(tab)
 
 
 @pytest.mark.parametrize("orientation", ["north", "course", "head"])

@@ -204,7 +204,7 @@ def test_a_subscriber_that_asks_for_more_than_is_offered_is_named(world):
 
 def test_a_burst_longer_than_default_queues_survives(world):
     boat = Boat(world, QoSProfile(depth=600), method="tsepm")  # the quicker, for so many pings
-    sent = pings(500, clutter=3)
+    sent = pings(150, clutter=3)
     assert_same(boat.send(sent), confirmed(sent, method="tsepm"))
 
 

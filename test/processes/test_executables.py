@@ -114,7 +114,9 @@ def test_a_signal_ends_a_source_whose_subscriber_is_gone(start, given):
 
 
 @SIGNALS
-@pytest.mark.parametrize("name", ["sonar_simulator", "scan_player"])
+@pytest.mark.parametrize(
+    "name", ["sonar_simulator", pytest.param("scan_player", marks=pytest.mark.long)]
+)
 def test_a_signal_ends_initiator_and_source_in_the_middle_of_traffic(
     world, start, given, number, name
 ):

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -76,6 +77,12 @@ def name_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """What a module says, read once."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def layer_of(module: str) -> int | None:
     """Place in LAYERS; None for the package itself, which only hands on public names."""
     places = [
@@ -88,7 +95,7 @@ def layer_of(module: str) -> int | None:
 
 def imported(path: Path) -> Iterator[str]:
     """Modules that a module imports anywhere in it."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -171,7 +178,7 @@ def late_constants(tree: ast.Module) -> list[str]:
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_constants_stand_in_one_place_before_the_code(path):
-    late = late_constants(ast.parse(path.read_text(encoding="utf-8")))
+    late = late_constants(tree_of(path))
     assert late == []
 
 
@@ -265,13 +272,13 @@ def statements(path: Path) -> int:
     return sum(
         isinstance(node, ast.stmt)
         and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree_of(path))
     )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_no_module_reads_a_private_name_of_another(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = tree_of(path)
     modules = {
         alias.asname or alias.name
         for node in ast.walk(tree)
@@ -293,7 +300,7 @@ def classes() -> dict[str, ast.ClassDef]:
     return {
         node.name: node
         for path in MODULES
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.ClassDef)
     }
 

@@ -236,7 +236,7 @@ def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
         np.testing.assert_array_equal(one.existence_probability, other.existence_probability)
 
 
-@pytest.mark.parametrize("turn", [0.7, 2.5, -3.0])
+@pytest.mark.parametrize("turn", [0.7, pytest.param(2.5, marks=pytest.mark.long), -3.0])
 def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
     first, expected = followed(-1.5, 2.6, seed=1)
     second, found = followed(-1.5, 2.6, seed=1, turn=turn)

@@ -103,14 +103,17 @@ def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
     assert code == 0, said
     assert "/detections: 12 messages; 3 messages were sent before the recording" in said
     assert "/nobody: 0 messages\n" in said, "of these nothing is known"
-    code, said = ended(world, command(world, "record", str(bag)))
-    assert code == 2
-    assert f"refused: {bag} exists; give a new folder" in said
     with Bag(bag) as opened:
         assert opened.topics == {"/detections": "sensor_msgs/msg/PointCloud2"}
         assert opened.count("/detections") == 12
     assert main(["run", str(bag), "-p", "method:=tsepm", "-p", "own_ship_source:=none"]) == 0
     assert "5 hits in 5 pings, by the rule 5/8" in capsys.readouterr().out
+
+
+def test_a_folder_that_exists_is_not_recorded_to(world, tmp_path):
+    code, said = ended(world, command(world, "record", str(tmp_path)))
+    assert code == 2
+    assert f"refused: {tmp_path} exists; give a new folder" in said
 
 
 def test_without_a_library_the_remedy_is_said(tmp_path, monkeypatch):
