@@ -121,8 +121,9 @@ class ImageInput:
         Images with another coverage than the one before.
     poses : PoseHistory
         Of the vessel; empty where the sonar does not move, or its poses are not known.
-    rescaled : bool
-        Whether the ranges changed by one factor at the last image: the tracker is to begin anew.
+    elsewhere : bool
+        Whether echoes of the last image lie elsewhere than those before, as the ranges changed by
+        one factor or the layout was given anew: tracks are to end.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -140,7 +141,7 @@ class ImageInput:
         }
         self._drop, self._say = drop, say
         self.plans: list[Plan] | None = None
-        self.in_parts = self.rescaled = False
+        self.in_parts = self.elsewhere = self._given_anew = False
         self._look = FirstLook()
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
@@ -198,6 +199,8 @@ class ImageInput:
         if any(options[kind] != self._options[kind] for kind in (DetectorOptions, Coverage)):
             self.detector = Detector(options[DetectorOptions], options[Coverage])
             self.coverage = self._other = None
+        if options[ImageLayout] != self._options[ImageLayout]:
+            self.coverage, self._given_anew = None, True
         self._options, self._look = options, FirstLook()
 
     def take(
@@ -223,12 +226,15 @@ class ImageInput:
             try:
                 axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
                 image = SonarImage(1e-9 * whole.stamp_ns, *axes, self._pose(whole))
-                before = self.detector.rescaled
+                before = self.detector.factor
                 scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
-            self.rescaled = self.detector.rescaled > before
+            self.elsewhere = self.detector.factor != before or (
+                self._given_anew and bool(whole.corners)
+            )
+            self._given_anew = False
             looks = self._look.add(whole, layout.rows if whole.corners else "")
             for sentence in (*looks, *self.detector.notes):
                 self._say(sentence)

@@ -310,7 +310,7 @@ def test_any_other_axis_means_learning_anew_and_is_said_once(change):
         stood.append(np.count_nonzero(scan.features["standing"] > 0.8))
     assert max(stood[20:40]) > 0
     assert max(stood[40:43]) == stood[59] == 0
-    assert len(detector.notes) == 1 and "learns anew" in detector.notes[0]
+    assert len(detector.notes) == 1 and "begins to learn again" in detector.notes[0]
 
 
 def test_an_option_of_the_last_release_is_told_and_has_no_effect():
@@ -377,6 +377,6 @@ def test_a_change_of_the_range_that_the_images_do_not_state_is_said_and_all_is_l
         scan = detector.process(SonarImage(float(k), *axes, image))
         known.append(not np.isnan(scan.features["standing"]).any())
     (note,) = detector.notes
-    assert detector.rescaled == 1
+    assert detector.factor == pytest.approx(2.0, rel=0.03)
     assert "at 21.000 s" in note and "2 times" in note and "to 0.5 of that before" in note
     assert known[15:20] == [True] * 5 and not any(known[21:24]), "nothing is known yet"

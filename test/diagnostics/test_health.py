@@ -220,6 +220,14 @@ def test_own_ship_data_that_is_published_and_not_used_is_a_warning_while_it_is()
     assert run.said("own ship", 0.0)[0] == Level.OK
 
 
+def test_a_wrong_registration_is_a_warning_of_own_ship_while_it_is_found():
+    run, said = Run(), "own ship is late: give own_ship_delay"
+    run.set(own_ship_source="tf", registration=said)
+    assert run.said("own ship", 0.0) == (Level.WARN, said)
+    run.set(registration="")
+    assert run.said("own ship", 0.0)[0] == Level.OK
+
+
 def test_the_age_of_own_ship_data_is_judged_now_and_at_the_newest_scan():
     run = Run(max_own_ship_age=3.0, stale_time=60.0)
     run.set(own_ship_source="odometry", own_ship_stamp=100.0, scan_stamp=103.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from support import foreign_messages as foreign
 from support.ros_world import RELIABLE, WARN
@@ -285,6 +286,19 @@ def test_a_changed_range_of_a_picture_ends_the_tracks(world, monkeypatch):
     world.until_logged("subscribed to /detections")
     pings(world, sonar, heard, 14, lambda k: places * [1.0 if k < 10 else 2.0, 1.0])
     world.until(lambda: ended, "the end of the tracks")
+    nodes = world.executor.get_nodes()
+    (detector,) = [node for node in nodes if isinstance(node, SonarDetector)]
+
+    def says(part):
+        statuses = [one for message in world.diagnostics[-5:] for one in message.status]
+        return any(part in one.message for one in statuses if "sonar_detector" in one.name)
+
+    world.until(lambda: says("times its ranges before: give the new ranges"), "the state")
+    number = len(ended)
+    detector.set_parameters_atomically([Parameter("image.far_range", value=20.2)])
+    pings(world, sonar, heard, len(heard) + 1, lambda k: places)
+    world.until(lambda: len(ended) > number, "the end of tracks placed by the old ranges")
+    world.until(lambda: says("that do not stand"), "the state")
 
 
 def test_tf_without_a_frame_is_refused_at_the_start(world):

@@ -514,6 +514,18 @@ def test_a_session_says_each_finding_once_and_again_after_a_reset():
     assert [subject for subject, _ in heard] == ["coverage", "coverage"]
 
 
+def test_images_state_their_coverage_so_that_none_is_advised():
+    heard: list[str] = []
+    session = Session(Settings(), lambda subject, said: heard.append(subject))
+    rng = np.random.default_rng(2)
+    for index in range(30):
+        range_, azimuth = 300.0 * np.sqrt(rng.random(20)), rng.uniform(-1.05, 1.05, 20)
+        scan = Scan(float(index), range_, azimuth, features={"standing": np.zeros(20)})
+        session.add_scan(arrived(scan), 0.0)
+        list(session.process())
+    assert "coverage" not in heard
+
+
 @pytest.mark.long
 def test_what_is_mended_as_told_is_no_longer_named():
     """Coverage and errors at once; other errors than those of the parameters count anew."""

@@ -32,11 +32,21 @@ def way(time: float, *, turns: bool, speed: float) -> tuple[float, float, float]
 
 
 def notes(
-    wrong: str = "", *, turns=True, speed=0.3, standing=10, seconds=60.0, late=0.0, delay=0.0
+    wrong: str = "",
+    *,
+    turns=True,
+    speed=0.3,
+    standing=10,
+    seconds=60.0,
+    late=0.0,
+    delay=0.0,
+    mended=math.inf,
+    findings=None,
 ) -> list[str]:
     """Sentences about the registration of a sonar among things that stand, and of clutter."""
     rng, said = np.random.default_rng(3), []
     check, poses = RegistrationCheck(delay), PoseHistory(max_extrapolation=1.0)
+    findings = [] if findings is None else findings
     things = np.column_stack([rng.uniform(3.0, 45.0, standing), rng.uniform(-25, 25, standing)])
     sent = 0.0
     for time in np.arange(1.0, seconds, 0.25):
@@ -54,13 +64,14 @@ def notes(
         seen = (range_ < 40.0) & (np.abs(azimuth) < 1.0) & (rng.random(standing) < 0.9)
         range_ = np.append(range_[seen], 40.0 * np.sqrt(rng.random(4))).clip(0.5)
         azimuth = np.append(azimuth[seen], rng.uniform(-1.0, 1.0, 4))
-        if wrong == "mirrored":
+        if wrong == "mirrored" and time < mended:
             azimuth = -azimuth
         elif wrong == "reversed":
             range_ = 40.5 - range_
         scan = arrived(Scan(float(time), range_, azimuth))
         registered = register_in_fixed_frame(scan, poses, Mounting())
         said += check.take(scan, registered, SENSOR, Mounting())
+        findings.append(check.finding)
     return [notice.sentence for notice in said]
 
 
@@ -74,6 +85,14 @@ def test_azimuths_that_are_clockwise_are_said_with_the_remedy():
     assert "clockwise" in said
     assert "field bearing" in said
     assert "image.port_first" in said
+
+
+def test_a_finding_lasts_until_it_is_mended_and_is_said_once():
+    findings: list[str] = []
+    assert len(notes("mirrored", speed=0.0, seconds=160.0, mended=80.0, findings=findings)) == 1
+    begin = next(index for index, said in enumerate(findings) if said)
+    assert all("clockwise" in said for said in findings[begin : 4 * 79])
+    assert findings[-1] == ""
 
 
 def test_own_ship_in_axes_north_east_and_down_is_a_mirror_whose_remedy_names_it():

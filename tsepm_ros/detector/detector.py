@@ -51,16 +51,22 @@ TRIALS = np.array([2.0, 4.0, 8.0])
 threshold walls and clutter recur at every scale."""
 MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
+SAME_RANGES = 0.06
+"""Logarithm of the factor of the ranges up to which they are those that are given."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
 ANEW = (
     "the ranges or the bearings of an image differ from those of the image before: the detector "
-    "learns anew at each change, and the coverage follows where the next image has it too"
+    "begins to learn again; the coverage of the tracker changes with the second of these images"
 )
 RESCALED = (
     "at {:.3f} s, what stands lies at {:.2g} times its ranges in the images before: if the sonar's "
     "range was changed, to {:.2g} of that before, give the new ranges (image.near_range and "
     "far_range), as a picture does not state them; the detector and the tracks begin anew"
+)
+AS_STATED = (
+    "at {:.3f} s, what stands lies at {:.2g} times its ranges in the images before, again where it "
+    "lay with the ranges that are given; the detector and the tracks begin anew"
 )
 YOUNG = 60
 """Images up to which the background removes nothing: it flags."""
@@ -188,8 +194,8 @@ class Detector:
         What images show that is no echo, and that all is learned anew: each sentence once.
     stages : Stages or None
         Of the last image; None if it was empty.
-    rescaled : int
-        Changes of the ranges by one factor, see `RangeScale`: images at each begin anew.
+    factor : float
+        How far what stands lies, over its distance when the ranges were given, see `RangeScale`.
     """
 
     def __init__(self, options: DetectorOptions, coverage: Coverage | None = None) -> None:
@@ -201,7 +207,7 @@ class Detector:
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
         self.notes: list[str] = []
         self.stages: Stages | None = None
-        self.rescaled = 0
+        self.factor = 1.0
         self._axes, self._begin = np.zeros(0), 0
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
@@ -231,8 +237,10 @@ class Detector:
         spacing, turn = self._prepare(image)
         factor = self._scale.factor(image.intensity, np.isfinite(image.intensity), image.range)
         if factor != 1.0:
-            self.rescaled += 1
-            self._say([RESCALED.format(image.stamp, factor, 1.0 / factor)])
+            whole = self.factor * factor
+            self.factor = 1.0 if abs(math.log(whole)) < SAME_RANGES else whole
+            said = AS_STATED if self.factor == 1.0 else RESCALED
+            self._say([said.format(image.stamp, factor, 1.0 / factor)])
             self._axes = np.zeros(0)
             spacing, turn = self._prepare(image)
         covered = self.coverage.covers(
@@ -318,7 +326,9 @@ class Detector:
         ]
         axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])
         if not self._are_known(axes):
-            self._say([ANEW] * bool(len(self._axes)))
+            if len(self._axes):
+                self._say([ANEW])
+                self.factor = 1.0
             self._axes, self._begin = axes, int(self.measured["images"])
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [

@@ -95,7 +95,7 @@ def _on_log_range(values: NDArray[np.generic], range: FloatArray) -> FloatArray:
 def _correlations(
     image: FloatArray, before: FloatArray
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
-    """Turns (t,) and shifts (s,), and the correlation of an image with one before at each, (t, s)."""
+    """Turns (t,), shifts (s,), and the correlation of an image with one before at each, (t, s)."""
     size = len(image) + TURN, 2 * BINS
     parts = np.fft.rfft2(image, size), np.fft.rfft2(before, size).conj()
     common = np.fft.irfft2(parts[0] * parts[1], size)

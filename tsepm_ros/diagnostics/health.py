@@ -463,6 +463,14 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
+                    "Echoes of what stands do not fall together in the fixed frame",
+                    lambda now: now.snapshot.registration,
+                    "As the sentence says",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
                     "Own-ship data that is used was dropped, or scans were dropped for lack of it",
                     lambda now: _health_when(
                         now.snapshot.own_ship_source != "none",

@@ -123,7 +123,7 @@ class SonarDetector(BaseNode):
             self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
             self._follow(ping)
-            if self._input.rescaled and self._end and self._end.service_is_ready():
+            if self._input.elsewhere and self._end and self._end.service_is_ready():
                 self._end.call_async(Trigger.Request())
             self._publish(scan, ping)
             self._pace.done()
@@ -208,13 +208,19 @@ class SonarDetector(BaseNode):
             f"{self.dropped['overload']} were passed over. Reduce the sonar's rate, or the "
             "cells of its images"
         )
+        other_range = (
+            f"what stands lies at {self._input.detector.factor:.2g} times its ranges before: give "
+            "the new ranges (image.near_range and image.far_range), or set the sonar's range back"
+        )
+        dropped = self.dropped.total() - self.dropped["overload"]
         is_late = pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG)
         states: tuple[tuple[Any, Level, str], ...] = (
             (self.dropped[INTERNAL_ERROR], Level.ERROR, REPORT_IT),
             (is_late, Level.WARN, cannot_keep_up),
             (turns.state, Level.WARN, turns.state),
             (not values["images"], Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"),
-            (self.dropped.total(), Level.WARN, "images were dropped; the log says why"),
+            (self._input.detector.factor != 1.0, Level.WARN, other_range),
+            (dropped, Level.WARN, "images were dropped; the log says why"),
             (True, Level.OK, f"an image has {self._input.detector.kinds()}"),
         )
         _, level, message = next(state for state in states if state[0])

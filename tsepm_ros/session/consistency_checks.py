@@ -502,20 +502,21 @@ class SensorCheck:
         self._confirmed: deque[float] = deque(maxlen=10_000)
         self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
+        self._of_images = False  # which state their coverage
 
-    def observe(self, stamp: float, confirmed: int, outside: int, detections: int) -> None:
+    def observe(self, scan: Scan, confirmed: int, outside: int) -> None:
         """Count what a scan brought.
 
         Parameters
         ----------
-        stamp : float
-            s, ascending.
+        scan : Scan
         confirmed : int
             New tracks.
-        outside, detections : int
-            Detections outside the coverage, and all.
+        outside : int
+            Detections outside the coverage.
         """
-        self._outside.append((outside, detections))
+        stamp, self._of_images = scan.stamp, "standing" in scan.features
+        self._outside.append((outside, len(scan)))
         if self._first_stamp is None:
             self._first_stamp = stamp
         self._confirmed.extend([stamp] * confirmed)
@@ -529,9 +530,10 @@ class SensorCheck:
         stamp, first = initiator.stamp, self._first_stamp
         duration = 0.0 if stamp is None or first is None else stamp - first
         outside = sum(number for number, _ in self._outside)
+        few = seen.detections < MIN_SEEN
         return SensorFigures(
             sensor=sensor,
-            seen=seen.region.extent if seen.detections >= MIN_SEEN else None,
+            seen=None if few or self._of_images else seen.region.extent,
             seen_detections=seen.detections,
             outside=outside,
             detections=sum(number for _, number in self._outside),

@@ -61,7 +61,10 @@ REVERSED = (
     f"{STANDS}ranges count from the far end: of images, use the other image.near_first; else the "
     "driver must send ranges from the sonar"
 )
-CLOCK = STANDS + "own ship is {:.2f} +- {:.2f} s {} by its stamps: give own_ship_delay {:.2f}"
+CLOCK = (
+    STANDS + "own ship is {:.2f} +- {:.2f} s {} by its stamps: give own_ship_delay {:.2f}, to "
+    "sonar_detector too, and start again"
+)
 """What is said of each hypothesis."""
 
 
@@ -72,16 +75,24 @@ class RegistrationCheck:
     ----------
     delay : float
         By which own ship's stamps are shifted already, s.
+
+    Attributes
+    ----------
+    finding : str
+        What is set up wrong by the last look, in a sentence; empty: nothing that shows.
     """
 
     def __init__(self, delay: float) -> None:
         self._delay = delay
         self._poses: deque[tuple[float, ...]] = deque(maxlen=POSES)
-        self._said = False
         self.start_over()
 
     def start_over(self) -> None:
-        """Begin without scans; what was said is not said again."""
+        """Begin without scans and findings."""
+        self._kind = self.finding = ""
+        self._forget_scans()
+
+    def _forget_scans(self) -> None:
         self._frames: list[tuple[FloatArray, FloatArray]] = []  # of echoes (5, n), and poses
         self._new, self._wait = 0, BATCH[0]
 
@@ -99,8 +110,7 @@ class RegistrationCheck:
     ) -> list[Notice]:
         """Take a scan as it arrived and as it was registered; what is set up wrong."""
         newest = self._frames[-1][0][0, 0] if self._frames else -math.inf
-        unusable = self._said or arrived.north_referenced or not len(scan)
-        if unusable or scan.stamp < newest + LEAST_TIME:
+        if arrived.north_referenced or not len(scan) or scan.stamp < newest + LEAST_TIME:
             return []
         times = registration_arrival_times(arrived)
         if len(times) in (1, len(scan)):  # else echoes were left out
@@ -150,19 +160,24 @@ class RegistrationCheck:
         scores = {said: one.scores() for said, one in others.items()}
         gain, said = max((_gain(others[said], scores[said] - as_is), said) for said in scores)
         if gain > 0.0:
-            return self._say(said)
+            return self._say(said, said)
         shift, deviation = echoes.best_shift(as_is, sigma)
         self._wait = min(2 * self._wait, BATCH[1 if deviation else 2])
         if CERTAIN * deviation < abs(shift) < LONGEST and _gain(
             echoes, echoes.scores(shift) - max([as_is, *scores.values()], key=np.sum), BETTER
         ):
             late = "late" if shift > 0.0 else "early"
-            return self._say(CLOCK.format(abs(shift), deviation, late, self._delay + shift))
+            said = CLOCK.format(abs(shift), deviation, late, self._delay + shift)
+            return self._say(CLOCK, said)
+        if self._kind in scores and _gain(echoes, as_is - scores[self._kind]):
+            self._kind = self.finding = ""
         return []
 
-    def _say(self, sentence: str) -> list[Notice]:
-        self._said = True
-        return [Notice("registration", sentence)]
+    def _say(self, kind: str, sentence: str) -> list[Notice]:
+        """Note a finding, and look anew: what it advises may be followed from now on."""
+        self._forget_scans()
+        known, self._kind, self.finding = kind == self._kind, kind, sentence
+        return [] if known else [Notice("registration", sentence)]
 
 
 class _Kept(NamedTuple):

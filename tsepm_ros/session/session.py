@@ -89,6 +89,8 @@ class SessionSnapshot:
     sensor_figures : SensorFigures
         Learned figures beside those that are given.
     own_ship_source : str
+    registration : str
+        What is set up wrong, as echoes of what stands show, in a sentence; empty: nothing.
     mounting : str
         Whether the mounting is given, assumed, not needed or unknown.
     mounting_yaw : float
@@ -120,6 +122,7 @@ class SessionSnapshot:
     sensor_findings: Mapping[str, str] = field(default_factory=dict)
     sensor_figures: SensorFigures = field(default_factory=SensorFigures)
     own_ship_source: str
+    registration: str = ""
     mounting: str
     own_ship_stamp: float | None
     scan_stamp: float | None
@@ -458,6 +461,7 @@ class Session:
             dropped=dict(self.dropped),
             waiting=len(self._queue.scans),
             own_ship_source=self.own_ship.source,
+            registration=self._registration.finding,
             mounting=self._frames.mounting_state(self.settings.mounting, self.own_ship),
             mounting_yaw=self.settings.mounting.yaw,
             own_ship_stamp=self.own_ship.poses.last_stamp,
@@ -558,9 +562,7 @@ class Session:
             raise
         seconds = time.perf_counter() - begin
         self._ends.update(tracker.maintenance.ended.values())
-        self._sensor_check.observe(
-            scan.stamp, len(new), tracker.statistics.outside_coverage, len(scan)
-        )
+        self._sensor_check.observe(scan, len(new), tracker.statistics.outside_coverage)
         return new, seconds
 
     def _remarks(self, scan: Scan, before: ExternalTracker, several_before: bool) -> list[Remark]:

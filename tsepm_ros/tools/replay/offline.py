@@ -113,7 +113,7 @@ def offline_bag_results(
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
                 _offline_follow(session, images.coverage)
-                if images.rescaled:
+                if images.elsewhere:
                     session.end_tracks()
                 fields, options = detection_fields(ping, scan), ReadingOptions()
                 found = detections_of_fields(ping.stamp_ns, ping.frame_id, fields, options)
