@@ -136,7 +136,7 @@ def sonar(browser: Browser) -> None:
 def shown_recording(tab: Tab, page: Path) -> None:
     """Open a page and wait until it shows its recording."""
     tab.open(page.as_uri())
-    tab.until(f"scene.frames.length === {SCANS}")
+    tab.until(f"scene.frames.length === {SCANS} && page.watched")
 
 
 def recorded(browser: Browser) -> None:
