@@ -345,7 +345,8 @@ def pool(
         range_std=0.3, range_std_fraction=0.0, azimuth_std=0.05, min_range=0.5, max_range=20.0,
         detection_probability=0.85, clutter_density=number / (np.pi / 2 * 20.0**2),
     )  # fmt: skip
-    rate = {"false_tracks_per_hour": 10.0} if method == "score" else {}
+    own = {"false_tracks_per_hour": 10.0, "start_standing": "on"}  # swimmers rest
+    rate = own if method == "score" else {}
     initiator = make_initiator(method, sensor=sensor, max_speed=1.5,
                                clutter_density=options.density, **rate)  # fmt: skip
     detector = make_detector(false_detections_per_ping=number, **extent)

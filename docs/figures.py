@@ -372,7 +372,7 @@ def readme(result: Result) -> str:
     ]
     scenes = {
         "sea: one target in 36 km², 36 false detections per ping, 16 pings, simulated": sea,
-        f"pool: Ping360, five swimmers, 30 scans; `{pool.command}`": swimmers,
+        f"pool: Ping360, five swimmers, 30 scans, `start_standing:=on`; `{pool.command}`": swimmers,
         f"river: DIDSON, three fish, 150 images; `{clips.command}`": fish,
     }
     return terminal_markdown_table(

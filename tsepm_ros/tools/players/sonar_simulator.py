@@ -43,7 +43,7 @@ class SimulatorScenario(PlayedTopics):
     def __init__(self, node: Node, options: SimulatorNodeOptions) -> None:
         self._node = node
         self._options = options
-        with refusing_node_parameter():
+        with refusing_node_parameter("scenario"):
             self._scenario = load_scenario(options.scenario)
             Simulator(self._scenario, options.seed)  # raises if targets cannot be drawn
         with refusing_node_parameter("detections_type"):

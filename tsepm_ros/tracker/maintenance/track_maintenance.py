@@ -318,11 +318,12 @@ class TrackMaintenance:
         )
 
     def doubled(self, starts: TrackArrays, paths: Sequence[IntArray], factor: float) -> BoolArray:
-        """Which starts (n,) may be of confirmed targets, if all variances are larger by a factor.
+        """Which starts (n,) may be of targets that exist, if all variances are larger by a factor.
 
         They are beside these, and half of their hits are of scans without another hit of theirs.
         """
-        (keys, owners), known = self._hits, self.confirmed.tracks
+        (keys, owners), confirmed = self._hits, self.confirmed
+        known = confirmed.tracks.where(confirmed.existence > 0.5)
         wide = changed(known, covariance=factor * known.covariance)
         of_track = owners[:, None] == known.track_id
         found = np.zeros(len(starts), bool)
