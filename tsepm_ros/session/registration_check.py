@@ -45,6 +45,8 @@ CLEAR, BETTER, CERTAIN = 6.0, 4.5, 4.0
 clock does that is so many of its own away from 0."""
 SLOPE = 2.0
 """Standard deviations of the slope of the scores below which the clock is as it is."""
+WORTH = 0.5
+"""Deviations of an echo by which a shift of the clock that is said moves places, at least."""
 PLACE, PLACES = 8.0, 3.0
 """Side of a place in standard deviations of an echo; places over which a gain is spread, at least.
 """
@@ -163,7 +165,8 @@ class RegistrationCheck:
             return self._say(said, said)
         shift, deviation = echoes.best_shift(as_is, sigma)
         self._wait = min(2 * self._wait, BATCH[1 if deviation else 2])
-        if CERTAIN * deviation < abs(shift) < LONGEST and _gain(
+        least = max(CERTAIN * deviation, WORTH * sigma / max(echoes.rate, 1e-9))
+        if least < abs(shift) < LONGEST and _gain(
             echoes, echoes.scores(shift) - max([as_is, *scores.values()], key=np.sum), BETTER
         ):
             late = "late" if shift > 0.0 else "early"
