@@ -228,7 +228,7 @@ def main() -> None:
                 silent = ""
                 if kind.startswith("late") and good:
                     delays = [
-                        (seed, float(note.split()[-1]))
+                        (seed, float(note.partition("own_ship_delay ")[2].partition(",")[0]))
                         for seed, (_, note) in enumerate(found)
                         if wanted in note
                     ]
