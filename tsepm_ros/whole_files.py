@@ -75,13 +75,9 @@ def naming_file(path: Path | str) -> Iterator[None]:
 
 def file_error_sentence(error: OSError | UnicodeDecodeError) -> str:
     """Name the cause and the remedy of an error of a file, without the error's number."""
-    return (
-        f"it is no text in UTF-8 ({error.reason} at byte {error.start}); name another file"
-        if isinstance(error, UnicodeDecodeError)
-        else "; ".join(
-            filter(None, (error.strerror or str(error), _REMEDIES.get(error.errno or 0)))
-        )
-    )
+    if isinstance(error, UnicodeDecodeError):
+        return f"it is no text in UTF-8 ({error.reason} at byte {error.start}); name another file"
+    return "; ".join(filter(None, (error.strerror or str(error), _REMEDIES.get(error.errno or 0))))
 
 
 def read_whole_text(path: Path) -> str:

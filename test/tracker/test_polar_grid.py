@@ -7,8 +7,6 @@ import pytest
 
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.polar_grid import (
-    BATCH_DETECTIONS,
-    BATCH_SCANS,
     BATCH_TIME,
     CELL,
     INNER_RINGS,
@@ -143,13 +141,13 @@ def batch_of(number: int, detections: int) -> PolarBatch:
     return batch
 
 
-def test_a_batch_is_whole_by_time_and_scans_or_by_detections():
-    few, many = batch_of(int(BATCH_SCANS) - 1, 3), batch_of(int(BATCH_SCANS), 3)
+def test_a_batch_is_whole_by_time():
+    few, many = batch_of(0, 3), batch_of(1, 3)
     assert few.is_new and not many.is_new
     assert not few.is_whole(10.0 + 0.9 * BATCH_TIME)
     assert not many.is_whole(10.0 + 0.9 * BATCH_TIME), "fast pings wait for the time"
     assert many.is_whole(10.0 + BATCH_TIME)
-    assert batch_of(1, BATCH_DETECTIONS).is_whole(10.0 + BATCH_TIME), "many do not wait for scans"
+    assert batch_of(1, 200).is_whole(10.0 + BATCH_TIME)
     assert many.is_whole(1000.0), "slow pings are learned from one by one"
 
 

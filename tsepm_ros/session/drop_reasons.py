@@ -175,8 +175,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
         DETECTIONS,
         "message",
         "the azimuth of a bearing, or of a sector, is not where the beam looks at its stamp",
-        "None if these are few; else look for two drivers on one "
-        "topic, or for messages that are lost",
+        "None if these are few; else look for two drivers on one topic, or for "
+        "messages that are lost",
     ),
     "bearing_geometry": DropReason(
         DETECTIONS,

@@ -170,8 +170,7 @@ class RegistrationCheck:
             echoes, echoes.scores(shift) - max([as_is, *scores.values()], key=np.sum), BETTER
         ):
             late = "late" if shift > 0.0 else "early"
-            said = CLOCK.format(abs(shift), deviation, late, self._delay + shift)
-            return self._say(CLOCK, said)
+            return self._say(CLOCK, CLOCK.format(abs(shift), deviation, late, self._delay + shift))
         if self._kind in scores and _gain(echoes, as_is - scores[self._kind]):
             self._kind = self.finding = ""
         return []

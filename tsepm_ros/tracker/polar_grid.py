@@ -24,8 +24,8 @@ MEMORY = 50
 """Scans over which what is learned of clutter fades, or for which it is remembered."""
 RENEWAL = 0.1
 """Share of what is new from which on an estimate is made anew."""
-BATCH_TIME, BATCH_SCANS, BATCH_DETECTIONS = 0.5, 1, 200
-"""Scans are learned from together until they have this duration, s, and number or detections."""
+BATCH_TIME, BATCH_DETECTIONS = 0.5, 200
+"""Time for which scans are learned from together, s; detections from which on some are sooner."""
 
 
 class Cells(NamedTuple):
@@ -209,8 +209,7 @@ class PolarBatch:
 
     def is_whole(self, stamp: float) -> bool:
         """Whether the scan of a stamp, s, is the last of the batch."""
-        many = sum(map(len, self.weights)) >= BATCH_DETECTIONS or len(self.weights) >= BATCH_SCANS
-        return many and stamp - self._begin >= BATCH_TIME - 1e-9
+        return stamp - self._begin >= BATCH_TIME - 1e-9
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""

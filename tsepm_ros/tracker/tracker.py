@@ -384,7 +384,7 @@ class Tracker:
         """Take the errors that confirmed tracks show into use, where they changed."""
         errors, sensor = self.learned.errors, self.sensor
         self._due = self.scan_index + (SOON if errors.young else LATER)
-        if self.common.sensor_errors == "given" or not self.method.most_tracks_true:
+        if not self._follows_errors:
             return
         steps = errors.followed(self._steps)
         if not np.array_equal(steps, self._steps):
@@ -398,10 +398,9 @@ class Tracker:
             )
 
     @property
-    def _errors_are_followed(self) -> bool:
-        """Whether errors that confirmed tracks show are used, which no detection states."""
-        stated = self._scan.range_std is not None or self.extended_targets.active
-        return not stated and self.common.sensor_errors != "given" and self.method.most_tracks_true
+    def _follows_errors(self) -> bool:
+        """Whether the errors that confirmed tracks show are used."""
+        return self.common.sensor_errors != "given" and self.method.most_tracks_true
 
     def _learn_errors(self) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
@@ -500,7 +499,8 @@ class Tracker:
             if self.method.most_tracks_true and self.extended_targets.active:
                 number = len(self.maintenance.confirmed)
                 step = step.where(~self._on_older(step.tracks)[number:])
-            if step.paths and self.learned.errors.young and self._errors_are_followed:
+            stated = self._scan.range_std is not None or self.extended_targets.active
+            if step.paths and self.learned.errors.young and self._follows_errors and not stated:
                 step = step.where(~self.maintenance.doubled(step.tracks, step.paths, UNSURE))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))

@@ -325,7 +325,7 @@ def read_recording(path: Path | str) -> Recording:
         notes.append(f"{file.name} has no detections")
     return Recording(
         scans=_recording_scans(file.name, detections, own_ship, notes),
-        own_ship=_recording_poses(own_ship) if own_ship else [],
+        own_ship=_recording_poses(own_ship),
         targets=_recording_targets(targets) if targets else {},
         notes=notes,
     )
@@ -539,8 +539,10 @@ def _recording_empty_scans(
 
 def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     """Columns of a table, (n, k), 0 where it has none, in the order of time."""
-    columns = np.stack([table.get(name, 0.0 * table["time_s"]) for name in names], axis=1)
-    return columns[np.argsort(table["time_s"], kind="stable")]
+    time = table.get("time_s", np.zeros(0))
+    return np.stack([table.get(name, np.zeros_like(time)) for name in names], axis=1)[
+        np.argsort(time, kind="stable")
+    ]
 
 
 def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
@@ -551,14 +553,8 @@ def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
     ValueError
         If it is malformed.
     """
-    return (
-        _recording_poses(table)
-        if (
-            table := _recording_table(
-                folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes
-            )
-        )
-        else []
+    return _recording_poses(
+        _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes)
     )
 
 
