@@ -1,3 +1,13 @@
+# Copyright 2026 tsepm_ros developers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
 """The house: packages import downwards only, and every module is a room of its own name."""
 
 import ast
@@ -59,7 +69,9 @@ WITH_ROS = (
     "tsepm_ros.tools.bridge.track_bridge",
 )
 MODULES = sorted([*ROOT.glob("tsepm_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")])
-MAX_LINES = 900
+HEADER = 10
+"""Lines of copyright and licence at the head of every source file."""
+MAX_LINES = 900 + HEADER
 MAX_IN_PACKAGE = 22
 MAX_AT_THE_TOP = 22
 OTHER_TESTS = {
@@ -190,6 +202,18 @@ def test_a_constant_between_functions_is_told_but_for_one_that_needs_them():
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_no_module_is_long(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+
+
+def test_every_source_file_begins_with_the_copyright_and_the_licence():
+    """By the rule of ament_copyright: the whole notice of Apache-2.0, in comments."""
+    notice = Path(__file__).read_text(encoding="utf-8").splitlines()[:HEADER]
+    words = " ".join(line.lstrip("# ") for line in notice)
+    listed = subprocess.run(
+        ["git", "ls-files", "*.py", "*.js", "*.css"], cwd=ROOT, capture_output=True, text=True
+    )
+    for name in listed.stdout.split():
+        lines = (ROOT / name).read_text(encoding="utf-8").splitlines()[: HEADER + 2]
+        assert words in " ".join(line.strip("#/* ") for line in lines), name
 
 
 def storey_of(path: Path) -> str:
