@@ -334,7 +334,8 @@ class Tracker:
         width = self.sensor.sector_width
         swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
         whole = swept > WHOLE_SHARE
-        probability = self.maintenance.step(
+        probability = self.method.maintain(
+            self.maintenance,
             scan.stamp,
             detections,
             clutter,
@@ -489,9 +490,14 @@ class Tracker:
         self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
     ) -> LearnedScanClutter:
         """Clutter at positions (n,); behind targets, where the confirmed tracks are targets."""
-        confirmed_are_true = self.method.most_tracks_true
         return LearnedScanClutter(
-            self.learned, self.common, self.sensor, confirmed_are_true, range, azimuth, detections
+            self.learned,
+            self.common,
+            self.sensor,
+            self.method.most_tracks_true,
+            range,
+            azimuth,
+            detections,
         )
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
@@ -548,8 +554,6 @@ class Tracker:
         if self.common.limit_speed == "off" or not len(tracks):
             return tracks
         state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
-        if state is tracks.state:
-            return tracks
         return changed(tracks, state=state, covariance=covariance).proper()
 
     def _add(self, step: Step) -> TrackArrays:
