@@ -359,7 +359,7 @@ def methods(result: Result) -> str:
 
 
 def readme(result: Result) -> str:
-    """A sea, a pool and an imaging sonar: `score` beside plain Kalman starts."""
+    """A sea, a pool and an imaging sonar: `score` beside a plain Kalman tracker."""
     rows = {(row["method"], row["point"]): row for row in result.measures if row["scans"] == 16}
     sea = [
         f"{100 * row['found'][0]:.0f} % of targets found, {_plain(row['false_per_hour'][0])} "
@@ -384,7 +384,7 @@ def readme(result: Result) -> str:
         f"river: DIDSON, three fish, 150 images; `{clips.command}`": fish,
     }
     return terminal_markdown_table(
-        ["scene", "`score`", "plain Kalman starts, 3/5"],
+        ["scene", "`score`", "plain Kalman tracker"],
         [[scene, *cells] for scene, cells in scenes.items()],
     )
 
