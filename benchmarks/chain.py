@@ -11,7 +11,8 @@
 """The whole chain: images to tracks by detector and tracker as `tsepm init` leaves them.
 
     python benchmarks/chain.py run [--only pool fish ...] [--data FOLDER] [--seeds N] [--seed 1]
-        [--kalman 3/5 ...] [--poses exact white slow] [--workers 2] [--json FILE]
+        [--kalman 3/5 2/3,0.3 ...] [--poses exact white slow] [--workers 2] [--json FILE]
+        [--result FILE]
     python benchmarks/chain.py compare BEFORE.json AFTER.json
 
 The answers to `tsepm init` are those of a data sheet (`chain_scenes.py`); its parameter file makes
@@ -24,7 +25,7 @@ A row is a scene with a tracker, or with its detections, or targets in one state
 while they are in view:
 
 - detected, false a scan: share of the targets with a detection within the gate, and detections that
-  are neither near a target nor on structure nor told as standing; on structure, standing: others;
+  are neither near a target nor on structure nor told as standing; the others a scan;
 - found: share of the targets that ever have a track that is said to be a target (status
   confirmed); delay: seconds to the first, median; of a target that is never found until it leaves;
 - held: share of the time in which such a track is within the gate; held by any: any published
@@ -61,7 +62,7 @@ import chain_scenes as at
 import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
 from chain_scenes import BottomScene, ChainScene, Truth
-from result_tables import PartRow, add_compare, print_part
+from result_tables import PartRow, add_compare, estimate_text, print_part, write_table
 
 from msg_adapters import seconds_to_ns
 from msg_adapters.ping import ReadingOptions
@@ -89,7 +90,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     mean_interval,
     quantile_interval,
 )
-from tsepm_ros.tools.evaluation.result_files import mapped_results
+from tsepm_ros.tools.evaluation.result_files import add_result_file, mapped_results
 from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts
 from tsepm_ros.tools.replay.offline import FRAME
 from tsepm_ros.tracker.sensor import Coverage
@@ -182,14 +183,28 @@ def tracked(
 
 
 def settings_of(groups: Groups, kalman: str = "") -> Settings:
-    """The settings of the groups, or those of plain Kalman tracks with a rule such as 3/5."""
+    """The settings of the groups, or those of plain Kalman tracks.
+
+    Parameters
+    ----------
+    groups : dict
+        Of the tracker.
+    kalman : str, optional
+        A rule such as 3/5, and after a comma the targets' extent_std, m; each echo counts then.
+    """
     settings = settings_from(groups)
     if not kalman:
         return settings
-    hits, window = map(int, kalman.split("/"))
-    own = settings_from(make_groups(TRACK_INITIATOR, {"method": "kalman"})).methods["kalman"]
-    methods = {"kalman": replace(own, min_hits=hits, window=window)}
-    return replace(settings, session=replace(settings.session, method="kalman"), methods=methods)
+    rule, _, extent = kalman.partition(",")
+    options = {"method": "kalman", "kalman.extent_std": float(extent or 0.0)}
+    own = settings_from(make_groups(TRACK_INITIATOR, options)).methods["kalman"]
+    min_hits, window = map(int, rule.split("/"))
+    return replace(
+        settings,
+        session=replace(settings.session, method="kalman"),
+        common=replace(settings.common, plots="off"),
+        methods={"kalman": replace(own, min_hits=min_hits, window=window)},
+    )
 
 
 @dataclass
@@ -361,8 +376,8 @@ class Detections:
         if not state:
             for column, name in (
                 ("false a scan", "false"),
-                ("on structure", "built"),
-                ("standing", "standing"),
+                ("on structure a scan", "built"),
+                ("standing a scan", "standing"),
             ):
                 row[column] = mean_interval([vars(run)[name] / run.pings for run in runs])
         return row
@@ -472,7 +487,7 @@ def clips_part(options: Options) -> Scenes:
 
 def radar_part(options: Options) -> Scenes:
     """Noise of a radar."""
-    return {"BR24 noise": at.radar(options.data, options.images or 80)}
+    return {"BR24 noise": at.radar(options.data, options.images or 40)}
 
 
 def fish_part(options: Options) -> Scenes:
@@ -566,11 +581,24 @@ def measured(options: Options) -> None:
         options.only = [part for part in PARTS if options.data or part not in RECORDED]
     elif options.data is None and set(options.only) & set(RECORDED):
         raise SystemExit(f"{', '.join(RECORDED)} need --data FOLDER")
+    line = "python benchmarks/chain.py run"
+    line += " --data FOLDER" if options.data else ""
+    line += f" --seeds {options.seeds}" if options.seeds else ""
+    rows: Rows = {}
     for part in options.only:
-        start = time.perf_counter()
-        print_part(part, part_rows(part, options), options.json)
-        words = f"python benchmarks/chain.py run --only {part} --seed {options.seed}"
-        print(f"\n`{words}`: {time.perf_counter() - start:.0f} s\n", flush=True)
+        start, own = time.perf_counter(), part_rows(part, options)
+        rows |= own
+        print_part(part, own, options.json)
+        print(f"\n`{line} --only {part}`: {time.perf_counter() - start:.0f} s\n", flush=True)
+    if set(options.only) != set(PARTS):
+        line += f" --only {' '.join(options.only)}"
+    columns = list(dict.fromkeys(column for row in rows.values() for column in row))
+    table = [
+        [*title.split(": "), *(estimate_text(row.get(column)) for column in columns)]
+        for title, row in rows.items()
+    ]
+    result = ["scene", "by", *columns], table
+    write_table(options.result, line, result, seed=options.seed, runs=options.seeds or 1)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -583,10 +611,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command.add_argument("--seeds", type=int, default=0, help="of each scene; 0: the part's number")
     command.add_argument("--seed", type=int, default=1, help="the first")
     command.add_argument("--images", type=int, default=0, help="of a run; 0: the scene's number")
-    command.add_argument("--kalman", nargs="*", default=["3/5"], help="rules; default 3/5")
+    command.add_argument(
+        "--kalman", nargs="*", default=["3/5"], help="rules; default 3/5, extent 0"
+    )
     command.add_argument("--poses", nargs="+", choices=at.POSES, default=["exact"])
     command.add_argument("--workers", type=int, default=2)
     command.add_argument("--json", type=Path)
+    add_result_file(command)
     command.set_defaults(run=measured)
     add_compare(commands)
     options = parser.parse_args(arguments)
