@@ -196,7 +196,7 @@ def settings_of(groups: Groups, kalman: str = "") -> Settings:
     if not kalman:
         return settings
     rule, _, extent = kalman.partition(",")
-    options = {"method": "kalman", "kalman.extent_std": float(extent or 0.0)}
+    options = {"method": "kalman"} | ({"kalman.extent_std": float(extent)} if extent else {})
     own = settings_from(make_groups(TRACK_INITIATOR, options)).methods["kalman"]
     min_hits, window = map(int, rule.split("/"))
     return replace(
