@@ -252,7 +252,8 @@ class Tracker:
                 interval,
                 self.learned.scan_interval.median,
             )
-        stands = self._standing(scan, detections["index"])
+        stands = self._stands(scan)[detections["index"]]
+        self._received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         detections["clutter_density"] = self._learn_clutter(confirmed)
         if self.learned.batch.is_new or self.learned.errors.young:
@@ -289,13 +290,11 @@ class Tracker:
             predictive=self._clutter.predictive,
         )
 
-    def _standing(self, scan: Scan, index: IntArray) -> BoolArray:
-        """Which detections stand, (d,), which are no clutter; unknown says nothing."""
-        stands = scan.features.get("standing", np.zeros(len(scan)))[index] > STANDING
+    def _stands(self, scan: Scan) -> BoolArray:
+        """Which detections of a scan (n,) stand, which are no clutter; unknown says nothing."""
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
-            stands = np.zeros(len(index), bool)
-        self._received["standing"] = int(np.count_nonzero(stands))
-        return stands
+            return np.zeros(len(scan), bool)
+        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) > STANDING)
 
     def _count_in(self, scan: Scan) -> float:
         """Count a scan in; returns the time since the one before, s."""
@@ -461,7 +460,8 @@ class Tracker:
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, rows, runs)
         measured = covered_scan if runs is None else runs.scan
-        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
+        stays = self._clutter.is_fixed | self._stands(measured)
+        made = self.extended_targets.clusters_of(measured, stays)
         if made is not None:
             detections = self._converted(
                 covered_scan, rows, made if runs is None else made.traced_through(runs)
