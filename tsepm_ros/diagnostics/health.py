@@ -567,6 +567,14 @@ ENTRIES: dict[str, Entry] = {
                     "density refers to that coverage",
                 ),
             ),
+            (
+                Rule(
+                    Level.WARN,
+                    "What is learned is not kept in `learned_file`",
+                    lambda now: now.connections.file_fault,
+                    "Give another path, or move the file away",
+                ),
+            ),
         ),
     ),
     SENSOR: Entry(

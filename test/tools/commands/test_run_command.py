@@ -171,6 +171,25 @@ def test_a_folder_gets_tracks_and_without_rosbags_no_mcap_but_a_sentence(
     assert (tmp_path / "other" / "tracks.csv").exists()
 
 
+@pytest.mark.parametrize("form", ["geojson", "nmea", "signalk"])
+def test_a_run_replaces_its_own_results_and_no_file_of_others(capsys, recording, tmp_path, form):
+    out = tmp_path / "out"
+    arguments = ["run", recording, "--as", form, "--origin", "59.65,10.63", "--out", str(out)]
+    arguments += ["--html", str(tmp_path / "page.html"), "--picture", str(tmp_path / "plan.svg")]
+    assert main(arguments) == 0
+    assert main(arguments) == 0, "each is known as a result"
+    results = [*out.iterdir(), tmp_path / "page.html", tmp_path / "plan.svg"]
+    assert out / f"tracks.{form}" in results
+    for path in results:
+        content = path.read_bytes()
+        path.write_text("an evening's work")
+        capsys.readouterr()
+        assert main(arguments) == 2
+        assert f"{path} is not known as a result of tsepm" in capsys.readouterr().err
+        assert path.read_text() == "an evening's work"
+        path.write_bytes(content)
+
+
 @pytest.mark.parametrize("option", ["--out", "--html", "--picture"])
 def test_a_folder_that_does_not_exist_is_named_and_not_made(capsys, recording, tmp_path, option):
     path = tmp_path / "tracsk" / "run.gif"

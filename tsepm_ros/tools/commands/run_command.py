@@ -118,6 +118,7 @@ OUTPUTS = (
     "tracks.mcap",
     "tracks.geojson",
     "tracks.nmea",
+    "tracks.signalk",
     "picture.png",
 )
 """Files that `tsepm run` writes in a folder."""

@@ -23,6 +23,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import statistics
 from collections import deque
 from collections.abc import Callable
@@ -72,6 +73,8 @@ MIN_SHARE = 1e-3
 """Share of the coverage that a scan looked at, at least."""
 FORMAT = 1
 """Version of the text."""
+SIGNATURE = re.compile(rb'\s*\{\s*"format":\s*\d+,\s*"time":')
+"""Begin of a learned state of any version."""
 HALF_LIFE = 6.0 * 3600.0
 """Age at which what was learned counts half, s."""
 MAX_HALF_LIVES = 40.0
