@@ -11,6 +11,7 @@
 """Files are written whole or not at all."""
 
 import ast
+import math
 import os
 import re
 import signal
@@ -23,6 +24,8 @@ import pytest
 from tsepm_ros.whole_files import (
     OwnedFile,
     opened_whole,
+    read_json,
+    read_whole_csv,
     spare_files,
     temporary_beside_file,
     write_whole_picture,
@@ -160,6 +163,28 @@ def test_a_picture_bears_the_signature_where_its_format_has_room_for_it(tmp_path
         figure.savefig(temporary)
     with pytest.raises(ValueError, match="is not known"):
         spare_files([], [other])
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", b"\xff", "1" * 5000 + "x", "nan"])
+def test_what_is_no_json_is_a_value_error(text):
+    with pytest.raises(ValueError):
+        read_json(text)
+
+
+def test_a_number_beyond_any_float_is_infinite():
+    assert read_json(f"[{'9' * 400}, -{'9' * 5000}, 7]") == [math.inf, -math.inf, 7]
+
+
+def test_a_line_of_a_table_that_is_cut_is_named(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n1,2\n\n3\n")
+    with pytest.raises(ValueError, match=r"a.csv, line 4: expected 2 values, got \['3'\]"):
+        read_whole_csv(path)
+
+
+def test_the_bytes_of_a_name_that_are_no_utf_8_are_written_as_they_are(tmp_path):
+    write_whole_text(tmp_path / "a", os.fsdecode(b"M\xfcller"))
+    assert (tmp_path / "a").read_bytes() == b"M\xfcller"
 
 
 def owned(path: Path) -> OwnedFile:

@@ -24,6 +24,7 @@ import errno
 import fcntl
 import glob
 import io
+import json
 import os
 import re
 import secrets
@@ -140,15 +141,35 @@ def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
         raise ValueError(f"{path} is not a CSV file: {error}") from None
     if not lines:
         raise ValueError(f"{path} is empty: its first line names the columns")
+    columns = len(lines[0][1])
+    if cut := [line for line in lines if len(line[1]) != columns]:
+        raise ValueError(f"{path}, line {cut[0][0]}: expected {columns} values, got {cut[0][1]}")
     return lines
+
+
+def read_json(text: str | bytes) -> Any:
+    """The content of a JSON text of a stranger; a number beyond any float is infinite.
+
+    Raises
+    ------
+    ValueError
+        If it is no JSON.
+    """
+    try:
+        return json.loads(text, parse_int=lambda digits: (int, float)[len(digits) > 300](digits))
+    except RecursionError:
+        raise ValueError("it is nested too deep") from None
 
 
 @contextmanager
 def opened_whole(path: Path) -> Iterator[TextIO]:
-    """Give a text file to write to, UTF-8 without conversion of line ends; see `written_whole`."""
+    """Give a text file to write to, UTF-8 without conversion of line ends; see `written_whole`.
+
+    Bytes of names of files that are no UTF-8 are written as they are.
+    """
     with (
         written_whole(path) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
+        temporary.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file,
     ):
         yield file
 

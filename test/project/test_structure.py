@@ -79,7 +79,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (96, 12_000), "tools": (50, 5_923), "studies": (17, 1_938)}
+BUDGETS = {"first": (96, 12_011), "tools": (50, 5_952), "studies": (17, 1_938)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

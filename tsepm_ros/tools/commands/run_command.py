@@ -411,7 +411,8 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
 def _run_title(options: argparse.Namespace, session: Session) -> str:
     path = Path(options.recording)
     name = path.parent.name if path.name in (DETECTIONS_FILE, METADATA) else path.stem
-    return f"{name or path.resolve().name}, method {session.settings.session.method}"
+    shown = (name or path.resolve().name).encode(errors="replace").decode()  # may be no UTF-8
+    return f"{shown}, method {session.settings.session.method}"
 
 
 def run_needs_scene(options: argparse.Namespace) -> bool:

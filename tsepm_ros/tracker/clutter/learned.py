@@ -60,6 +60,7 @@ from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY, PolarBatch
 from tsepm_ros.tracker.range_rates import measured, range_rates_over_ground
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
+from tsepm_ros.whole_files import read_json
 
 MIN_RATE_COUNT = 20
 """Smallest number of range rates for an estimate: below, the given width is used."""
@@ -494,8 +495,8 @@ def read_learned(
 def _learned_content(text: str) -> dict[str, Any]:
     """The content of a text."""
     try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
+        content = read_json(text)
+    except ValueError:
         raise ValueError("it is not JSON") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ValueError(f"it is not a learned state of format {FORMAT}")
