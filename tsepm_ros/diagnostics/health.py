@@ -570,9 +570,9 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
-                    "What is learned is not kept in `learned_file`",
+                    "`learned_file` is not used",
                     lambda now: now.connections.file_fault,
-                    "Give another path, or move the file away",
+                    "Give another path, or move the file",
                 ),
             ),
         ),

@@ -134,8 +134,7 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
     )
     names = [f"{scenario.name}_operating_curve.png" for scenario in plan.scenarios]
     results = [options.out / name for name in ("evaluation.md", "evaluation.csv", *names)]
-    given = [options.result] if options.result else []
-    spare_files(map(Path, options.scenario), [*results, *given])
+    spare_files(map(Path, options.scenario), filter(None, [*results, options.result]))
     _announce_evaluate(plan)
     evaluated = evaluate_performance(
         plan, options.out / "runs", options.workers, terminal_progress, _say_evaluate

@@ -557,8 +557,7 @@ def _report_run(run: PreparedRun) -> None:
     """
     dropped = run.session.dropped
     state = run.images.turns.state if run.images else ""
-    if state:
-        run.notes[state] = state
+    run.notes |= {state: state} if state else {}
     for reason, sentence in run.notes.items():
         if reason not in dropped and (run.processed or not reason.startswith("lost ")):
             print(f"note: {sentence}", file=sys.stderr)

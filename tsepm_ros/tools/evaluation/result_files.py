@@ -21,7 +21,6 @@ from __future__ import annotations
 import argparse
 import functools
 import hashlib
-import itertools
 import json
 import multiprocessing
 import os
@@ -89,13 +88,11 @@ def mapped_results(
         Number of processes on this machine; 1 means this process alone.
     """
     made: dict[int, Made] = {}
-    following = itertools.count()
-    place = next(following)
-    for done, result in completed_results(function, jobs, processes):
-        made[done] = result
-        while place in made:
-            yield made.pop(place)
-            place = next(following)
+    results = completed_results(function, jobs, processes)
+    for place in range(len(jobs)):
+        while place not in made:
+            made |= [next(results)]
+        yield made.pop(place)
 
 
 def completed_results(
