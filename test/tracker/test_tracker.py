@@ -250,11 +250,20 @@ def test_a_track_is_sure_while_it_probably_exists_and_then_coasts_for_some_scans
         remembered += made.maintenance.confirmed.existence.tolist()
         if not len(made.maintenance.confirmed):
             break
-    assert (2 < len(sure) < 10, len(remembered)) == (True, 50)
-    assert published == remembered and sure == remembered[: len(sure)]
+    assert (2 < len(sure) < len(published) < 12, len(remembered)) == (True, 50)
+    assert published == remembered[: len(published)] and sure == remembered[: len(sure)]
     assert remembered == sorted(remembered, reverse=True)
-    assert min(sure) >= 0.5 > remembered[len(sure)] > remembered[-1]
-    assert made.maintenance.ended == {track.track_id: "not_detected"}
+    assert min(sure) >= 0.5 > remembered[len(sure)]
+    assert min(published) >= 0.3 > remembered[len(published)]
+    assert (made.maintenance.ended, track.track_id) == ({}, 0), "its end was told before"
+
+
+def test_a_track_that_comes_back_is_published_again_under_its_id_and_is_no_new_track():
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    there, gone = [[(3000.0 + 50.0 * k, 0.0)] for k in range(40)], [[]] * 14
+    steps = taken(made, [*there[:8], *gone, *there[22:30]])
+    assert [track.track_id for _, new in steps for track in new] == [0]
+    assert made.current.track_id.tolist() == [0] and made.current.revision[0] >= 1
 
 
 def test_a_scan_that_is_not_later_changes_nothing():
@@ -358,7 +367,7 @@ def test_a_track_that_coasts_ends_no_other_beside_it():
         second = [(3000.0 + 50.0 * k, 250.0)] * (k >= 6)
         made.process(scan_at(12.0 * k, [*first, *second]))
         ended |= made.maintenance.ended
-    lost, other = made.current
+    lost, other = made.maintenance.confirmed.tracks
     assert [lost.status, other.status] == [TrackStatus.COASTING, TrackStatus.CONFIRMED]
     assert other.track_id == 1
     assert "duplicate" not in ended.values()

@@ -109,7 +109,7 @@ class Tracker:
         Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Confirmed tracks that a start of the last scan continued, as they are now: each with the
-        hits of this, and its number of revisions.
+        hits of this, and its number of revisions; and those that are published again.
     statistics, totals : ScanStatistics
         Counts of the last scan, and sums since the start or the last reset.
     stamp : float or None
@@ -373,8 +373,7 @@ class Tracker:
         confirmed = self.maintenance.confirmed.tracks
         others = confirmed.status == TrackStatus.STANDS_STILL
         if not len(starts):
-            announced = self.maintenance.confirmed.announced
-            others |= announced & (confirmed.status == TrackStatus.COASTING)
+            others |= confirmed.status == TrackStatus.COASTING
         judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
@@ -520,6 +519,10 @@ class Tracker:
             step = step.where(best_confirmed(step.existences, step.tracks.evaluation, room))
         new = self._add(step)
         released = self.maintenance.released
+        again = released.revision > 0
+        if again.any():  # after they had coasted, or were outside the coverage
+            self.revised = TrackArrays.joined(self.revised, released.where(again))
+            released = released.where(~again)
         if len(released):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
             released = changed(released, scan_count=observed.scan_index + 1 - first)
