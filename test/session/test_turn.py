@@ -367,6 +367,33 @@ def test_a_source_whose_images_are_all_equal_goes_on_and_is_said():
     assert "source without noise" in said[0]
 
 
+def images_with_runs(runs, *, levels=256, images=12):
+    """Which bearings of some images are left out, where runs repeat the image before."""
+    rng, dropped, before, left_out = np.random.default_rng(2), Counter(), None, []
+    turns = ImageTurns(lambda reason, _: dropped.update([reason]))
+    azimuth = np.linspace(-0.5, 0.5, 64)
+    for k in range(images):
+        table = (levels * rng.random((64, 40)) ** 8).astype(np.uint8)
+        for first, last in runs if k > 1 else ():
+            table[first:last] = before[first:last]
+        before = table
+        (ping,) = turns.add(ImagePing(k * 10**8, "sonar", np.arange(1.0, 41.0), azimuth, table))
+        left_out.append(np.flatnonzero(np.isnan(np.asarray(ping.intensity, float)).all(axis=1)))
+    return left_out, dropped
+
+
+def test_bearings_that_repeat_the_image_before_are_counted_and_not_used():
+    left_out, dropped = images_with_runs([(10, 30)])
+    assert dropped == {"bearing_repeated": 10}
+    assert [found.tolist() for found in left_out] == [[], [], *[list(range(10, 30))] * 10]
+
+
+@pytest.mark.parametrize("levels", [1, 2, 4, 256])
+def test_bearings_that_are_equal_by_nature_are_used(levels):
+    left_out, dropped = images_with_runs([], levels=levels, images=30)
+    assert dropped.total() == sum(map(len, left_out)) == 0
+
+
 def test_a_driver_that_repeats_its_last_turn_is_of_this_kind():
     dropped, head, images = Counter(), Head(2.0 * math.pi), []
     turns = ImageTurns(lambda reason, _: dropped.update([reason]))
