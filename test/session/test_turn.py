@@ -24,7 +24,7 @@ from support.sweeps import beam
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.drop_reasons import DROP_REASONS
-from tsepm_ros.session.turn import MOST_BYTES, OTHER_UNIT, ImagePing, ImageTurns, TurnLearner
+from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns, TurnLearner
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tracker.scan import ScanArc, scan_arc_of
 
@@ -310,17 +310,6 @@ def test_without_stamps_no_image_is_made_and_why_is_said(first):
     assert "stamp_not_set" in turns.state
 
 
-@pytest.mark.parametrize(("unit", "asked"), [(1.0, False), (180.0, True), (200.0, True)])
-def test_bearings_in_degrees_or_gradians_are_asked_about(unit, asked):
-    said, head = [], Head(2.0 * math.pi)
-    turns = ImageTurns(say=said.append)
-    for number in range(3 * STEPS):
-        message = head.message(number)
-        angle = (message.azimuth % (2.0 * math.pi)) * (unit / math.pi if asked else 1.0)
-        turns.add(dataclasses.replace(message, azimuth=angle))
-    assert set(said) == ({OTHER_UNIT} if asked else set())
-
-
 def test_before_a_turn_is_known_the_state_says_why():
     turns, head = ImageTurns(), Head(2.0 * math.pi)
     assert turns.state == ""
@@ -405,6 +394,33 @@ def test_a_source_whose_images_are_all_equal_goes_on_and_is_said():
     used, dropped, said = pictures(*[1] * 20)
     assert (len(used), dropped.total(), len({*said})) == (17, 3, 1)
     assert "source without noise" in said[0]
+
+
+def images_with_runs(runs, *, levels=256, images=12):
+    """Which bearings of some images are left out, where runs repeat the image before."""
+    rng, dropped, before, left_out = np.random.default_rng(2), Counter(), None, []
+    turns = ImageTurns(lambda reason, _: dropped.update([reason]))
+    azimuth = np.linspace(-0.5, 0.5, 64)
+    for k in range(images):
+        table = (levels * rng.random((64, 40)) ** 8).astype(np.uint8)
+        for first, last in runs if k > 1 else ():
+            table[first:last] = before[first:last]
+        before = table
+        (ping,) = turns.add(ImagePing(k * 10**8, "sonar", np.arange(1.0, 41.0), azimuth, table))
+        left_out.append(np.flatnonzero(np.isnan(np.asarray(ping.intensity, float)).all(axis=1)))
+    return left_out, dropped
+
+
+def test_bearings_that_repeat_the_image_before_are_counted_and_not_used():
+    left_out, dropped = images_with_runs([(10, 30)])
+    assert dropped == {"bearing_repeated": 10}
+    assert [found.tolist() for found in left_out] == [[], [], *[list(range(10, 30))] * 10]
+
+
+@pytest.mark.parametrize("levels", [1, 2, 4, 256])
+def test_bearings_that_are_equal_by_nature_are_used(levels):
+    left_out, dropped = images_with_runs([], levels=levels, images=30)
+    assert dropped.total() == sum(map(len, left_out)) == 0
 
 
 def test_a_driver_that_repeats_its_last_turn_is_of_this_kind():

@@ -481,6 +481,14 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
+                    "The heading stays equal to the last bit while the course turns",
+                    lambda now: now.snapshot.own_ship_finding,
+                    "Check the compass",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
                     "Own-ship data that is used was dropped, or scans were dropped for lack of it",
                     lambda now: _health_when(
                         now.snapshot.own_ship_source != "none",

@@ -39,6 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.session.consistency_checks import CopiedRuns
 from tsepm_ros.tracker.scan import ScanArc, turned
 
 TURN = 2 * math.pi
@@ -93,10 +94,6 @@ CHANGED = 0.2
 """Relative change of the step, or of a sector's width, from which on the grid is another."""
 WHOLE_GAP, SHORTEST = 2.5, 3.0
 """Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
-OTHER_UNIT = (
-    "bearings lie beyond two turns: are they in degrees or gradians? They are read in rad, which "
-    "the driver must send"
-)
 NO_NOISE = (
     "every image is equal to the one before to the bit: they are used, as those of a source "
     "without noise; a driver that sends its last image again gives false tracks"
@@ -730,21 +727,38 @@ class TurnRepeats:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
         self._equal, self._varies = 0, False
+        self._runs, self._number = CopiedRuns(0), 0
 
-    def has(self, ping: ImagePing) -> bool:
-        """Whether an image is not to be used."""
+    def new_in(self, ping: ImagePing) -> ImagePing | None:
+        """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
         if before is None or not is_turn_equal(before, ping):
             self._equal, self._varies = 0, before is not None
-            return False
+            return ping if before is None or ping.is_part else self._without_copies(ping, before)
         self._equal += 1
         if self._varies or self._equal < ODD:
             self._drop(
                 "image_repeated", f"image left out: {stated_turn(ping)} is that before, to the bit"
             )
-            return True
+            return None
         self._say(NO_NOISE)
-        return False
+        return ping
+
+    def _without_copies(self, ping: ImagePing, before: ImagePing) -> ImagePing:
+        values, number = ping.intensity, len(ping.azimuth)
+        if values.shape != before.intensity.shape:
+            return ping
+        self._runs = self._runs if self._number == number else CopiedRuns(number)
+        self._number = number
+        rows = zip(values, before.intensity, strict=True)
+        equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
+        equal &= np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        copied = self._runs.copies(np.arange(number), equal, np.ones(number, bool))
+        if not copied.any():
+            return ping
+        said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
+        self._drop("bearing_repeated", f"{said} those of the image before to the bit")
+        return replace(ping, intensity=np.where(copied[:, None], np.float32(np.nan), values))
 
 
 def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
@@ -785,7 +799,6 @@ class ImageTurns:
         self, drop: Drop = lambda *_: None, say: Callable[[str], None] = lambda _: None
     ) -> None:
         self._tell, self._why, self._since = drop, "less than a turn has come", 0
-        self._say = say
         self._messages, self._images = TurnRepeats(self._drop, say), TurnRepeats(self._drop, say)
         self._learning, self._passes = list[ImagePing](), None  # type: list[ImagePing], TurnRounds | None
         self.unused, self._next = 0, MIN_PARTS
@@ -808,19 +821,18 @@ class ImageTurns:
         """Take a message; returns the images that are complete by it."""
         before = self._messages.last
         self._since += ping.is_part
-        if np.abs(ping.azimuth).max() > 2.0 * TURN:
-            self._say(OTHER_UNIT)
-        if self._messages.has(ping):
+        found = self._messages.new_in(ping)
+        if found is None:
             return []
         if ping.is_part and before is not None and ping.stamp_ns == before.stamp_ns == 0:
             self._drop("stamp_not_set", f"message left out: {stated_turn(ping)}, as that before")
             return []
         if not ping.is_part or (is_whole_turn(ping) and not self._parts):
             self._since = 0
-            return [ping]
+            return [found]
         images = self._learn(ping) if self._passes is None else self._follow(self._passes, ping)
         self._since = 0 if images else self._since
-        return [image for image in images if not self._images.has(image)]
+        return [new for image in images if (new := self._images.new_in(image)) is not None]
 
     def _drop(self, reason: str, sentence: str) -> None:
         self._why = f"messages are left out as {reason}"
