@@ -36,7 +36,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from tsepm_ros import __version__
-from tsepm_ros.diagnostics.health import ENTRIES, Rule
+from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.input_health import INPUTS, Entry, Rule
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS
 from tsepm_ros.session.drop_reasons import DROP_REASONS
 from tsepm_ros.settings.parameter_files import parameter_file_text
@@ -70,11 +71,12 @@ begins with what is observed.
 
 `/diagnostics` has the entry `NODE: overall` with the worst level and its reason, and an entry
 `NODE: TASK` for each task. Counts are totals since the start or the last
-`~/reset`. Levels cover the last `diagnostics.window` (60 s); that of `sensor parameters` covers
-the last 100 pings, or what was learned since the parameters changed. Thresholds are parameters.
-`sonar_detector` and `track_bridge` have the entry `overall` alone. A fault in a callback of any
-node is counted as `internal_error`, its traceback is logged, and the node takes the next message; a
-node without diagnostics publishes the entry `overall` with the level error from then on.
+`~/reset`. A level tells what goes on: what happened once is over after twice the scan interval (at
+least 1.5 s), what comes again after twice the time between, at most `diagnostics.window` (60 s).
+That of `sensor parameters` covers the last 100 pings, or what was learned since the parameters
+changed. Thresholds are parameters. The other nodes have the entries from `images` on: their inputs,
+or `playback`, and `node`, a fault in a callback: it is counted as `internal_error`, its traceback is
+logged, and the node takes the next message.
 
 ## Conditions
 """
@@ -144,12 +146,20 @@ def diagnostics_page() -> str:
     conditions = [
         f"### `{task}`\n\n"
         + terminal_markdown_table(["level", "condition", "remedy"], _rule_rows(entry.rules))
-        for task, entry in ENTRIES.items()
+        for task, entry in _entries()
     ]
     counts = {f"`{field.name}`": SCAN_COUNTS[field.name] for field in fields(ScanStatistics)}
     figures = terminal_markdown_table(["figure", "meaning"], (counts | DIAGNOSTICS_FIGURES).items())
     parts = [DIAGNOSTICS_BEGIN, "\n\n".join(conditions), "", "## Figures", "", figures, ""]
     return "\n".join([*parts, DIAGNOSTICS_END, _drop_reasons()]) + "\n"
+
+
+def _entries() -> list[tuple[str, Entry]]:
+    """Entries of all nodes; of tasks in two tables, the second is of the other nodes."""
+    others = [
+        (f"{task} (other nodes)" if task in ENTRIES else task, INPUTS[task]) for task in INPUTS
+    ]
+    return [*ENTRIES.items(), *others]
 
 
 def _drop_reasons() -> str:

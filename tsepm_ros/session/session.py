@@ -249,6 +249,8 @@ class Session:
         Stamp of the last arrived scan, s, and their number, dropped or not; of complete sweeps.
     own_ship : OwnShipInput
         Poses; `look_up` and `read_unread` are set where poses must be fetched.
+    ends_of_all : int
+        How often all tracks were ended at once.
     """
 
     def __init__(
@@ -266,7 +268,7 @@ class Session:
         self._land = LandInput()
         self._message_check = MessageCheck()
         self._amplitudes_count = False
-        self.arrivals = 0
+        self.arrivals = self.ends_of_all = 0
         self._start()
 
     def _start(self) -> None:
@@ -324,6 +326,7 @@ class Session:
     def reset(self) -> None:
         """Discard scans, tracks, poses and counts."""
         self.tracker.reset()
+        self.ends_of_all += 1
         self.own_ship.reset()
         self._land.reset()
         self._start()
@@ -332,12 +335,14 @@ class Session:
         """End tracks and starts, and keep what was learned, counts and poses."""
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
+        self.ends_of_all += 1
         self._registration.start_over()
 
     def start_over(self) -> None:
         """Discard tracks and what was learned, and keep counts and poses."""
         self._totals_before = self.totals
         self.tracker.reset()
+        self.ends_of_all += 1
         self._sensor_check = SensorCheck()
         self._registration.start_over()
 

@@ -30,9 +30,12 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
+from tsepm_ros.diagnostics.health_figures import Connections
+from tsepm_ros.diagnostics.input_health import TRACKS as HEALTH_OF_TRACKS
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.parameters import parameter_table
+from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_DATA
 from tsepm_ros.session.drop_reasons import shortened_reason
 from tsepm_ros.settings.node_options import AlarmOptions, ViewerNodeOptions
 from tsepm_ros.settings.settings import settings_help
@@ -87,6 +90,7 @@ class TrackViewer(BaseNode):
         super().__init__(
             "track_viewer",
             lambda changed: self._state.put_info(alarm=_alarm_values(changed[AlarmOptions])),
+            inputs={HEALTH_OF_TRACKS: "track message", OWN_SHIP_DATA: "own-ship data"},
             **node_options,
         )
         options: ViewerNodeOptions = self.options[ViewerNodeOptions]
@@ -94,7 +98,7 @@ class TrackViewer(BaseNode):
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._scheduled = False
         self._odometry: bytes | None = None
-        self._frames = LiveFrames(self._report)
+        self._frames = LiveFrames(self._refuse)
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP, LAND)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
@@ -186,6 +190,15 @@ class TrackViewer(BaseNode):
         self._follow(self._stated.get(self._shown, {}))
         self._state.put_info(published=self.count_publishers(self._topics[TRACKS]) > 0)
 
+    def inputs(self) -> tuple[Mapping[str, Connections], Mapping[str, Mapping[str, Any]]]:
+        """Publishers of the inputs, and what is found of them."""
+        connections = {
+            HEALTH_OF_TRACKS: self.connections(self._topics[TRACKS]),
+            OWN_SHIP_DATA: self.connections(self._topics[OWN_SHIP]),
+        }
+        own = {"needed": False, "patience": self.health.options.max_own_ship_age}
+        return connections, {HEALTH_OF_TRACKS: {"healthy": "shown"}, OWN_SHIP_DATA: own}
+
     def _candidates(self) -> list[str]:
         """Nodes whose topics may be those to be shown."""
         topic = self._given[TRACKS]
@@ -254,9 +267,13 @@ class TrackViewer(BaseNode):
 
         The executor then wakes up once for all.
         """
+        now = time.monotonic()
         if topic == OWN_SHIP:
             self._odometry = message  # waits for the next scan
+            self.health.heard(OWN_SHIP_DATA, now, now)
         else:
+            if topic == TRACKS:
+                self.health.heard(HEALTH_OF_TRACKS, now, now)
             self._waiting.append((topic, message))
             if not self._scheduled:
                 self._scheduled = True
@@ -279,7 +296,7 @@ class TrackViewer(BaseNode):
                     f"{info.resolution} m",
                 )
         except MessageError as error:
-            self._report(IMAGE, error)
+            self._refuse(IMAGE, error)
         else:
             self._state.image = encode_page_content(
                 page_image_frame(stamp, info.resolution, bytes(grid.data))
@@ -298,13 +315,13 @@ class TrackViewer(BaseNode):
                 else:
                     self._frames.take(topic, message)
             except MessageError as error:
-                self._report(topic, error)
+                self._refuse(topic, error)
         odometry, self._odometry = self._odometry, None
         if odometry is not None:
             try:
                 self._frames.take_own_ship(deserialize_message(odometry, Odometry))
             except RuntimeError as error:
-                self._report(OWN_SHIP, error)
+                self._refuse(OWN_SHIP, error)
         for frame, facts in self._frames.take_frames():
             # Only the first tracks may have been published before the viewer heard.
             self._state.put(frame, facts, self._age if frame["number"] == 1 else 0.0)
@@ -322,7 +339,7 @@ class TrackViewer(BaseNode):
         if health:
             self._state.put_health(health)
 
-    def _report(self, topic: str, error: Exception) -> None:
+    def _refuse(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""
         self.drop(topic, shortened_reason(f"a message on {topic} cannot be shown: {error}"))
 
